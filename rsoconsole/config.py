@@ -1,0 +1,222 @@
+"""The configuration: what an operator may set, validated, with where each value came from.
+
+Defaults describe the paper's telescope. Values come from, weakest first: the defaults, the TOML
+file, the command line. Units are in the names.
+"""
+
+import os
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import platformdirs
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from rsoconsole.errors import ConfigError
+from rsoconsole.records import Site
+
+APP = "rsoconsole"
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class SiteConfig(_Section):
+    """Where the telescope stands (WGS84)."""
+
+    name: str = "Daytona Beach"
+    latitude_deg: float = Field(29.19, ge=-90, le=90)
+    longitude_deg: float = Field(-81.05, ge=-180, le=360, description="east positive")
+    elevation_m: float = Field(10.0, ge=-430, le=9000)
+
+    def to_site(self) -> Site:
+        """The record the rest of the program speaks; longitude in -180 to 180."""
+        return Site(
+            latitude_deg=self.latitude_deg,
+            longitude_deg=(self.longitude_deg + 180.0) % 360.0 - 180.0,
+            elevation_m=self.elevation_m,
+        )
+
+
+class OpticsConfig(_Section):
+    """Telescope and sensor."""
+
+    focal_length_mm: float = Field(620.0, gt=0, le=20000)
+    pixel_um: float = Field(3.8, gt=0, le=100)
+    width_px: int = Field(4656, ge=64, le=20000)
+    height_px: int = Field(3520, ge=64, le=20000)
+
+    @property
+    def scale_arcsec_px(self) -> float:
+        """Plate scale at the centre of the field."""
+        return 206.264806 * self.pixel_um / self.focal_length_mm
+
+    @property
+    def field_deg(self) -> tuple[float, float]:
+        """Width and height of the field."""
+        s = self.scale_arcsec_px / 3600.0
+        return self.width_px * s, self.height_px * s
+
+
+class IndiConfig(_Section):
+    """The INDI server and the names of the devices on it."""
+
+    host: str = "127.0.0.1"
+    port: int = Field(7624, ge=1, le=65535)
+    mount: str = "Telescope Simulator"
+    camera: str = "CCD Simulator"
+    simulated: bool = Field(False, description="the server is rsoconsole's simulated observatory")
+
+
+class ExposureConfig(_Section):
+    """One exposure and the pause to the next."""
+
+    exposure_s: float = Field(10.0, ge=0.001, le=600)
+    cadence_s: float = Field(30.0, ge=0.1, le=3600, description="start to start, at least")
+    start_latency_s: float = Field(0.3, ge=0, le=10, description="command to shutter")
+    header_latency_s: float = Field(
+        0.0, ge=-10, le=10, description="true shutter opening minus DATE-OBS"
+    )
+    timing_sigma_s: float = Field(0.005, ge=0, le=10)
+
+
+class MountConfig(_Section):
+    """How long the mount is given, and how well it settles."""
+
+    settle_s: float = Field(2.0, ge=0, le=60)
+    slew_timeout_s: float = Field(120.0, gt=0, le=900)
+    arrival_arcmin: float = Field(3.0, gt=0, le=60)
+    min_altitude_deg: float = Field(15.0, ge=-5, le=85)
+    sun_cone_deg: float = Field(40.0, ge=0, le=180)
+
+
+class DetectorConfig(_Section):
+    """The streak detector."""
+
+    tau: float = Field(0.10, gt=0, lt=1, description="confidence a detection must exceed")
+    map_mode: Literal["fast", "paper"] = "fast"
+    centroid: Literal["line", "box"] = "line"
+    threads: int = Field(2, ge=1, le=16)
+    model: Path | None = Field(None, description="another network; its .json lies beside it")
+
+
+class SolverConfig(_Section):
+    """The plate solver."""
+
+    index_dirs: tuple[Path, ...] = ()
+    radius_deg: float = Field(3.0, gt=0, le=180)
+    scale_tolerance: float = Field(0.05, gt=0, lt=1)
+    deadline_s: float = Field(10.0, gt=0, le=600)
+    blind_deadline_s: float = Field(60.0, gt=0, le=3600)
+
+
+class FilterConfig(_Section):
+    """The linear quadratic estimator."""
+
+    preset: Literal["tuned", "paper"] = "tuned"
+    sigma_arcsec: float = Field(4.0, gt=0, le=600)
+    q_arcsec2_s3: float = Field(1e-5, gt=0, le=1e3, description="white-noise acceleration")
+    q_multiplier: float = Field(1.0, gt=0, le=1e6)
+    r_multiplier: float = Field(1.0, gt=0, le=1e6)
+    gate_nis: float = Field(11.83, gt=0, le=1e9)
+    max_coast_s: float = Field(3600.0, gt=0, le=86400)
+
+
+class SearchConfig(_Section):
+    """What the telescope does while it has no track."""
+
+    pattern: Literal["stay", "belt"] = "belt"
+    hour_angle_deg: float | None = Field(None, description="centre; null: where the mount points")
+    declination_deg: float | None = None
+    belt_step_fields: float = Field(0.75, gt=0, le=1)
+    belt_fields: int = Field(7, ge=1, le=200)
+    frames_per_field: int = Field(2, ge=1, le=20)
+    recentre: Literal["when needed", "every"] = "when needed"
+    recentre_fraction: float = Field(0.25, gt=0, lt=0.5)
+
+
+class SessionConfig(_Section):
+    """Where sessions are kept and what of the frames."""
+
+    root: Path = Path(platformdirs.user_data_path(APP)) / "sessions"
+    keep_frames: Literal["all", "detected", "none"] = "all"
+
+
+class Config(_Section):
+    """Everything an operator may set."""
+
+    site: SiteConfig = SiteConfig()
+    optics: OpticsConfig = OpticsConfig()
+    indi: IndiConfig = IndiConfig()
+    exposure: ExposureConfig = ExposureConfig()
+    mount: MountConfig = MountConfig()
+    detector: DetectorConfig = DetectorConfig()
+    solver: SolverConfig = SolverConfig()
+    filter: FilterConfig = FilterConfig()
+    search: SearchConfig = SearchConfig()
+    session: SessionConfig = SessionConfig()
+
+
+def default_config_path() -> Path:
+    """``$RSOCONSOLE_CONFIG``, else ``config.toml`` in the user's configuration folder."""
+    named = os.environ.get("RSOCONSOLE_CONFIG")
+    return Path(named) if named else platformdirs.user_config_path(APP) / "config.toml"
+
+
+def data_dir() -> Path:
+    """The user's data folder: sessions, index files."""
+    return platformdirs.user_data_path(APP)
+
+
+def runtime_dir() -> Path:
+    """A folder that only its owner can enter, made if need be: the control socket lies there."""
+    path = platformdirs.user_runtime_path(APP)
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError:
+        path = Path(platformdirs.user_cache_path(APP)) / "run"
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    path.chmod(0o700)
+    return path
+
+
+def load_config(path: Path | None = None, overrides: Mapping[str, Any] | None = None) -> Config:
+    """Read and validate a configuration.
+
+    ``path`` None means the default place, where a missing file is fine. ``overrides`` maps
+    dotted names to values, e.g. ``{"detector.tau": 0.2}``. Raises ConfigError with every fault.
+    """
+    source = path or default_config_path()
+    table: dict[str, Any] = {}
+    if path is not None or source.exists():
+        table = _read_toml(source)
+    for dotted, value in (overrides or {}).items():
+        section, _, key = dotted.partition(".")
+        table.setdefault(section, {})[key] = value
+    try:
+        return Config.model_validate(table)
+    except ValidationError as error:
+        faults = "; ".join(
+            f"{'.'.join(str(part) for part in fault['loc'])}: {fault['msg']}"
+            for fault in error.errors()
+        )
+        raise ConfigError(f"{source}: {faults}") from error
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise ConfigError(f"{path} does not exist: 'rsoconsole config init' writes one") from error
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"{path} cannot be read as TOML: {error}") from error
+
+
+def walk(config: Config) -> Iterator[tuple[str, Any, str]]:
+    """Every setting as (dotted name, value, description), in order."""
+    for section_name in type(config).model_fields:
+        section = getattr(config, section_name)
+        for key, info in type(section).model_fields.items():
+            yield f"{section_name}.{key}", getattr(section, key), info.description or ""

@@ -1,0 +1,36 @@
+"""What is broken, in words that name the remedy.
+
+What is merely expected (nothing detected, not solved) is a value, never one of these.
+"""
+
+
+class RsoconsoleError(Exception):
+    """Base of every error an operator may read: one line, what happened and what to do."""
+
+
+class ConfigError(RsoconsoleError):
+    """The configuration cannot be used as written."""
+
+
+class FrameError(RsoconsoleError):
+    """A frame cannot be read or measured."""
+
+
+class ModelError(RsoconsoleError):
+    """The detector's network cannot be loaded."""
+
+
+class SolverError(RsoconsoleError):
+    """The plate solver cannot work at all (no index files, no process)."""
+
+
+class InstrumentError(RsoconsoleError):
+    """A camera, a mount or the INDI server did not do what was asked."""
+
+
+class SessionError(RsoconsoleError):
+    """A session cannot be opened or written."""
+
+
+class ControlError(RsoconsoleError):
+    """The engine cannot be reached or refused an intention."""

@@ -1,0 +1,222 @@
+"""The words that every part speaks: one record for each step from frame to slew.
+
+``Frame -> Detections -> Solution | NotSolved -> Measurement -> TrackState -> SlewCommand``.
+Every record names the frame it came from. Units, everywhere inside the program: degrees for
+directions, arcseconds for errors on the sky, degrees per second for rates, pixels with 0 at the
+centre of the first pixel (x = column, y = row of the array as stored), UTC nanoseconds since
+1970 for instants. Directions are ICRS unless the name says otherwise.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+PixelArray = npt.NDArray[np.uint16] | npt.NDArray[np.float32]
+
+Source = Literal["network", "operator"]
+MapMode = Literal["fast", "paper"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Site:
+    """Where the telescope stands (WGS84)."""
+
+    latitude_deg: float
+    longitude_deg: float
+    """East positive, -180 to 180."""
+    elevation_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame:
+    """One exposure as the camera gave it, with what its header promises."""
+
+    frame_id: int
+    name: str
+    pixels: PixelArray
+    """(height, width), uint16 or float32 ADU; every value finite."""
+    t_start_utc_ns: int | None = None
+    exposure_s: float | None = None
+    scale_arcsec_px: float | None = None
+    """From focal length and pixel size; a hint."""
+    pointing_ra_icrs_deg: float | None = None
+    """Where the mount said it pointed; a hint for the solver, never a measurement."""
+    pointing_dec_icrs_deg: float | None = None
+    saturation_adu: float = 65535.0
+    header: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def t_mid_utc_ns(self) -> int | None:
+        """Middle of the exposure, or None when start or length is unknown."""
+        if self.t_start_utc_ns is None or self.exposure_s is None:
+            return None
+        return self.t_start_utc_ns + round(self.exposure_s * 5e8)
+
+    @property
+    def width_px(self) -> int:
+        """Number of columns."""
+        return int(self.pixels.shape[1])
+
+    @property
+    def height_px(self) -> int:
+        """Number of rows."""
+        return int(self.pixels.shape[0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detection:
+    """One candidate streak in one frame."""
+
+    frame_id: int
+    confidence: float
+    """0 to 1."""
+    x_px: float
+    """Midpoint of the streak (of its box where ``method`` is "box")."""
+    y_px: float
+    x_a_px: float
+    """One end; which end came first in time one frame does not tell."""
+    y_a_px: float
+    x_b_px: float
+    y_b_px: float
+    box_px: tuple[float, float, float, float]
+    """x0, y0, x1, y1 of the network's box."""
+    length_px: float
+    width_px: float
+    """Full width at half maximum across the streak; 0 when not measured."""
+    snr: float
+    """Matched-filter signal to noise of the whole streak; 0 when not measured."""
+    sigma_along_px: float
+    """One sigma of the midpoint along the streak."""
+    sigma_across_px: float
+    is_clipped: bool
+    """True when an end lies outside the frame: then only the position across the streak holds."""
+    method: Literal["line", "box", "operator"]
+
+    @property
+    def angle_deg(self) -> float:
+        """Direction from end a to end b in the array, x towards y, modulo 180 deg."""
+        dx, dy = self.x_b_px - self.x_a_px, self.y_b_px - self.y_a_px
+        return float(np.degrees(np.arctan2(dy, dx)) % 180.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rejection:
+    """A candidate that was not taken, and why."""
+
+    detection: Detection
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detections:
+    """What the detector says of one frame: any number of streaks, most confident first."""
+
+    frame_id: int
+    width_px: int
+    height_px: int
+    detections: tuple[Detection, ...]
+    rejected: tuple[Rejection, ...] = ()
+    stage_ms: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wcs:
+    """Gnomonic (TAN) plate model with optional SIP distortion, ICRS, pixels 0-based.
+
+    Maps pixel offsets from the reference pixel through ``cd`` to the tangent plane in degrees.
+    Source of the form: Greisen & Calabretta 2002; Shupe et al. 2005 for SIP.
+    """
+
+    crpix_x_px: float
+    crpix_y_px: float
+    crval_ra_deg: float
+    crval_dec_deg: float
+    cd: tuple[float, float, float, float]
+    """cd11, cd12, cd21, cd22 in deg/px."""
+    sip_a: tuple[tuple[int, int, float], ...] = ()
+    """(p, q, coefficient) of u^p v^q added to u, in pixels."""
+    sip_b: tuple[tuple[int, int, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solution:
+    """A plate solution: the frame's pixels tied to catalogue stars."""
+
+    frame_id: int
+    wcs: Wcs
+    ra_icrs_deg: float
+    """At the image centre, ((width - 1) / 2, (height - 1) / 2)."""
+    dec_icrs_deg: float
+    scale_arcsec_px: float
+    rotation_deg: float
+    """Position angle of the array's +y axis, east of north, 0 to 360."""
+    is_flipped: bool
+    """True when the array is a mirror image of the sky as a FITS viewer shows it (det cd > 0)."""
+    matched: int
+    rms_arcsec: float
+    """Root mean square residual of one matched star, per axis."""
+    path: Literal["full", "refit"]
+    ms: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotSolved:
+    """No plate solution for this frame, and why."""
+
+    frame_id: int
+    reason: str
+    ms: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measurement:
+    """A direction on the sky at mid-exposure: what the filter is fed."""
+
+    frame_id: int
+    t_mid_utc_ns: int
+    ra_icrs_deg: float
+    """Astrometric place, as relative to catalogue stars."""
+    dec_icrs_deg: float
+    cov_sky_arcsec2: tuple[float, float, float]
+    """East-east, east-north, north-north of (d alpha cos delta, d delta)."""
+    x_px: float
+    y_px: float
+    confidence: float
+    source: Source
+    ends_icrs_deg: tuple[tuple[float, float], tuple[float, float]] | None = None
+    """RA, Dec of the streak's two ends, order unknown."""
+    is_clipped: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackState:
+    """The filter at one instant: x = [alpha, alpha rate, delta, delta rate], deg and deg/s."""
+
+    frame_id: int
+    t_utc_ns: int
+    x: tuple[float, float, float, float]
+    P: tuple[tuple[float, ...], ...]
+    """(4, 4), deg and deg/s."""
+    nis: float | None = None
+    """Normalised innovation squared of the update that made it; None after a mere prediction."""
+    innovation_arcsec: tuple[float, float] | None = None
+    """(d alpha cos delta, d delta), measured minus predicted."""
+    sigma_innovation_arcsec: tuple[float, float] | None = None
+    """sqrt of the diagonal of S = C P- C' + R, on the sky."""
+    misses: int = 0
+    """Exposures since the last measurement."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlewCommand:
+    """Where the telescope is to look, and for which instant that was computed."""
+
+    frame_id: int
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    t_aim_utc_ns: int
+    reason: str
