@@ -18,6 +18,7 @@ FloatArray = npt.NDArray[np.float64]
 PixelArray = npt.NDArray[np.uint16] | npt.NDArray[np.float32]
 
 Source = Literal["network", "operator"]
+LoopState = Literal["IDLE", "SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST", "MANUAL", "FAULT"]
 MapMode = Literal["fast", "paper"]
 
 
@@ -196,6 +197,7 @@ class Measurement:
 class TrackState:
     """The filter at one instant: x = [alpha, alpha rate, delta, delta rate], deg and deg/s."""
 
+    kind: Literal["initial", "predicted", "updated"]
     frame_id: int
     t_utc_ns: int
     x: tuple[float, float, float, float]
@@ -220,3 +222,82 @@ class SlewCommand:
     dec_icrs_deg: float
     t_aim_utc_ns: int
     reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotFollowed:
+    """A measurement the track did not take, and why."""
+
+    frame_id: int
+    measurement: Measurement
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Miss:
+    """A frame in which the followed object was not measured, and why."""
+
+    frame_id: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateChange:
+    """The loop passed from one state to another."""
+
+    frame_id: int
+    before: LoopState
+    after: LoopState
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterChange:
+    """A tunable took a new value; in force from the next cycle."""
+
+    name: str
+    """Dotted, as in the configuration."""
+    before: float | str
+    after: float | str
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperatorAction:
+    """An intention that reached the engine, and what came of it."""
+
+    verb: str
+    arguments: Mapping[str, Any]
+    outcome: str
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameTaken:
+    """A frame arrived: what the session keeps of it beside the pixels."""
+
+    frame_id: int
+    name: str
+    t_start_utc_ns: int | None
+    exposure_s: float | None
+    width_px: int
+    height_px: int
+    pointing_ra_icrs_deg: float | None
+    pointing_dec_icrs_deg: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CycleTiming:
+    """Wall time of each stage of one cycle."""
+
+    frame_id: int
+    stage_ms: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """A line of the log in the operator's words."""
+
+    level: Literal["info", "warning", "alarm"]
+    text: str
+    frame_id: int | None = None

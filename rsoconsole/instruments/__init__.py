@@ -1,0 +1,1 @@
+"""The world outside: INDI camera and mount, plate-solver process, clock, frame files."""

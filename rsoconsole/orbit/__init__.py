@@ -1,0 +1,1 @@
+"""Pure: element sets and directions in, orbits and places out."""

@@ -1,0 +1,1 @@
+"""The record of a night: one writer, any number of readers."""

@@ -1,0 +1,1 @@
+"""Angles, times, frames, plate geometry, star catalogue. Imports nothing above the records."""

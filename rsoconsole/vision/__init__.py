@@ -1,0 +1,1 @@
+"""Pure: pixels in, stars and streaks out. No input or output beyond loading the network."""
