@@ -1,0 +1,159 @@
+"""What the engine programs to: a clock, a mount and a camera, whoever stands behind them.
+
+Directions are ICRS degrees on this side of the border; epoch of date and hours exist only in
+the processes that speak INDI. Instants are UTC nanoseconds. Everything that an instrument does
+not do in time raises InstrumentError with the remedy in words.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from rsoconsole.records import Frame, Site
+
+PierSide = Literal["east", "west"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MountReport:
+    """What the mount says of itself at one instant."""
+
+    t_utc_ns: int
+    """When the mount said so: the simulated instant, or the arrival of the report."""
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    is_slewing: bool
+    is_parked: bool
+    is_tracking: bool
+    pier_side: PierSide | None
+    """Side of the pier the telescope is on; None when the mount does not tell."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopResult:
+    """What came of a STOP: whether motion was read back as ended."""
+
+    stopped: bool
+    ms: float
+    """Wall time from the request to the answer."""
+    path: Literal["mount", "indi"]
+    """Through the mount's own process, or by a second plain connection to the INDI server."""
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SiteCheck:
+    """The site the instruments believe in against the configured one."""
+
+    is_consistent: bool
+    distance_km: float | None
+    """None when the mount does not tell its site."""
+    reported: Site | None
+    detail: str
+
+
+class Clock(Protocol):
+    """The one source of time for the engine."""
+
+    @property
+    def is_simulated(self) -> bool:
+        """True when time stands still unless this clock is asked to wait."""
+
+    def now_utc_ns(self) -> int:
+        """The present instant."""
+
+    def wait_until(self, t_utc_ns: int) -> bool:
+        """Let time pass until ``t_utc_ns``; at once if that is past.
+
+        True when the instant was reached, False when ``wake`` cut the wait short. A simulated
+        clock makes the observatory live through that time: when it returns, mount and camera
+        are at that instant and the mount has reported it. Raises InstrumentError when the
+        simulated observatory does not answer.
+        """
+
+    def wake(self) -> None:
+        """End a wait that is in progress (from any thread); without one, the next wait."""
+
+
+class MountPort(Protocol):
+    """A telescope mount."""
+
+    def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
+        """Go there and track at the sidereal rate; returns once the mount has taken the order.
+
+        ``now_utc_ns`` fixes the epoch of date. Raises InstrumentError when the mount refuses
+        (parked, below its limits) or is silent.
+        """
+
+    def report(self, not_before_utc_ns: int | None = None, timeout_s: float = 10.0) -> MountReport:
+        """The latest report, waiting (wall clock) for one at least as late as asked.
+
+        Raises InstrumentError when none comes in time.
+        """
+
+    def abort(self, timeout_s: float = 2.0) -> StopResult:
+        """End motion at once and read back that it has ended; never raises for a deaf mount.
+
+        Goes through the mount's process and, where that does not answer within 100 ms, by a
+        second plain connection to the INDI server.
+        """
+
+    def park(self) -> None:
+        """Order the mount to its park position; ``report().is_parked`` tells the arrival."""
+
+    def unpark(self) -> None:
+        """Release a parked mount: parked, it takes no other order."""
+
+    def set_tracking(self, is_on: bool) -> None:
+        """Sidereal tracking on or off."""
+
+    def set_site(self, site: Site) -> None:
+        """Tell the mount where it stands."""
+
+    def check_site(self, site: Site) -> SiteCheck:
+        """Compare the mount's site with the configured one."""
+
+    def restart(self) -> None:
+        """A fresh process and a fresh connection."""
+
+    def close(self) -> None:
+        """End the process; the mount is left tracking at the sidereal rate, not slewing."""
+
+
+class CameraPort(Protocol):
+    """A camera."""
+
+    def start_exposure(self, exposure_s: float, frame_id: int) -> None:
+        """Open the shutter; returns once the camera has taken the order.
+
+        Raises InstrumentError when the camera refuses or is silent.
+        """
+
+    def wait_frame(self, timeout_s: float) -> Frame:
+        """The frame of the exposure under way, within ``timeout_s`` of wall time.
+
+        Under a simulated clock the clock must first have been led past the end of the exposure
+        (order + start latency + exposure). The pixels are the caller's own copy. Raises
+        InstrumentError when no frame comes; the camera's process is then started afresh.
+        """
+
+    def abort(self) -> None:
+        """Give up the exposure under way; its frame never comes."""
+
+    def restart(self) -> None:
+        """A fresh process and a fresh connection."""
+
+    def close(self) -> None:
+        """End the process and release the shared memory."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Instruments:
+    """Clock, mount and camera of one observatory."""
+
+    clock: Clock
+    mount: MountPort
+    camera: CameraPort
+    host: str
+    port: int
+    mount_name: str
+    camera_name: str
