@@ -1,0 +1,201 @@
+"""Angles on a circle and on a sphere, and the way people write them down.
+
+Degrees everywhere; hours only where an operator or INDI wants them. Functions take floats or
+numpy arrays and give back the same kind.
+"""
+
+import re
+from typing import overload
+
+import numpy as np
+
+from rsoconsole.records import FloatArray
+
+_DEG = np.pi / 180.0
+_NUMBER = re.compile(r"\d+(?:\.\d*)?|\.\d+")
+_MARKS = re.compile(r"[\s:hdms°'\"′″]+", re.IGNORECASE)
+
+
+@overload
+def wrap_180(angle_deg: float) -> float: ...
+@overload
+def wrap_180(angle_deg: FloatArray) -> FloatArray: ...
+def wrap_180(angle_deg: float | FloatArray) -> float | FloatArray:
+    """The same direction in -180 <= angle < 180."""
+    if isinstance(angle_deg, np.ndarray):
+        return np.asarray(np.mod(angle_deg + 180.0, 360.0) - 180.0)
+    return wrap_360(float(angle_deg) + 180.0) - 180.0
+
+
+@overload
+def wrap_360(angle_deg: float) -> float: ...
+@overload
+def wrap_360(angle_deg: FloatArray) -> FloatArray: ...
+def wrap_360(angle_deg: float | FloatArray) -> float | FloatArray:
+    """The same direction in 0 <= angle < 360."""
+    if isinstance(angle_deg, np.ndarray):
+        wrapped = np.mod(angle_deg, 360.0)
+        return np.where(wrapped >= 360.0, 0.0, wrapped)
+    # The remainder of a tiny negative angle rounds up to 360 itself.
+    wrapped_deg = float(angle_deg) % 360.0
+    return 0.0 if wrapped_deg >= 360.0 else wrapped_deg
+
+
+@overload
+def hours_to_deg(hours: float) -> float: ...
+@overload
+def hours_to_deg(hours: FloatArray) -> FloatArray: ...
+def hours_to_deg(hours: float | FloatArray) -> float | FloatArray:
+    """Hours of right ascension or hour angle as degrees; not wrapped."""
+    return hours * 15.0
+
+
+@overload
+def deg_to_hours(angle_deg: float) -> float: ...
+@overload
+def deg_to_hours(angle_deg: FloatArray) -> FloatArray: ...
+def deg_to_hours(angle_deg: float | FloatArray) -> float | FloatArray:
+    """Degrees as hours; not wrapped."""
+    return angle_deg / 15.0
+
+
+def direction_to_unit(ra_deg: float | FloatArray, dec_deg: float | FloatArray) -> FloatArray:
+    """Unit vectors (..., 3) of directions."""
+    ra, dec = np.broadcast_arrays(np.asarray(ra_deg) * _DEG, np.asarray(dec_deg) * _DEG)
+    cos_dec = np.cos(dec)
+    return np.stack([cos_dec * np.cos(ra), cos_dec * np.sin(ra), np.sin(dec)], axis=-1)
+
+
+def unit_to_direction(vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Right ascension (0 to 360) and declination in degrees of vectors (..., 3) of any length."""
+    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
+    ra_deg = np.degrees(np.arctan2(y, x)) % 360.0
+    dec_deg = np.degrees(np.arctan2(z, np.hypot(x, y)))
+    return np.asarray(ra_deg), np.asarray(dec_deg)
+
+
+def _separation(
+    ra_a_deg: float | FloatArray,
+    dec_a_deg: float | FloatArray,
+    ra_b_deg: float | FloatArray,
+    dec_b_deg: float | FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """East and north parts of b seen from a (times sin of the distance) and its cosine."""
+    dra = (np.asarray(ra_b_deg, float) - np.asarray(ra_a_deg, float)) * _DEG
+    dec_a, dec_b = np.asarray(dec_a_deg, float) * _DEG, np.asarray(dec_b_deg, float) * _DEG
+    east = np.cos(dec_b) * np.sin(dra)
+    # Written with the half angle so that arcsecond separations keep their digits.
+    bend = 2.0 * np.cos(dec_b) * np.sin(dra / 2.0) ** 2
+    north = np.sin(dec_b - dec_a) + np.sin(dec_a) * bend
+    cosine = np.cos(dec_b - dec_a) - np.cos(dec_a) * bend
+    return np.asarray(east), np.asarray(north), np.asarray(cosine)
+
+
+@overload
+def separation_deg(
+    ra_a_deg: float, dec_a_deg: float, ra_b_deg: float, dec_b_deg: float
+) -> float: ...
+@overload
+def separation_deg(
+    ra_a_deg: float | FloatArray,
+    dec_a_deg: float | FloatArray,
+    ra_b_deg: float | FloatArray,
+    dec_b_deg: float | FloatArray,
+) -> float | FloatArray: ...
+def separation_deg(
+    ra_a_deg: float | FloatArray,
+    dec_a_deg: float | FloatArray,
+    ra_b_deg: float | FloatArray,
+    dec_b_deg: float | FloatArray,
+) -> float | FloatArray:
+    """Great-circle distance, exact for tiny and for opposite directions (Vincenty's form)."""
+    east, north, cosine = _separation(ra_a_deg, dec_a_deg, ra_b_deg, dec_b_deg)
+    distance = np.degrees(np.arctan2(np.hypot(east, north), cosine))
+    return float(distance) if np.ndim(distance) == 0 else np.asarray(distance)
+
+
+@overload
+def position_angle_deg(
+    ra_a_deg: float, dec_a_deg: float, ra_b_deg: float, dec_b_deg: float
+) -> float: ...
+@overload
+def position_angle_deg(
+    ra_a_deg: float | FloatArray,
+    dec_a_deg: float | FloatArray,
+    ra_b_deg: float | FloatArray,
+    dec_b_deg: float | FloatArray,
+) -> float | FloatArray: ...
+def position_angle_deg(
+    ra_a_deg: float | FloatArray,
+    dec_a_deg: float | FloatArray,
+    ra_b_deg: float | FloatArray,
+    dec_b_deg: float | FloatArray,
+) -> float | FloatArray:
+    """Direction of b as seen from a, east of north, 0 to 360."""
+    east, north, _ = _separation(ra_a_deg, dec_a_deg, ra_b_deg, dec_b_deg)
+    angle = np.degrees(np.arctan2(east, north)) % 360.0
+    return wrap_360(float(angle)) if np.ndim(angle) == 0 else wrap_360(np.asarray(angle))
+
+
+def _parse_sexagesimal(text: str) -> float:
+    """Value of 'a', 'a b' or 'a b c' with any usual separators, in units of the first field."""
+    cleaned = text.strip().replace("−", "-")
+    sign = -1.0 if cleaned.startswith("-") else 1.0
+    parts = [part for part in _MARKS.split(cleaned.lstrip("+-")) if part]
+    if not 1 <= len(parts) <= 3 or any(_NUMBER.fullmatch(part) is None for part in parts):
+        raise ValueError(f"{text!r} is not an angle: write it like 12:34:56.7 or 12 34 56.7")
+    if any("." in part for part in parts[:-1]):
+        raise ValueError(f"{text!r}: only the last field may have decimals")
+    fields = [float(part) for part in parts] + [0.0, 0.0]
+    if fields[1] >= 60.0 or fields[2] >= 60.0:
+        raise ValueError(f"{text!r}: minutes and seconds must be below 60")
+    return sign * (fields[0] + fields[1] / 60.0 + fields[2] / 3600.0)
+
+
+def parse_ra_deg(text: str) -> float:
+    """Right ascension written in hours ('hh mm ss', 'h:m:s', '12h34m56s') as degrees, 0 to 360.
+
+    A number without minutes is degrees when it carries decimals or the letter d, as in FITS
+    headers and on command lines. Raises ValueError for anything else or out of range.
+    """
+    plain = text.strip().lower()
+    is_single = len([part for part in _MARKS.split(plain.lstrip("+-")) if part]) == 1
+    is_degrees = is_single and "h" not in plain
+    value = _parse_sexagesimal(text)
+    ra_deg = value if is_degrees else hours_to_deg(value)
+    if not 0.0 <= ra_deg < 360.0 + 1e-12:
+        raise ValueError(f"{text!r}: right ascension lies between 0 and 24 h")
+    return wrap_360(ra_deg)
+
+
+def parse_dec_deg(text: str) -> float:
+    """Declination written in degrees ('+dd mm ss', '-d:m:s', decimal) as degrees.
+
+    Raises ValueError for anything else or beyond 90 deg.
+    """
+    dec_deg = _parse_sexagesimal(text)
+    if abs(dec_deg) > 90.0:
+        raise ValueError(f"{text!r}: declination lies between -90 and +90 deg")
+    return dec_deg
+
+
+def _format_sexagesimal(value: float, decimals: int) -> str:
+    """'aa:bb:cc.cc' of a value that is not negative, rounded as a whole so that 60 never shows."""
+    scale = 10**decimals
+    total = round(value * 3600.0 * scale)
+    whole, fraction = divmod(total, scale)
+    minutes, seconds = divmod(whole, 60)
+    first, minutes = divmod(minutes, 60)
+    tail = f".{fraction:0{decimals}d}" if decimals else ""
+    return f"{first:02d}:{minutes:02d}:{seconds:02d}{tail}"
+
+
+def format_ra(ra_deg: float, decimals: int = 2) -> str:
+    """'hh:mm:ss.ss' of a right ascension in degrees."""
+    text = _format_sexagesimal(deg_to_hours(wrap_360(ra_deg)), decimals)
+    return text.replace("24:", "00:", 1) if text.startswith("24:") else text
+
+
+def format_dec(dec_deg: float, decimals: int = 1) -> str:
+    """'+dd:mm:ss.s' of a declination in degrees."""
+    return ("-" if dec_deg < 0 else "+") + _format_sexagesimal(abs(dec_deg), decimals)

@@ -1,0 +1,181 @@
+"""One time inside the program: whole nanoseconds of UTC since 1970; here are its other faces.
+
+Julian dates come as pairs (day, fraction) as erfa wants them. A nanosecond count has no room
+for a leap second: the second 23:59:60 is not representable, as in POSIX time. UT1 and polar
+motion come from the table that astropy-iers-data ships (IERS finals2000A); nothing is ever
+fetched. Beyond the table's ends UT1-TAI and the pole hold their last value.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from datetime import date
+from functools import lru_cache
+from importlib.resources import files
+
+import erfa
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import FloatArray
+
+IntArray = npt.NDArray[np.int64]
+TimeLike = int | IntArray
+
+NS_PER_S = 1_000_000_000
+NS_PER_DAY = 86_400 * NS_PER_S
+JD_UNIX = 2_440_587.5
+MJD_UNIX = 40_587
+TT_MINUS_TAI_S = 32.184
+ARCSEC_RAD = np.pi / 648_000.0
+
+_ISO = re.compile(
+    r"(\d{4})-(\d{2})-(\d{2})[T ](\d{2}):(\d{2})(?::(\d{2})(?:\.(\d{1,9})\d*)?)?"
+    r"(Z|[+-]\d{2}:?\d{2})?"
+)
+
+
+def utc_ns_to_iso(t_utc_ns: int, decimals: int = 3) -> str:
+    """ISO 8601 with Z, e.g. '2023-06-22T03:04:05.678Z'; rounded to ``decimals`` (0 to 9)."""
+    step = 10 ** (9 - decimals)
+    rounded = (int(t_utc_ns) + step // 2) // step * step
+    days, in_day = divmod(rounded, NS_PER_DAY)
+    seconds, nanoseconds = divmod(in_day, NS_PER_S)
+    day = date.fromordinal(date(1970, 1, 1).toordinal() + days)
+    tail = f".{nanoseconds:09d}"[: decimals + 1] if decimals else ""
+    hms = f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+    return f"{day.isoformat()}T{hms}{tail}Z"
+
+
+def iso_to_utc_ns(text: str) -> int:
+    """UTC nanoseconds of an ISO 8601 instant; without an offset it is taken as UTC.
+
+    Digits beyond the nanosecond are dropped. Raises ValueError for anything else: a time that
+    cannot be read never becomes another time.
+    """
+    match = _ISO.fullmatch(text.strip()) if isinstance(text, str) else None
+    if match is None:
+        raise ValueError(f"{text!r} is not a time: write it like 2023-06-22T03:04:05.678Z")
+    year, month, day, hour, minute = (int(match[i]) for i in range(1, 6))
+    second = int(match[6] or 0)
+    if hour > 23 or minute > 59 or second > 59:
+        raise ValueError(f"{text!r} is not a time of day between 00:00:00 and 23:59:59")
+    try:
+        days = date(year, month, day).toordinal() - date(1970, 1, 1).toordinal()
+    except ValueError as error:
+        raise ValueError(f"{text!r} is not a date: {error}") from error
+    nanoseconds = int((match[7] or "0").ljust(9, "0"))
+    offset_s = _offset_s(match[8])
+    total_s = days * 86_400 + hour * 3600 + minute * 60 + second - offset_s
+    return total_s * NS_PER_S + nanoseconds
+
+
+def _offset_s(zone: str | None) -> int:
+    if zone is None or zone == "Z":
+        return 0
+    hours, minutes = int(zone[1:3]), int(zone[-2:])
+    if hours > 14 or minutes > 59:
+        raise ValueError(f"{zone!r} is not an offset from UTC")
+    return (1 if zone[0] == "+" else -1) * (hours * 3600 + minutes * 60)
+
+
+def jd_utc(t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
+    """Julian date of UTC, as (midnight, fraction of the day)."""
+    days, in_day = np.divmod(np.asarray(t_utc_ns, np.int64), NS_PER_DAY)
+    return np.asarray(JD_UNIX + days), np.asarray(in_day / NS_PER_DAY)
+
+
+def utc_ns_of_jd(jd_1: float, jd_2: float) -> int:
+    """UTC nanoseconds of a UTC Julian date given in two parts."""
+    day = math.floor(jd_1 - JD_UNIX + 0.5)
+    fraction = (jd_1 - JD_UNIX - day) + jd_2
+    return day * NS_PER_DAY + round(fraction * NS_PER_DAY)
+
+
+@lru_cache(maxsize=4096)
+def _tai_minus_utc_of_day(day: int) -> float:
+    d = date.fromordinal(date(1970, 1, 1).toordinal() + day)
+    # erfa's C function warns of years beyond its release; leap seconds then stay as they are.
+    values, _ = erfa.ufunc.dat(d.year, d.month, d.day, 0.0)
+    return float(values)
+
+
+def tai_minus_utc_s(t_utc_ns: TimeLike) -> FloatArray:
+    """TAI - UTC; a day after the table of leap seconds keeps the last value."""
+    days = np.asarray(t_utc_ns, np.int64) // NS_PER_DAY
+    unique, inverse = np.unique(days, return_inverse=True)
+    values = np.array([_tai_minus_utc_of_day(int(day)) for day in unique])
+    return np.asarray(values[inverse].reshape(days.shape))
+
+
+def jd_tt(t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
+    """Julian date of terrestrial time (which also serves for TDB: 2 ms at most)."""
+    jd_1, jd_2 = jd_utc(t_utc_ns)
+    return jd_1, jd_2 + (tai_minus_utc_s(t_utc_ns) + TT_MINUS_TAI_S) / 86_400.0
+
+
+def jd_ut1(t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
+    """Julian date of UT1."""
+    jd_1, jd_2 = jd_utc(t_utc_ns)
+    return jd_1, jd_2 + earth_orientation(t_utc_ns).ut1_minus_utc_s / 86_400.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EarthOrientation:
+    """Where the Earth's pole and its rotation were, at each of the instants asked for."""
+
+    ut1_minus_utc_s: FloatArray
+    pole_x_arcsec: FloatArray
+    pole_y_arcsec: FloatArray
+    is_tabulated: bool
+    """False when an instant lies outside the table: then edge values stand in."""
+
+
+def earth_orientation(t_utc_ns: TimeLike) -> EarthOrientation:
+    """UT1-UTC and the pole, linear between the days of the IERS table."""
+    mjd, ut1_minus_tai, pole_x, pole_y = _iers_table()
+    t = np.asarray(t_utc_ns, np.int64)
+    t_mjd = MJD_UNIX + t / NS_PER_DAY
+    return EarthOrientation(
+        ut1_minus_utc_s=np.interp(t_mjd, mjd, ut1_minus_tai) + tai_minus_utc_s(t),
+        pole_x_arcsec=np.interp(t_mjd, mjd, pole_x),
+        pole_y_arcsec=np.interp(t_mjd, mjd, pole_y),
+        is_tabulated=bool(np.all((t_mjd >= mjd[0]) & (t_mjd <= mjd[-1]))),
+    )
+
+
+@lru_cache(maxsize=1)
+def _iers_table() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """MJD, UT1-TAI (s), pole x and y (arcsec); UT1-TAI has no leaps, so it can be interpolated.
+
+    Fixed columns of finals2000A, Bulletin A. Without the package UT1 is taken as UTC of 2017 on.
+    """
+    try:
+        table = files("astropy_iers_data") / "data" / "finals2000A.all"
+        lines = table.read_text(encoding="ascii").splitlines()
+    except (ImportError, OSError):
+        return np.array([0.0]), np.array([-37.0]), np.array([0.0]), np.array([0.0])
+    rows = [
+        (float(line[7:15]), float(line[58:68]), float(line[18:27]), float(line[37:46]))
+        for line in lines
+        if line[58:68].strip()
+    ]
+    mjd, ut1_minus_utc, pole_x, pole_y = np.array(rows).T
+    t_utc_ns = (mjd.astype(np.int64) - MJD_UNIX) * NS_PER_DAY
+    return mjd, ut1_minus_utc - tai_minus_utc_s(t_utc_ns), pole_x, pole_y
+
+
+def gast_deg(t_utc_ns: TimeLike) -> FloatArray:
+    """Greenwich apparent sidereal time, 0 to 360 (IAU 2006/2000A)."""
+    gast = erfa.gst06a(*jd_ut1(t_utc_ns), *jd_tt(t_utc_ns))
+    return np.asarray(np.degrees(gast))
+
+
+def gmst_deg(t_utc_ns: TimeLike) -> FloatArray:
+    """Greenwich mean sidereal time, 0 to 360 (IAU 2006)."""
+    return np.asarray(np.degrees(erfa.gmst06(*jd_ut1(t_utc_ns), *jd_tt(t_utc_ns))))
+
+
+def lst_deg(longitude_deg: float, t_utc_ns: TimeLike) -> FloatArray:
+    """Local apparent sidereal time, 0 to 360; longitude east positive."""
+    return np.asarray((gast_deg(t_utc_ns) + longitude_deg) % 360.0)
