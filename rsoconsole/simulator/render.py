@@ -1,0 +1,204 @@
+"""From what is in the field to what the camera stores: pixels of any frame size.
+
+``render(sensor, content, rng)`` is a pure function of its arguments: the same generator state
+gives the same pixels. It knows nothing of the sky; ``scene`` fills its content from catalogue and
+orbits, the training of the detector fills it at random.
+"""
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.simulator.psf import add_points, add_sources
+from rsoconsole.simulator.sensor import SensorModel, flat_field, pixel_defects
+
+Float32Array = npt.NDArray[np.float32]
+FloatArray = npt.NDArray[np.float64]
+FramePixels = npt.NDArray[np.uint16]
+
+STREAK_STEP_PX = 0.5
+"""Spacing of the points a streak is made of: far finer than any seeing disc."""
+_ROWS_AT_ONCE = 64
+_POISSON_BELOW_E = 30.0
+"""Above this mean a Gaussian stands for the Poisson law (skewness below 0.19)."""
+_EMPTY: FloatArray = np.zeros(0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Streak:
+    """A source that moves during the exposure."""
+
+    x_px: FloatArray
+    """(n >= 2,) places at equal steps of time from opening to closing; straight in between."""
+    y_px: FloatArray
+    electrons: float
+    """What the whole streak would give at full brightness under a clear sky."""
+    brightness: FloatArray | None = None
+    """(m,) relative brightness at equal steps of time, both ends included; None: steady."""
+
+
+def straight_streak(
+    start_px: tuple[float, float],
+    end_px: tuple[float, float],
+    electrons: float,
+    brightness: FloatArray | None = None,
+) -> Streak:
+    """A streak in one line from (x, y) to (x, y)."""
+    return Streak(
+        x_px=np.array([start_px[0], end_px[0]], dtype=np.float64),
+        y_px=np.array([start_px[1], end_px[1]], dtype=np.float64),
+        electrons=electrons,
+        brightness=brightness,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FieldContent:
+    """Everything that shines into one exposure; pixels 0-based, x = column, y = row."""
+
+    exposure_s: float = 10.0
+    fwhm_px: float = 2.2
+    """Seeing disc before the pixels integrate it."""
+    sky_electrons_px: float = 132.0
+    """Mean sky in one pixel over the exposure, in the centre of the field."""
+    sky_gradient: tuple[float, float] = (0.0, 0.0)
+    """Relative change of the sky from left to right and from top to bottom of the frame."""
+    star_x_px: FloatArray = field(default_factory=lambda: _EMPTY)
+    star_y_px: FloatArray = field(default_factory=lambda: _EMPTY)
+    star_electrons: FloatArray = field(default_factory=lambda: _EMPTY)
+    """(n,) electrons under a clear sky in the centre of the field."""
+    streaks: tuple[Streak, ...] = ()
+    cloud_transmission: Float32Array | None = None
+    """(rows, columns) coarse map spread evenly over the frame, 0 to 1; None: clear."""
+    cloud_glow: float = 0.35
+    """How much brighter than the clear sky an opaque cloud is, as a share."""
+    cosmic_rays: float = 0.0
+    """Expected number of tracks in the frame."""
+
+
+def render(sensor: SensorModel, content: FieldContent, rng: np.random.Generator) -> FramePixels:
+    """One frame as the camera stores it, uint16 (height, width).
+
+    Use a generator made by ``frame_rng`` (SFC64 is the fastest for this many normal numbers).
+    """
+    mean_e = expected_electrons(sensor, content)
+    _add_cosmic_rays(mean_e, content.cosmic_rays, rng)
+    return _read_out(sensor, mean_e, rng)
+
+
+def frame_rng(*key: int) -> np.random.Generator:
+    """A fast generator fixed by any tuple of non-negative integers."""
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence(key)))
+
+
+def expected_electrons(sensor: SensorModel, content: FieldContent) -> Float32Array:
+    """Mean electrons in every pixel before noise and saturation, float32 (height, width)."""
+    image_e = _sky(sensor, content)
+    x, y = content.star_x_px, content.star_y_px
+    # A star's light is dimmed where it lands; the pixels' own response comes with the flat.
+    electrons = content.star_electrons * cloud_at(sensor, content.cloud_transmission, x, y)
+    add_sources(image_e, x, y, electrons, fwhm_px=content.fwhm_px)
+    for streak in content.streaks:
+        points = streak_points(sensor, content, streak)
+        add_sources(image_e, *points, fwhm_px=content.fwhm_px, faintest_e=0.004)
+    image_e *= flat_field(sensor)
+    defects = pixel_defects(sensor)
+    image_e += np.float32(sensor.dark_e_s * content.exposure_s)
+    image_e.reshape(-1)[defects.index] += defects.electrons_s * np.float32(content.exposure_s)
+    return image_e
+
+
+def streak_points(
+    sensor: SensorModel, content: FieldContent, streak: Streak
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A streak as points: x, y and electrons of each, dimmed by its brightness and the clouds."""
+    length = float(np.hypot(np.diff(streak.x_px), np.diff(streak.y_px)).sum())
+    count = max(2, int(np.ceil(length / STREAK_STEP_PX)))
+    time = (np.arange(count) + 0.5) / count
+    nodes = np.linspace(0.0, 1.0, len(streak.x_px))
+    x = np.interp(time, nodes, streak.x_px)
+    y = np.interp(time, nodes, streak.y_px)
+    electrons = np.full(count, streak.electrons / count)
+    if streak.brightness is not None:
+        shape = np.asarray(streak.brightness, dtype=np.float64)
+        electrons *= np.interp(time, np.linspace(0.0, 1.0, len(shape)), shape)
+    electrons *= cloud_at(sensor, content.cloud_transmission, x, y)
+    return x, y, electrons
+
+
+def cloud_at(
+    sensor: SensorModel, transmission: Float32Array | None, x_px: FloatArray, y_px: FloatArray
+) -> FloatArray:
+    """Transmission of the clouds at these places, (n,); outside the frame that of its edge."""
+    x, y = np.asarray(x_px, dtype=np.float64), np.asarray(y_px, dtype=np.float64)
+    if transmission is None:
+        return np.ones(len(x))
+    rows, columns = transmission.shape
+    u = np.clip((x + 0.5) * columns / sensor.width_px - 0.5, 0.0, columns - 1.0)
+    v = np.clip((y + 0.5) * rows / sensor.height_px - 0.5, 0.0, rows - 1.0)
+    i, j = np.floor(v).astype(np.int64), np.floor(u).astype(np.int64)
+    i2, j2 = np.minimum(i + 1, rows - 1), np.minimum(j + 1, columns - 1)
+    fv, fu = v - i, u - j
+    grid = transmission.astype(np.float64)
+    top = grid[i, j] * (1 - fu) + grid[i, j2] * fu
+    bottom = grid[i2, j] * (1 - fu) + grid[i2, j2] * fu
+    return np.asarray(top * (1 - fv) + bottom * fv, dtype=np.float64)
+
+
+def _sky(sensor: SensorModel, content: FieldContent) -> Float32Array:
+    """Sky, its gradient and the glow of clouds: a coarse grid spread over the frame."""
+    grid = content.cloud_transmission
+    rows, columns = (16, 16) if grid is None else grid.shape
+    glow = np.ones((rows, columns)) if grid is None else 1 + content.cloud_glow * (1.0 - grid)
+    along_x = content.sky_gradient[0] * ((np.arange(columns) + 0.5) / columns - 0.5)
+    along_y = content.sky_gradient[1] * ((np.arange(rows) + 0.5) / rows - 0.5)
+    coarse = content.sky_electrons_px * glow * (1.0 + along_x[None, :] + along_y[:, None])
+    size = (sensor.width_px, sensor.height_px)
+    spread = cv2.resize(coarse.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+    return np.ascontiguousarray(spread, dtype=np.float32)
+
+
+def _add_cosmic_rays(image_e: Float32Array, expected: float, rng: np.random.Generator) -> None:
+    """Tracks of muons (short, straight) and of electrons (curled): narrower than any star."""
+    height, width = image_e.shape
+    for _ in range(int(rng.poisson(expected))):
+        is_curled = rng.random() < 0.35
+        length = rng.uniform(8.0, 40.0) if is_curled else 1.0 + rng.exponential(5.0)
+        count = max(2, int(length * 3))
+        turns = rng.normal(0.0, 0.12 if is_curled else 0.0, size=count)
+        heading = rng.uniform(0.0, 2.0 * np.pi) + np.cumsum(turns)
+        x = rng.uniform(0, width) + np.cumsum(np.cos(heading)) * length / count
+        y = rng.uniform(0, height) + np.cumsum(np.sin(heading)) * length / count
+        electrons_px = np.exp(rng.normal(np.log(450.0), 0.7))
+        weight = rng.gamma(4.0, 0.25, size=count) * electrons_px * length / count
+        add_points(image_e, x, y, weight, sigma_px=0.28)
+
+
+def _read_out(sensor: SensorModel, mean_e: Float32Array, rng: np.random.Generator) -> FramePixels:
+    """Photon and read noise, full well, converter; block by block to stay in the cache."""
+    height, width = mean_e.shape
+    pixels = np.empty((height, width), dtype=np.uint16)
+    normal = np.empty((min(_ROWS_AT_ONCE, height), width), dtype=np.float32)
+    read_variance = np.float32(sensor.read_noise_e**2)
+    ceiling = np.float32(min(sensor.adc_max, _full_well_adu12(sensor)))
+    for top in range(0, height, _ROWS_AT_ONCE):
+        mean = mean_e[top : top + _ROWS_AT_ONCE]
+        noise = normal[: len(mean)]
+        rng.standard_normal(dtype=np.float32, out=noise)
+        value = noise * np.sqrt(np.maximum(mean, 0) + read_variance)
+        value += mean
+        if mean.min() < _POISSON_BELOW_E:
+            few = mean < _POISSON_BELOW_E
+            counted = rng.poisson(np.maximum(mean[few], 0)).astype(np.float32)
+            value[few] = counted + noise[few] * np.float32(sensor.read_noise_e)
+        value *= np.float32(1.0 / sensor.e_per_adu12)
+        value += np.float32(sensor.offset_adu12 + 0.5)
+        np.clip(value, 0.0, ceiling, out=value)
+        pixels[top : top + len(mean)] = value.astype(np.uint16) << sensor.stored_shift_bits
+    return pixels
+
+
+def _full_well_adu12(sensor: SensorModel) -> float:
+    return sensor.offset_adu12 + sensor.full_well_e / sensor.e_per_adu12

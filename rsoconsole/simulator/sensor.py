@@ -1,0 +1,130 @@
+"""The camera's sensor: what turns photons into numbers, and what is wrong with each pixel."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+Float32Array = npt.NDArray[np.float32]
+IndexArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorModel:
+    """A CMOS sensor behind a telescope; defaults: ASI1600MM-Pro on an 11-inch RASA, gain 0.
+
+    Read noise, full well and conversion are the maker's figures; the zero point is that of the
+    independent simulator whose frames lie in ``data/simulated``. Another frame size is another
+    model: ``dataclasses.replace(sensor, width_px=..., height_px=...)``.
+    """
+
+    width_px: int = 4656
+    height_px: int = 3520
+    pixel_um: float = 3.8
+    focal_length_mm: float = 620.0
+    zero_point_mag: float = 21.812
+    """Magnitude that gives one electron a second above the atmosphere's mean extinction."""
+    e_per_adu12: float = 20000.0 / 4096.0
+    offset_adu12: float = 21.0
+    read_noise_e: float = 1.7
+    full_well_e: float = 20000.0
+    dark_e_s: float = 0.006
+    adc_bits: int = 12
+    stored_shift_bits: int = 4
+    """The driver stores the ADC's number shifted left, so that full scale is near 65535."""
+    vignetting_corner: float = 0.07
+    """Loss of light in the corners; grows with the square of the distance from the centre."""
+    prnu: float = 0.004
+    """One sigma of the pixels' relative response."""
+    hot_fraction: float = 2.5e-5
+    bad_columns: int = 0
+    seed: int = 1600
+    """Which copy of the sensor: fixes its hot pixels, its columns and its response."""
+
+    def __post_init__(self) -> None:
+        """Refuse what no sensor can be; raises ValueError."""
+        if self.width_px < 1 or self.height_px < 1:
+            raise ValueError("a sensor has at least one pixel each way")
+        if self.adc_bits + self.stored_shift_bits > 16:
+            raise ValueError("the stored number must fit 16 bits: lower the shift")
+        if min(self.e_per_adu12, self.full_well_e) <= 0 or self.read_noise_e < 0:
+            raise ValueError("conversion and full well must be positive, read noise not negative")
+
+    @property
+    def scale_arcsec_px(self) -> float:
+        """Plate scale at the centre of the field."""
+        return 206.264806 * self.pixel_um / self.focal_length_mm
+
+    @property
+    def adc_max(self) -> int:
+        """Largest number the converter gives."""
+        return int(2**self.adc_bits - 1)
+
+    @property
+    def saturation_adu(self) -> float:
+        """Stored value of a saturated pixel."""
+        level = min(self.adc_max, self.offset_adu12 + self.full_well_e / self.e_per_adu12)
+        return float(int(level) << self.stored_shift_bits)
+
+    def electrons(
+        self, magnitude: float | npt.NDArray[np.floating], exposure_s: float
+    ) -> npt.NDArray[np.float64]:
+        """Electrons from a source of this magnitude in one exposure, in the field's centre."""
+        gain = 0.4 * (self.zero_point_mag - np.asarray(magnitude, dtype=np.float64))
+        return np.asarray(exposure_s * 10.0**gain, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PixelDefects:
+    """Pixels with much dark current, as flat indices, and the electrons they add per second."""
+
+    index: IndexArray
+    electrons_s: Float32Array
+
+
+def _defect_rng(sensor: SensorModel, purpose: int) -> np.random.Generator:
+    key = np.random.SeedSequence([sensor.seed, sensor.width_px, sensor.height_px, purpose])
+    return np.random.Generator(np.random.SFC64(key))
+
+
+@lru_cache(maxsize=8)
+def pixel_defects(sensor: SensorModel) -> PixelDefects:
+    """Hot pixels (and bad columns) of this copy of the sensor; the same for the same model."""
+    rng = _defect_rng(sensor, 1)
+    total = sensor.width_px * sensor.height_px
+    count = int(rng.binomial(total, sensor.hot_fraction))
+    hot = rng.integers(0, total, size=count, dtype=np.int64)
+    rates = np.exp(rng.uniform(np.log(3.0), np.log(1500.0), size=count))
+    columns = rng.integers(0, sensor.width_px, size=sensor.bad_columns, dtype=np.int64)
+    rows = np.arange(sensor.height_px, dtype=np.int64)
+    lines = (rows[:, None] * sensor.width_px + columns[None, :]).ravel()
+    line_rates = np.tile(rng.uniform(3.0, 30.0, size=sensor.bad_columns), sensor.height_px)
+    return PixelDefects(
+        np.concatenate([hot, lines]), np.concatenate([rates, line_rates]).astype(np.float32)
+    )
+
+
+def vignetting(
+    sensor: SensorModel, x_px: npt.NDArray[np.floating], y_px: npt.NDArray[np.floating]
+) -> npt.NDArray[np.float64]:
+    """Share of the light that arrives at these places, 1 in the centre of the field."""
+    cx, cy = (sensor.width_px - 1) / 2.0, (sensor.height_px - 1) / 2.0
+    reach2 = max(cx * cx + cy * cy, 1.0)
+    return np.asarray(
+        1.0 - sensor.vignetting_corner * ((x_px - cx) ** 2 + (y_px - cy) ** 2) / reach2,
+        dtype=np.float64,
+    )
+
+
+@lru_cache(maxsize=2)
+def flat_field(sensor: SensorModel) -> Float32Array:
+    """Relative response of every pixel: vignetting times pixel response, (height, width)."""
+    x = np.arange(sensor.width_px, dtype=np.float64)
+    flat = np.empty((sensor.height_px, sensor.width_px), dtype=np.float32)
+    rng = _defect_rng(sensor, 2)
+    for y in range(sensor.height_px):
+        flat[y] = vignetting(sensor, x, np.array([y], dtype=np.float64))
+        flat[y] *= 1.0 + sensor.prnu * rng.standard_normal(sensor.width_px, dtype=np.float32)
+    flat.setflags(write=False)
+    return flat
