@@ -1,0 +1,98 @@
+"""What a frame's header promises: start, length, scale and pointing, in the program's units."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from rsoconsole.sky.times import iso_to_utc_ns
+
+NOTES_KEY = "NOTES"
+"""Key under which a frame's header carries what its reader has to say, a tuple of sentences."""
+
+
+def start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
+    """Start of the exposure (UTC ns), or None and the reason why it is not known."""
+    stated = header.get("DATE-OBS")
+    if not isinstance(stated, str) or not stated.strip():
+        return None, None
+    system = str(header.get("TIMESYS", "UTC")).strip().upper()
+    if system not in ("UTC", ""):
+        return None, f"TIMESYS is {system}, not UTC: the time of exposure is not used"
+    iso = stated.strip()
+    time_of_day = header.get("TIME-OBS") or header.get("UT")
+    if "T" not in iso and isinstance(time_of_day, str):
+        iso = f"{iso}T{time_of_day.strip()}"
+    if "T" not in iso:
+        return None, f"DATE-OBS '{stated}' names no time of day"
+    try:
+        return iso_to_utc_ns(iso), None
+    except ValueError:
+        return None, f"DATE-OBS '{stated}' is not ISO 8601: the time of exposure is not known"
+
+
+def exposure_s(header: Mapping[str, Any]) -> float | None:
+    """Length of the exposure, from EXPTIME or EXPOSURE."""
+    for key in ("EXPTIME", "EXPOSURE"):
+        value = _number(header.get(key))
+        if value is not None and value > 0:
+            return value
+    return None
+
+
+def scale(header: Mapping[str, Any]) -> float | None:
+    """Plate scale in arcsec/px from focal length (mm) and pixel size (um), binning counted.
+
+    XPIXSZ is the size after binning by the FITS convention of MaxIm DL and INDI.
+    """
+    focal_length_mm = _number(header.get("FOCALLEN"))
+    pixel_um = _number(header.get("XPIXSZ"))
+    if pixel_um is None:
+        pixel_um = _number(header.get("PIXSIZE1"))
+        binning = _number(header.get("XBINNING")) or 1.0
+        pixel_um = None if pixel_um is None else pixel_um * binning
+    if not focal_length_mm or not pixel_um or focal_length_mm <= 0 or pixel_um <= 0:
+        return None
+    return 206.264806 * pixel_um / focal_length_mm
+
+
+def pointing_deg(header: Mapping[str, Any]) -> tuple[float | None, float | None]:
+    """RA and Dec in degrees: from RA/DEC, else OBJCTRA/OBJCTDEC.
+
+    A number is degrees; a sexagesimal RA is hours. (None, None) when one is missing or absurd.
+    """
+    for ra_key, dec_key in (("RA", "DEC"), ("OBJCTRA", "OBJCTDEC")):
+        ra_deg = _angle_deg(header.get(ra_key), 15.0)
+        dec_deg = _angle_deg(header.get(dec_key), 1.0)
+        if ra_deg is None or dec_deg is None:
+            continue
+        if 0.0 <= ra_deg <= 360.0 and -90.0 <= dec_deg <= 90.0:
+            return ra_deg % 360.0, dec_deg
+    return None, None
+
+
+def _number(value: Any) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
+    try:
+        number = float(value)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _angle_deg(value: Any, deg_per_unit: float) -> float | None:
+    """Degrees from a number (already degrees) or from sexagesimal text in units of its own."""
+    number = _number(value)
+    if number is not None:
+        return number
+    if not isinstance(value, str):
+        return None
+    parts = value.replace(":", " ").split()
+    if not 2 <= len(parts) <= 3:
+        return None
+    try:
+        whole, *rest = (float(part) for part in parts)
+    except ValueError:
+        return None
+    size = abs(whole) + sum(part / 60.0 ** (i + 1) for i, part in enumerate(rest))
+    return math.copysign(size, -1.0 if parts[0].startswith("-") else 1.0) * deg_per_unit
