@@ -24,7 +24,7 @@ class SensorModel:
     pixel_um: float = 3.8
     focal_length_mm: float = 620.0
     zero_point_mag: float = 21.812
-    """Magnitude that gives one electron a second above the atmosphere's mean extinction."""
+    """Magnitude that gives one electron a second, at the zenith under a clear sky."""
     e_per_adu12: float = 20000.0 / 4096.0
     offset_adu12: float = 21.0
     read_noise_e: float = 1.7
