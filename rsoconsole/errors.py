@@ -28,6 +28,10 @@ class InstrumentError(RsoconsoleError):
     """A camera, a mount or the INDI server did not do what was asked."""
 
 
+class OrbitError(RsoconsoleError):
+    """Orbital elements cannot be read or propagated."""
+
+
 class SessionError(RsoconsoleError):
     """A session cannot be opened or written."""
 

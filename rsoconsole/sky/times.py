@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from datetime import date
 from functools import lru_cache
 from importlib.resources import files
+from typing import overload
 
 import erfa
 import numpy as np
@@ -176,6 +177,11 @@ def gmst_deg(t_utc_ns: TimeLike) -> FloatArray:
     return np.asarray(np.degrees(erfa.gmst06(*jd_ut1(t_utc_ns), *jd_tt(t_utc_ns))))
 
 
-def lst_deg(longitude_deg: float, t_utc_ns: TimeLike) -> FloatArray:
+@overload
+def lst_deg(longitude_deg: float, t_utc_ns: int) -> float: ...
+@overload
+def lst_deg(longitude_deg: float, t_utc_ns: TimeLike) -> float | FloatArray: ...
+def lst_deg(longitude_deg: float, t_utc_ns: TimeLike) -> float | FloatArray:
     """Local apparent sidereal time, 0 to 360; longitude east positive."""
-    return np.asarray((gast_deg(t_utc_ns) + longitude_deg) % 360.0)
+    lst = (gast_deg(t_utc_ns) + longitude_deg) % 360.0
+    return float(lst) if np.ndim(lst) == 0 else np.asarray(lst)

@@ -1,0 +1,173 @@
+"""Where site, Earth and satellite are in GCRS, and the place that a plate solution measures.
+
+Kilometres and km/s along ICRS axes. Source of the Earth's motion and rotation: IAU SOFA by erfa
+(IAU 2006/2000A, with UT1 and polar motion from the IERS table).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import erfa
+import numpy as np
+
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky.angles import unit_to_direction
+from rsoconsole.sky.times import (
+    ARCSEC_RAD,
+    NS_PER_S,
+    IntArray,
+    TimeLike,
+    earth_orientation,
+    jd_tt,
+    jd_ut1,
+)
+
+LIGHT_KM_S = 299_792.458
+AU_KM = 149_597_870.7
+S_PER_DAY = 86_400.0
+_KNOT_NS = 3600 * NS_PER_S
+
+PositionOf = Callable[[IntArray], tuple[FloatArray, FloatArray]]
+"""GCRS position (N, 3) km and velocity (N, 3) km/s at instants (N,)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Places:
+    """Astrometric places of one object at N instants; every array starts with N."""
+
+    t_utc_ns: IntArray
+    ra_icrs_deg: FloatArray
+    dec_icrs_deg: FloatArray
+    range_km: FloatArray
+    ra_rate_deg_s: FloatArray
+    """Of the coordinate: multiply by cos dec for the rate on the sky."""
+    dec_rate_deg_s: FloatArray
+    position_gcrs_km: FloatArray
+    """(N, 3) when the light left."""
+    site_gcrs_km: FloatArray
+    """(N, 3) when the light arrived."""
+
+
+@lru_cache(maxsize=512)
+def _pole_knot(hour: int) -> tuple[float, float, float]:
+    """X, Y of the celestial pole and the locator s at a whole hour, radians."""
+    x, y, s = erfa.xys06a(*jd_tt(hour * _KNOT_NS))
+    return float(x), float(y), float(s)
+
+
+def cirs_to_gcrs(t_utc_ns: TimeLike) -> FloatArray:
+    """Rotation matrices (..., 3, 3) from the intermediate frame of date to GCRS.
+
+    Linear between whole hours: nutation bends by less than 1e-5 arcsec in that time.
+    """
+    t = np.asarray(t_utc_ns, np.int64)
+    hours = t // _KNOT_NS
+    fraction = ((t - hours * _KNOT_NS) / _KNOT_NS)[..., None]
+    unique, inverse = np.unique(hours, return_inverse=True)
+    knots = {int(h): _pole_knot(int(h)) for h in unique}
+    before = np.array([knots[int(h)] for h in unique])
+    after = np.array([_pole_knot(int(h) + 1) for h in unique])
+    at = inverse.reshape(t.shape)
+    xys = before[at] * (1.0 - fraction) + after[at] * fraction
+    return np.asarray(np.swapaxes(erfa.c2ixys(xys[..., 0], xys[..., 1], xys[..., 2]), -1, -2))
+
+
+def site_gcrs(site: Site, t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
+    """Position (..., 3) km and velocity (..., 3) km/s of a site on the turning Earth."""
+    orientation = earth_orientation(t_utc_ns)
+    pv = erfa.pvtob(
+        np.radians(site.longitude_deg),
+        np.radians(site.latitude_deg),
+        site.elevation_m,
+        orientation.pole_x_arcsec * ARCSEC_RAD,
+        orientation.pole_y_arcsec * ARCSEC_RAD,
+        erfa.sp00(*jd_tt(t_utc_ns)),
+        erfa.era00(*jd_ut1(t_utc_ns)),
+    )
+    rotation = cirs_to_gcrs(t_utc_ns)
+    return _rotate(rotation, pv["p"]) / 1000.0, _rotate(rotation, pv["v"]) / 1000.0
+
+
+def teme_to_gcrs_rotation(t_utc_ns: TimeLike) -> FloatArray:
+    """Rotation matrices (..., 3, 3) from SGP4's TEME (equinox by GMST 1982) to GCRS."""
+    ut1 = jd_ut1(t_utc_ns)
+    to_cirs = erfa.gmst82(*ut1) - erfa.era00(*ut1)
+    cos_a, sin_a = np.cos(to_cirs), np.sin(to_cirs)
+    zero, one = np.zeros_like(cos_a), np.ones_like(cos_a)
+    rows = [[cos_a, sin_a, zero], [-sin_a, cos_a, zero], [zero, zero, one]]
+    about_pole = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.asarray(cirs_to_gcrs(t_utc_ns) @ about_pole)
+
+
+def earth_velocity_km_s(t_utc_ns: TimeLike) -> FloatArray:
+    """Velocity (..., 3) of the Earth's centre about the barycentre of the solar system."""
+    _, barycentric = erfa.epv00(*jd_tt(t_utc_ns))
+    return np.asarray(barycentric["v"]) * (AU_KM / S_PER_DAY)
+
+
+def sun_gcrs_km(t_utc_ns: TimeLike) -> FloatArray:
+    """Vector (..., 3) from the Earth's centre to the Sun."""
+    heliocentric, _ = erfa.epv00(*jd_tt(t_utc_ns))
+    return -np.asarray(heliocentric["p"]) * AU_KM
+
+
+def astrometric_places(position_of: PositionOf, site: Site, t_utc_ns: IntArray) -> Places:
+    """Directions relative to catalogue stars, as a plate solution measures them.
+
+    u = r_object(t - tau) - r_site(t) - v_earth * tau: light time by iteration, and no annual
+    aberration, which the stars of the same plate share; but the object rides with the Earth, which
+    moved on while the light travelled. t_utc_ns: (N,).
+    """
+    t = np.atleast_1d(np.asarray(t_utc_ns, np.int64))
+    site_km, site_km_s = site_gcrs(site, t)
+    v_earth = earth_velocity_km_s(t)
+    position, velocity = position_of(t)
+    tau_s = np.linalg.norm(position - site_km, axis=-1) / LIGHT_KM_S
+    for _ in range(2):
+        position, velocity = position_of(t - np.rint(np.nan_to_num(tau_s) * NS_PER_S).astype(int))
+        u = position - site_km - v_earth * tau_s[:, None]
+        tau_s = np.linalg.norm(u, axis=-1) / LIGHT_KM_S
+    range_km = np.linalg.norm(u, axis=-1)
+    along = u / range_km[:, None]
+    tau_rate = np.sum(along * (velocity - site_km_s), axis=-1, keepdims=True) / LIGHT_KM_S
+    u_rate = velocity * (1.0 - tau_rate) - site_km_s - v_earth * tau_rate
+    ra_deg, dec_deg = unit_to_direction(u)
+    ra_rate, dec_rate = _angular_rates_deg_s(u, u_rate)
+    return Places(
+        t_utc_ns=t,
+        ra_icrs_deg=ra_deg,
+        dec_icrs_deg=dec_deg,
+        range_km=np.asarray(range_km),
+        ra_rate_deg_s=ra_rate,
+        dec_rate_deg_s=dec_rate,
+        position_gcrs_km=position,
+        site_gcrs_km=site_km,
+    )
+
+
+def line_of_sight_gcrs(
+    ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, t_utc_ns: IntArray
+) -> FloatArray:
+    """Unit vectors (N, 3) site to object that measured places mean: the inverse of the above.
+
+    Direction of u + v_earth/c, whatever the range; the object was there at t - tau.
+    """
+    ra, dec = np.radians(ra_icrs_deg), np.radians(dec_icrs_deg)
+    u = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
+    line = u + earth_velocity_km_s(t_utc_ns) / LIGHT_KM_S
+    return np.asarray(line / np.linalg.norm(line, axis=-1, keepdims=True))
+
+
+def _angular_rates_deg_s(u: FloatArray, u_rate: FloatArray) -> tuple[FloatArray, FloatArray]:
+    x, y, z = u.T
+    dx, dy, dz = u_rate.T
+    flat_2 = x * x + y * y
+    flat = np.sqrt(flat_2)
+    ra_rate = (x * dy - y * dx) / flat_2
+    dec_rate = (dz * flat - z * (x * dx + y * dy) / flat) / (flat_2 + z * z)
+    return np.degrees(ra_rate), np.degrees(dec_rate)
+
+
+def _rotate(rotation: FloatArray, vector: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("...ij,...j->...i", rotation, vector))
