@@ -68,6 +68,9 @@ class IndiConfig(_Section):
     mount: str = "Telescope Simulator"
     camera: str = "CCD Simulator"
     simulated: bool = Field(False, description="the server is rsoconsole's simulated observatory")
+    simulated_latency_s: float = Field(
+        0.5, ge=0, le=60, description="virtual time that processing a frame costs under simulation"
+    )
 
 
 class ExposureConfig(_Section):
@@ -80,6 +83,10 @@ class ExposureConfig(_Section):
         0.0, ge=-10, le=10, description="true shutter opening minus DATE-OBS"
     )
     timing_sigma_s: float = Field(0.005, ge=0, le=10)
+    readout_s: float = Field(1.0, ge=0, le=60, description="shutter to the end of the read-out")
+    frame_timeout_s: float = Field(
+        30.0, gt=0, le=600, description="wall clock, beyond the exposure"
+    )
 
 
 class MountConfig(_Section):
@@ -133,6 +140,9 @@ class SearchConfig(_Section):
     belt_step_fields: float = Field(0.75, gt=0, le=1)
     belt_fields: int = Field(7, ge=1, le=200)
     frames_per_field: int = Field(2, ge=1, le=20)
+    follow: Literal["nearest", "most confident"] = Field(
+        "nearest", description="which of several fitting detections the track takes"
+    )
     recentre: Literal["when needed", "every"] = "when needed"
     recentre_fraction: float = Field(0.25, gt=0, lt=0.5)
 

@@ -1,0 +1,99 @@
+"""Moves the mount and opens the shutter, each with a deadline; knows nothing of targets."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rsoconsole.config import Config
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.ports import Instruments, MountReport
+from rsoconsole.records import Frame
+from rsoconsole.sky.angles import separation_deg
+
+NS = 1_000_000_000
+POLL_NS = NS // 2
+SLEW_RATE_DEG_S = 2.0
+SLEW_OVERHEAD_S = 3.0
+
+
+class Interrupted(Exception):  # noqa: N818 -- a signal, not an error
+    """Somebody wants the loop's attention now (STOP, shutdown); never reaches an operator."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hands:
+    """The loop's way to the instruments."""
+
+    instruments: Instruments
+    config: Config
+    is_wanted: Callable[[], bool]
+    """True when the loop is to drop what it does."""
+
+    def now_utc_ns(self) -> int:
+        """The clock's present."""
+        return self.instruments.clock.now_utc_ns()
+
+    def wait_until(self, t_utc_ns: int) -> None:
+        """Let time pass in steps of at most a second. Raises Interrupted."""
+        clock = self.instruments.clock
+        while True:
+            if self.is_wanted():
+                raise Interrupted
+            now_ns = clock.now_utc_ns()
+            if now_ns >= t_utc_ns:
+                return
+            clock.wait_until(min(t_utc_ns, now_ns + NS))
+
+    def mount_report(self) -> MountReport:
+        """Where the mount says it is, no older than now under simulation."""
+        not_before = self.now_utc_ns() if self.instruments.clock.is_simulated else None
+        return self.instruments.mount.report(not_before)
+
+    def slew_estimate_s(self, distance_deg: float) -> float:
+        """Time to allow from the command to the settled mount."""
+        return SLEW_OVERHEAD_S + distance_deg / SLEW_RATE_DEG_S + self.config.mount.settle_s
+
+    def slew(self, ra_icrs_deg: float, dec_icrs_deg: float) -> MountReport:
+        """Send the mount there and wait for its arrival by read-back, then for it to settle.
+
+        Raises InstrumentError when it has not arrived in time, Interrupted on STOP.
+        """
+        mount = self.instruments.mount
+        started_ns = self.now_utc_ns()
+        mount.slew(ra_icrs_deg, dec_icrs_deg, started_ns)
+        limit_ns = started_ns + round(self.config.mount.slew_timeout_s * NS)
+        while True:
+            self.wait_until(self.now_utc_ns() + POLL_NS)
+            report = self.mount_report()
+            off_deg = separation_deg(
+                report.ra_icrs_deg, report.dec_icrs_deg, ra_icrs_deg, dec_icrs_deg
+            )
+            if not report.is_slewing and off_deg * 60.0 <= self.config.mount.arrival_arcmin:
+                break
+            if self.now_utc_ns() > limit_ns:
+                raise InstrumentError(
+                    f"the mount has not arrived after {self.config.mount.slew_timeout_s:.0f} s,"
+                    f" it is {off_deg * 60:.1f} arcmin off: look at it, then arm again"
+                )
+        self.wait_until(self.now_utc_ns() + round(self.config.mount.settle_s * NS))
+        return report
+
+    def expose(self, t_start_utc_ns: int, frame_id: int) -> Frame:
+        """Open the shutter at the instant and bring the frame.
+
+        Raises InstrumentError when no frame comes, Interrupted on STOP (the exposure is given up).
+        """
+        exposure = self.config.exposure
+        camera = self.instruments.camera
+        self.wait_until(t_start_utc_ns)
+        opened_ns = self.now_utc_ns()
+        camera.start_exposure(exposure.exposure_s, frame_id)
+        length_s = exposure.start_latency_s + exposure.exposure_s
+        if self.instruments.clock.is_simulated:
+            length_s += exposure.readout_s
+        try:
+            self.wait_until(opened_ns + math.ceil(length_s * NS))
+            return camera.wait_frame(exposure.frame_timeout_s)
+        except Interrupted:
+            camera.abort()
+            raise

@@ -1,0 +1,73 @@
+"""A streak in pixels and a plate solution make a direction on the sky with its covariance."""
+
+import math
+
+import numpy as np
+
+from rsoconsole.config import ExposureConfig
+from rsoconsole.records import Detection, Frame, Measurement, Solution, Source
+from rsoconsole.sky.wcs import jacobian_arcsec_px, pixel_to_sky
+
+CATALOGUE_FLOOR_ARCSEC = 0.3
+"""Tycho-2 places of epoch ~1991 without proper motion, averaged over a field."""
+
+
+def measure(
+    detection: Detection,
+    solution: Solution,
+    frame: Frame,
+    exposure: ExposureConfig,
+    source: Source = "network",
+) -> Measurement | None:
+    """The streak's midpoint on the sky at mid-exposure; None when the frame has no time.
+
+    The covariance is that of the midpoint along and across the streak, turned to the sky, plus
+    (rate x timing sigma)^2 along it, plus the plate solution's own error and the catalogue's
+    floor in every direction.
+    """
+    if frame.t_mid_utc_ns is None or frame.exposure_s is None:
+        return None
+    wcs = solution.wcs
+    x, y = detection.x_px, detection.y_px
+    ra, dec = pixel_to_sky(wcs, x, y)
+    ra_ends, dec_ends = pixel_to_sky(
+        wcs,
+        np.array([detection.x_a_px, detection.x_b_px]),
+        np.array([detection.y_a_px, detection.y_b_px]),
+    )
+    return Measurement(
+        frame_id=frame.frame_id,
+        t_mid_utc_ns=frame.t_mid_utc_ns + round(exposure.header_latency_s * 1e9),
+        ra_icrs_deg=float(ra),
+        dec_icrs_deg=float(dec),
+        cov_sky_arcsec2=_covariance(detection, solution, frame.exposure_s, exposure),
+        x_px=x,
+        y_px=y,
+        confidence=detection.confidence,
+        source=source,
+        ends_icrs_deg=(
+            None
+            if detection.method == "box"
+            else (
+                (float(ra_ends[0]), float(dec_ends[0])),
+                (float(ra_ends[1]), float(dec_ends[1])),
+            )
+        ),
+        is_clipped=detection.is_clipped,
+    )
+
+
+def _covariance(
+    detection: Detection, solution: Solution, exposure_s: float, exposure: ExposureConfig
+) -> tuple[float, float, float]:
+    jacobian = jacobian_arcsec_px(solution.wcs, detection.x_px, detection.y_px)
+    angle = math.radians(detection.angle_deg)
+    along = jacobian @ np.array([math.cos(angle), math.sin(angle)])
+    across = jacobian @ np.array([-math.sin(angle), math.cos(angle)])
+    timing_px = detection.length_px / exposure_s * exposure.timing_sigma_s
+    variance_along = detection.sigma_along_px**2 + timing_px**2
+    cov = variance_along * np.outer(along, along)
+    cov += detection.sigma_across_px**2 * np.outer(across, across)
+    plate_arcsec2 = solution.rms_arcsec**2 / max(solution.matched, 1)
+    cov += np.eye(2) * (plate_arcsec2 + CATALOGUE_FLOOR_ARCSEC**2)
+    return float(cov[0, 0]), float(cov[0, 1]), float(cov[1, 1])

@@ -1,0 +1,109 @@
+"""One frame to measurements: detect, solve, measure. The engine and every replay run this."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from rsoconsole.config import Config
+from rsoconsole.pipeline.measure import measure
+from rsoconsole.pipeline.plate import PlateFinder
+from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
+from rsoconsole.tracking.follow import Seen
+from rsoconsole.vision.detector import StreakDetector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reduction:
+    """All that one frame gave."""
+
+    detections: Detections
+    solution: Solution | NotSolved | None
+    """None when nobody asked for one."""
+    measurements: tuple[Measurement, ...]
+    star_count: int
+    fwhm_px: float | None
+    absence: str
+    """Why there is no measurement, when there is none."""
+    stage_ms: dict[str, float] = field(default_factory=dict)
+
+    def seen(self, frame: Frame, t_mid_utc_ns: int, exposure_s: float) -> Seen:
+        """What the track's fold is fed."""
+        return Seen(
+            frame_id=frame.frame_id,
+            t_mid_utc_ns=t_mid_utc_ns,
+            exposure_s=exposure_s,
+            measurements=self.measurements,
+            absence=self.absence,
+        )
+
+
+FEW_STARS = 8
+
+
+class FrameReducer:
+    """Detector and plate finder in the order of Algorithm 1."""
+
+    def __init__(self, detector: StreakDetector, plate: PlateFinder, config: Config) -> None:
+        self._detector = detector
+        self._plate = plate
+        self._config = config
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables; in force from the next frame."""
+        self._config = config
+        self._detector.configure(config.detector)
+        self._plate.configure(config)
+
+    def reduce(self, frame: Frame, *, always_solve: bool = False) -> Reduction:
+        """Detections, solution and measurements of one frame.
+
+        The plate is solved where something was detected, or always where the caller needs the
+        telescope's true direction. A detection whose frame cannot be solved makes no
+        measurement: the mount's word never poses as one. Raises FrameError, ModelError.
+        """
+        stage_ms: dict[str, float] = {}
+        with _timed(stage_ms, "detect"):
+            analysis = self._detector.analyse(frame)
+        found = analysis.detections
+        network_ms = found.stage_ms.get("network", 0.0) + found.stage_ms.get("fit", 0.0)
+        stage_ms["process"] = stage_ms["detect"] - network_ms
+        stage_ms["detect"] = network_ms
+        solution: Solution | NotSolved | None = None
+        if found.detections or always_solve:
+            with _timed(stage_ms, "solve"):
+                solution = self._plate.solve(frame, analysis.stars)
+        measurements: tuple[Measurement, ...] = ()
+        if isinstance(solution, Solution):
+            made = (measure(d, solution, frame, self._config.exposure) for d in found.detections)
+            measurements = tuple(m for m in made if m is not None)
+        return Reduction(
+            detections=found,
+            solution=solution,
+            measurements=measurements,
+            star_count=len(analysis.stars.x_px),
+            fwhm_px=analysis.stars.median_fwhm_px,
+            absence=_absence(found, solution, frame, len(analysis.stars.x_px)),
+            stage_ms=stage_ms,
+        )
+
+
+def _absence(
+    found: Detections, solution: Solution | NotSolved | None, frame: Frame, star_count: int
+) -> str:
+    if not found.detections:
+        if star_count < FEW_STARS:
+            return f"no detection, only {star_count} stars: cloud?"
+        return "no detection"
+    if isinstance(solution, NotSolved):
+        return f"detected, but not solved: {solution.reason}"
+    if frame.t_mid_utc_ns is None:
+        return "the frame has no time"
+    return "not measured"
+
+
+@contextmanager
+def _timed(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
+    started_s = time.perf_counter()
+    yield
+    stage_ms[stage] = (time.perf_counter() - started_s) * 1e3

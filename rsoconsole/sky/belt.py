@@ -1,0 +1,27 @@
+"""Where the geostationary belt lies for a site: its declination by hour angle, by parallax."""
+
+import math
+
+from rsoconsole.records import Site
+
+GEO_RADIUS_KM = 42164.17
+EARTH_RADIUS_KM = 6378.137
+EARTH_E2 = 0.00669437999014
+
+
+def belt_declination_deg(site: Site, hour_angle_deg: float) -> float:
+    """Topocentric declination of the belt at a topocentric hour angle (west positive).
+
+    The direction at this hour angle lies in a meridian plane of the sky through the site; the
+    belt crosses that plane once above the horizon. Geometry on the WGS84 ellipsoid; good to a
+    few arcminutes, far less than a field.
+    """
+    latitude = math.radians(site.latitude_deg)
+    normal_km = EARTH_RADIUS_KM / math.sqrt(1 - EARTH_E2 * math.sin(latitude) ** 2)
+    axis_km = (normal_km + site.elevation_m / 1e3) * math.cos(latitude)
+    height_km = (normal_km * (1 - EARTH_E2) + site.elevation_m / 1e3) * math.sin(latitude)
+    # In the equatorial plane, x along the site's meridian: |(axis, 0) + d (cos h, -sin h)| = GEO.
+    h = math.radians(hour_angle_deg)
+    along = axis_km * math.cos(h)
+    distance_km = -along + math.sqrt(along**2 + GEO_RADIUS_KM**2 - axis_km**2)
+    return math.degrees(math.atan2(-height_km, distance_km))

@@ -1,0 +1,101 @@
+"""Which measurement belongs to the object followed, and which two make a first track.
+
+Position alone does not tell neighbours apart: rate, streak direction and streak length are
+asked too. One streak does not tell which of its ends came first, so directions are compared
+modulo 180 degrees and before lock the displacement between two frames must match the streak.
+"""
+
+import math
+from dataclasses import dataclass
+
+from rsoconsole.records import Measurement
+from rsoconsole.sky.angles import wrap_180
+
+DIRECTION_TOLERANCE_DEG = 12.0
+LENGTH_TOLERANCE = 0.25
+SHORTEST_WITH_DIRECTION_ARCSEC = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """A displacement on the sky."""
+
+    east_arcsec: float
+    north_arcsec: float
+
+    @property
+    def length_arcsec(self) -> float:
+        """Its length."""
+        return math.hypot(self.east_arcsec, self.north_arcsec)
+
+    @property
+    def axis_deg(self) -> float:
+        """Position angle modulo 180 deg."""
+        return math.degrees(math.atan2(self.east_arcsec, self.north_arcsec)) % 180.0
+
+
+def motion_between(ra_a_deg: float, dec_a_deg: float, ra_b_deg: float, dec_b_deg: float) -> Motion:
+    """Displacement from a to b on the sky, small angles, safe across RA 0h."""
+    cos_dec = math.cos(math.radians((dec_a_deg + dec_b_deg) / 2.0))
+    return Motion(
+        float(wrap_180(ra_b_deg - ra_a_deg)) * cos_dec * 3600.0, (dec_b_deg - dec_a_deg) * 3600.0
+    )
+
+
+def streak_motion(measurement: Measurement) -> Motion | None:
+    """The streak itself as a displacement, sense unknown; None where its ends are not known."""
+    if measurement.ends_icrs_deg is None:
+        return None
+    (ra_a, dec_a), (ra_b, dec_b) = measurement.ends_icrs_deg
+    return motion_between(ra_a, dec_a, ra_b, dec_b)
+
+
+def axis_difference_deg(a_deg: float, b_deg: float) -> float:
+    """Angle between two undirected axes, 0 to 90."""
+    difference = abs(a_deg - b_deg) % 180.0
+    return min(difference, 180.0 - difference)
+
+
+def disagreement(measurement: Measurement, expected: Motion) -> str | None:
+    """Why the streak cannot be this motion during the exposure; None when it can.
+
+    ``expected`` is the motion over one exposure. A clipped streak has no length to compare, and
+    a short one no direction.
+    """
+    streak = streak_motion(measurement)
+    if streak is None:
+        return None
+    if min(streak.length_arcsec, expected.length_arcsec) > SHORTEST_WITH_DIRECTION_ARCSEC:
+        off_deg = axis_difference_deg(streak.axis_deg, expected.axis_deg)
+        if off_deg > DIRECTION_TOLERANCE_DEG:
+            return f"streak runs {off_deg:.0f} deg off the expected motion"
+    if measurement.is_clipped:
+        return None
+    allowed_arcsec = max(LENGTH_TOLERANCE * expected.length_arcsec, 10.0)
+    if abs(streak.length_arcsec - expected.length_arcsec) > allowed_arcsec:
+        return (
+            f"streak is {streak.length_arcsec:.0f} arcsec long,"
+            f" {expected.length_arcsec:.0f} expected"
+        )
+    return None
+
+
+def pair_disagreement(first: Measurement, second: Measurement, exposure_s: float) -> str | None:
+    """Why two measurements of successive frames cannot be one object; None when they can.
+
+    Their displacement, scaled to the exposure, must match the streaks in length and axis.
+    """
+    dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
+    if dt_s <= 0:
+        return "frames are not in order of time"
+    moved = motion_between(
+        first.ra_icrs_deg, first.dec_icrs_deg, second.ra_icrs_deg, second.dec_icrs_deg
+    )
+    in_exposure = Motion(
+        moved.east_arcsec * exposure_s / dt_s, moved.north_arcsec * exposure_s / dt_s
+    )
+    for measurement in (first, second):
+        reason = disagreement(measurement, in_exposure)
+        if reason is not None:
+            return reason
+    return None
