@@ -1,0 +1,285 @@
+"""Stars of a frame: centroids good to a few hundredths of a pixel, spread over the field.
+
+Candidates are the brightest places of blocks of a few pixels; each is then measured on the raw
+pixels with a Gaussian window that moves onto the star: an intensity-weighted centroid which
+neighbours and the sky's noise cannot pull (Bertin's XWIN, SExtractor manual, ch. 10).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import FloatArray, PixelArray
+from rsoconsole.vision.background import Background, Float32Array, local_background, resample
+from rsoconsole.vision.maps import block_maximum
+
+IntArray = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
+
+FWHM_PER_SIGMA = 2.3548
+MIN_SNR = 7.0
+MAX_STARS = 400
+
+_BLOCK_PX = 8
+_CANDIDATE_SIGMA = 5.0
+_TILES = (8, 6)
+_PROBE_STARS = 150
+_PROBE_HALF_PX = 10
+_PROBE_SIGMA_PX = 2.0
+_ITERATIONS = 8
+_DEFAULT_FWHM_PX = 2.5
+_MAX_PEAK_SHARE = 0.6
+"""Of the light in 3 x 3 pixels; more in one pixel is a hot pixel or a cosmic ray."""
+_MAX_AXIS_RATIO = 1.5
+_SHARPEST, _WIDEST = 0.62, 2.5
+"""Width relative to the median star beyond which it is none."""
+_SATURATED_SHARE = 0.95
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StarList:
+    """Point sources of one frame, brightest first; every array has one entry a star."""
+
+    x_px: FloatArray
+    """0 is the centre of the left pixel."""
+    y_px: FloatArray
+    flux: FloatArray
+    """ADU above the sky; too small for a saturated star."""
+    fwhm_px: FloatArray
+    snr: FloatArray
+    is_saturated: BoolArray
+    median_fwhm_px: float
+    """Of unsaturated stars; a guess of 2.5 where there are fewer than five."""
+
+    def __len__(self) -> int:
+        return int(self.x_px.size)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Measured:
+    """Windowed moments of candidates, one entry each."""
+
+    x_px: FloatArray
+    y_px: FloatArray
+    flux: FloatArray
+    fwhm_px: FloatArray
+    axis_ratio: FloatArray
+    peak_share: FloatArray
+    peak_adu: FloatArray
+    snr: FloatArray
+    shift_px: FloatArray
+    """From the brightest pixel to the centroid."""
+
+
+def find_stars(
+    pixels: PixelArray,
+    background: Background | None = None,
+    max_stars: int = MAX_STARS,
+    saturation_adu: float = 65535.0,
+) -> StarList:
+    """Measure up to ``max_stars`` stars of ``pixels`` (height, width), ADU.
+
+    Streaks (elongated), cosmic rays and hot pixels (sharper than the stars) and blends are left
+    out; saturated stars are kept and flagged. The selection takes the brightest of each part of
+    the field, so that no corner goes empty. ``background`` None: computed here.
+    """
+    sky = background or local_background(pixels)
+    x_px, y_px = _candidates(pixels, sky, 2 * max_stars)
+    fwhm_px = _psf_fwhm(pixels, sky, x_px[:_PROBE_STARS], y_px[:_PROBE_STARS], saturation_adu)
+    sigma_px = fwhm_px / FWHM_PER_SIGMA
+    half_px = max(5, int(np.ceil(4.0 * sigma_px)))
+    found = _measure(pixels, sky, x_px, y_px, sigma_px=sigma_px, half_px=half_px)
+    is_saturated = found.peak_adu >= _SATURATED_SHARE * saturation_adu
+    is_star = _is_point(found, is_saturated)
+    is_star &= found.shift_px < np.where(is_saturated, half_px, 1.5 + 0.5 * fwhm_px)
+    if np.count_nonzero(is_star & ~is_saturated) >= 5:
+        fwhm_px = float(np.median(found.fwhm_px[is_star & ~is_saturated]))
+    is_star &= is_saturated | (
+        (found.fwhm_px > _SHARPEST * fwhm_px) & (found.fwhm_px < _WIDEST * fwhm_px)
+    )
+    kept = np.flatnonzero(is_star)
+    kept = kept[np.argsort(-found.flux[kept], kind="stable")]
+    kept = _apart(found, kept, 2.0 * fwhm_px)
+    kept = kept[_spread(found.x_px[kept], found.y_px[kept], sky, max_stars)]
+    return StarList(
+        x_px=found.x_px[kept],
+        y_px=found.y_px[kept],
+        flux=found.flux[kept],
+        fwhm_px=found.fwhm_px[kept],
+        snr=found.snr[kept],
+        is_saturated=is_saturated[kept],
+        median_fwhm_px=fwhm_px,
+    )
+
+
+def _candidates(pixels: PixelArray, sky: Background, count: int) -> tuple[IntArray, IntArray]:
+    """Brightest pixels of blocks that stand out of the sky and of their eight neighbours."""
+    import cv2
+
+    height, width = pixels.shape
+    binning = 2 if min(height, width) >= 1024 else 1
+    rows, columns = height // _BLOCK_PX, width // _BLOCK_PX
+    whole = pixels[: rows * _BLOCK_PX, : columns * _BLOCK_PX]
+    bins: Any = whole
+    if binning > 1:
+        size = whole.shape[1] // binning, whole.shape[0] // binning
+        bins = cv2.resize(whole, size, interpolation=cv2.INTER_AREA)
+    brightest = block_maximum(bins, _BLOCK_PX // binning).astype(np.float32)
+    per_cell = sky.cell_px // _BLOCK_PX
+    excess = brightest - resample(sky.level, per_cell, rows, columns)
+    excess *= binning / resample(sky.noise, per_cell, rows, columns)
+    is_peak = (excess > _CANDIDATE_SIGMA) & (excess >= cv2.dilate(excess, np.ones((3, 3))))
+    row, column = np.nonzero(is_peak)
+    order = np.argsort(-excess[row, column], kind="stable")
+    row, column = row[order], column[order]
+    chosen = _spread(column * _BLOCK_PX, row * _BLOCK_PX, sky, count)
+    return _brightest_pixels(pixels, row[chosen], column[chosen], binning)
+
+
+def _brightest_pixels(
+    pixels: PixelArray, row: IntArray, column: IntArray, binning: int
+) -> tuple[IntArray, IntArray]:
+    """Where in each block the largest bin lies, then its largest pixel: (x_px, y_px)."""
+    offset = np.arange(_BLOCK_PX)
+    ys = (row[:, None] * _BLOCK_PX + offset)[:, :, None]
+    xs = (column[:, None] * _BLOCK_PX + offset)[:, None, :]
+    blocks = pixels[ys, xs].astype(np.float32)
+    count, n = blocks.shape[0], _BLOCK_PX // binning
+    bins = blocks.reshape(count, n, binning, n, binning).sum(axis=(2, 4))
+    best = np.argmax(bins.reshape(count, n * n), axis=1)
+    bin_y, bin_x = np.divmod(best, n)
+    return (
+        column * _BLOCK_PX + bin_x * binning + (binning - 1) // 2,
+        row * _BLOCK_PX + bin_y * binning + (binning - 1) // 2,
+    )
+
+
+def _spread(x_px: npt.ArrayLike, y_px: npt.ArrayLike, sky: Background, count: int) -> IntArray:
+    """Indices of up to ``count`` entries, the best of every tile first served, order kept.
+
+    Entries come best first. In each round every tile gives its next best.
+    """
+    across = np.asarray(x_px) * _TILES[0] // sky.width_px
+    down = np.asarray(y_px) * _TILES[1] // sky.height_px
+    tile = (down * _TILES[0] + across).astype(np.intp)
+    by_tile = np.argsort(tile, kind="stable")
+    first = np.searchsorted(tile[by_tile], tile[by_tile], side="left")
+    rank = np.empty(tile.size, dtype=np.intp)
+    rank[by_tile] = np.arange(tile.size) - first
+    return np.sort(np.argsort(rank, kind="stable")[:count])
+
+
+def _psf_fwhm(
+    pixels: PixelArray, sky: Background, x_px: IntArray, y_px: IntArray, saturation_adu: float
+) -> float:
+    """Median width of bright unsaturated stars, from a window wide enough for poor seeing."""
+    probe = _measure(pixels, sky, x_px, y_px, sigma_px=_PROBE_SIGMA_PX, half_px=_PROBE_HALF_PX)
+    is_saturated = probe.peak_adu >= _SATURATED_SHARE * saturation_adu
+    is_good = _is_point(probe, is_saturated) & ~is_saturated & (probe.snr > 2 * MIN_SNR)
+    if np.count_nonzero(is_good) < 5:
+        return _DEFAULT_FWHM_PX
+    return float(np.clip(np.median(probe.fwhm_px[is_good]), 1.2, 12.0))
+
+
+def _is_point(found: _Measured, is_saturated: BoolArray) -> BoolArray:
+    ok = (found.snr >= MIN_SNR) & (found.flux > 0) & np.isfinite(found.x_px + found.y_px)
+    ok &= (found.axis_ratio < _MAX_AXIS_RATIO) | is_saturated
+    ok &= (found.peak_share < _MAX_PEAK_SHARE) | is_saturated
+    return np.asarray(ok)
+
+
+def _apart(found: _Measured, kept: IntArray, distance_px: float) -> IntArray:
+    """Drop the fainter of two centroids that are the same star; ``kept`` is brightest first."""
+    x_px, y_px = found.x_px[kept], found.y_px[kept]
+    order = np.argsort(x_px, kind="stable")
+    is_double = np.zeros(kept.size, dtype=bool)
+    for step in range(1, 9):
+        a, b = order[:-step], order[step:]
+        close = np.hypot(x_px[a] - x_px[b], y_px[a] - y_px[b]) < distance_px
+        is_double[np.maximum(a, b)[close]] = True
+    return kept[~is_double]
+
+
+def _measure(
+    pixels: PixelArray,
+    sky: Background,
+    x0_px: IntArray,
+    y0_px: IntArray,
+    *,
+    sigma_px: float,
+    half_px: int,
+) -> _Measured:
+    """Windowed centroid, width and flux around each start pixel; edges of the frame are mirrored.
+
+    Gaussian window of ``sigma_px``; boxes of 2 half_px + 1. A width follows from the windowed
+    moment M by 1/C = 1/M - 1/W, exact for a Gaussian star in a Gaussian window.
+    """
+    offset = np.arange(-half_px, half_px + 1)
+    boxes, noise = _boxes(pixels, sky, x0_px, y0_px, half_px)
+    dx, dy = np.zeros(x0_px.size), np.zeros(x0_px.size)
+    for _ in range(_ITERATIONS):
+        total, mx, my, *_rest = _moments(boxes, offset, dx, dy, sigma_px)
+        # Twice the windowed offset: the window halves it where it is as wide as the star.
+        dx = np.clip(dx + 2.0 * mx, -half_px / 2, half_px / 2)
+        dy = np.clip(dy + 2.0 * my, -half_px / 2, half_px / 2)
+    wide_px = 1.5 * sigma_px
+    total, _, _, mxx, myy, mxy = _moments(boxes, offset, dx, dy, wide_px)
+    mean, half_gap = (mxx + myy) / 2, np.hypot((mxx - myy) / 2, mxy)
+    small, large = np.maximum(mean - half_gap, 1e-3), np.maximum(mean + half_gap, 1e-3)
+    inverse = np.maximum(1.0 / np.maximum(mean, 1e-3) - 1.0 / wide_px**2, 1e-2)
+    variance = 1.0 / inverse
+    matched, *_ = _moments(boxes, offset, dx, dy, sigma_px)
+    inner = boxes[:, half_px - 1 : half_px + 2, half_px - 1 : half_px + 2]
+    inner_sum = np.maximum(inner.sum(axis=(1, 2)), 1e-6)
+    return _Measured(
+        x_px=x0_px + dx,
+        y_px=y0_px + dy,
+        flux=np.asarray(total * (variance + wide_px**2) / wide_px**2),
+        fwhm_px=FWHM_PER_SIGMA * np.sqrt(variance),
+        axis_ratio=np.sqrt(large / small),
+        peak_share=inner.max(axis=(1, 2)) / inner_sum,
+        peak_adu=inner.max(axis=(1, 2)) + _levels(sky, x0_px, y0_px, sky.level),
+        snr=matched / (noise * np.sqrt(np.pi) * sigma_px),
+        shift_px=np.hypot(dx, dy),
+    )
+
+
+def _boxes(
+    pixels: PixelArray, sky: Background, x0_px: IntArray, y0_px: IntArray, half_px: int
+) -> tuple[FloatArray, FloatArray]:
+    """Pixels above the sky, (n, 2 half + 1, 2 half + 1), and the noise of one pixel, (n,)."""
+    offset = np.arange(-half_px, half_px + 1)
+    height, width = pixels.shape
+    ys = _mirror(y0_px[:, None] + offset, height)[:, :, None]
+    xs = _mirror(x0_px[:, None] + offset, width)[:, None, :]
+    boxes = pixels[ys, xs].astype(np.float64)
+    boxes -= _levels(sky, x0_px, y0_px, sky.level)[:, None, None]
+    return boxes, _levels(sky, x0_px, y0_px, sky.noise)
+
+
+def _mirror(index: IntArray, size: int) -> IntArray:
+    index = np.abs(index)
+    return np.where(index >= size, 2 * (size - 1) - index, index)
+
+
+def _levels(sky: Background, x_px: IntArray, y_px: IntArray, small: Float32Array) -> FloatArray:
+    rows = np.clip(y_px // sky.cell_px, 0, small.shape[0] - 1)
+    columns = np.clip(x_px // sky.cell_px, 0, small.shape[1] - 1)
+    return small[rows, columns].astype(np.float64)
+
+
+def _moments(
+    boxes: FloatArray, offset: IntArray, dx: FloatArray, dy: FloatArray, sigma_px: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Windowed sum, means and second moments about (dx, dy); the window is separable."""
+    ux, uy = offset - dx[:, None], offset - dy[:, None]
+    wx, wy = np.exp(-0.5 * (ux / sigma_px) ** 2), np.exp(-0.5 * (uy / sigma_px) ** 2)
+    along_x = boxes @ np.stack([wx, wx * ux, wx * ux**2], axis=-1)
+    s = np.stack([wy, wy * uy, wy * uy**2], axis=1) @ along_x
+    total = s[:, 0, 0]
+    safe = np.where(total > 0, total, np.inf)
+    mx, my = s[:, 0, 1] / safe, s[:, 1, 0] / safe
+    mxx, myy = s[:, 0, 2] / safe - mx**2, s[:, 2, 0] / safe - my**2
+    return total, mx, my, mxx, myy, s[:, 1, 1] / safe - mx * my
