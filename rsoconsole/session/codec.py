@@ -1,0 +1,208 @@
+"""Records to JSON and back, exactly.
+
+Floats go through their shortest round-trip form, tuples become arrays and come back as tuples,
+records inside records come back as themselves. NaN and infinities are refused: a missing value
+is None. Keys that this version does not know are passed over, so that a session written by a
+later one of the same schema stays readable.
+"""
+
+import json
+import math
+import types
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
+from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from rsoconsole.errors import SessionError
+from rsoconsole.records import (
+    CycleTiming,
+    Detections,
+    Event,
+    FrameTaken,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    ParameterChange,
+    SlewCommand,
+    Solution,
+    StateChange,
+    TrackState,
+)
+
+Record: TypeAlias = (
+    FrameTaken
+    | Detections
+    | Solution
+    | NotSolved
+    | Measurement
+    | NotFollowed
+    | Miss
+    | TrackState
+    | SlewCommand
+    | StateChange
+    | ParameterChange
+    | OperatorAction
+    | CycleTiming
+    | Event
+)
+"""What the log of a session holds."""
+
+KINDS: Mapping[str, type] = types.MappingProxyType(
+    {record.__name__: record for record in get_args(Record)}
+)
+"""Record types by the name the log's column ``kind`` carries."""
+
+_Decoder: TypeAlias = Callable[[Any], Any]
+
+
+def encode(record: Record) -> tuple[str, int | None, str]:
+    """(kind, frame_id or None, JSON body) of one record.
+
+    Raises SessionError for what is no record of the log, for NaN and infinities, and for values
+    that JSON cannot carry.
+    """
+    kind = type(record).__name__
+    if KINDS.get(kind) is not type(record):
+        raise SessionError(f"{kind} is not a record of a session")
+    body = json.dumps(_plain(record, kind), ensure_ascii=False, separators=(",", ":"))
+    return kind, getattr(record, "frame_id", None), body
+
+
+def decode(kind: str, body: str) -> Record:
+    """The record that ``encode`` was given.
+
+    Raises SessionError when the kind is unknown or the body is not such a record.
+    """
+    record_type = KINDS.get(kind)
+    if record_type is None:
+        raise SessionError(f"this version knows no record {kind!r}: update rsoconsole")
+    try:
+        decoded: Record = _decoder(record_type)(json.loads(body))
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise SessionError(f"a {kind} of this session is damaged: {error}") from error
+    return decoded
+
+
+def to_json_value(value: Any, where: str = "value") -> Any:
+    """``value`` as JSON carries it: dicts, lists, strings, finite numbers, None.
+
+    Raises SessionError naming the place of what does not fit.
+    """
+    return _plain(value, where)
+
+
+def _plain(value: Any, where: str) -> Any:
+    if value is None or isinstance(value, (bool, str)):
+        return value
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, (int, float)):
+        if not math.isfinite(value):
+            raise SessionError(f"{where} is {value}: a missing value is None")
+        return value
+    if isinstance(value, (tuple, list)):
+        return [_plain(item, where) for item in value]
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item, f"{where}.{key}") for key, item in value.items()}
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _plain(getattr(value, f.name), f"{where}.{f.name}") for f in fields(value)}
+    raise SessionError(f"{where} is a {type(value).__name__}, which JSON cannot carry")
+
+
+@cache
+def _decoder(hint: Any) -> _Decoder:
+    if hint is float:
+        return _to_float
+    if hint is int:
+        return _to_int
+    if hint is str or get_origin(hint) is Literal:
+        return _to_str
+    if hint is bool:
+        return _to_bool
+    if is_dataclass(hint):
+        return _record_decoder(hint)
+    return _container_decoder(hint)
+
+
+def _container_decoder(hint: Any) -> _Decoder:
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        return _union_decoder(arguments)
+    if origin is tuple and arguments[1:] == (Ellipsis,):
+        item = _decoder(arguments[0])
+        return lambda value: tuple(item(part) for part in value)
+    if origin is tuple:
+        items = tuple(_decoder(argument) for argument in arguments)
+        return lambda value: tuple(
+            decode_item(part) for decode_item, part in zip(items, value, strict=True)
+        )
+    if origin is not None and issubclass(origin, Mapping):
+        member = _decoder(arguments[1])
+        return lambda value: {key: member(part) for key, part in value.items()}
+    if hint is Any:
+        return lambda value: value
+    raise TypeError(f"the session cannot carry {hint}")
+
+
+def _union_decoder(arguments: tuple[Any, ...]) -> _Decoder:
+    takes_text = str in arguments
+    others = [_decoder(a) for a in arguments if a not in (str, type(None))]
+    is_optional = type(None) in arguments
+
+    def read(value: Any) -> Any:
+        if value is None and is_optional:
+            return None
+        if takes_text and isinstance(value, str):
+            return value
+        if not others:
+            raise ValueError(f"{value!r} where text belongs")
+        return others[0](value)
+
+    return read
+
+
+def _record_decoder(record_type: Any) -> _Decoder:
+    hints = get_type_hints(record_type)
+    members = {f.name: _decoder(hints[f.name]) for f in fields(record_type)}
+    required = {
+        f.name for f in fields(record_type) if f.default is MISSING and f.default_factory is MISSING
+    }
+
+    def read(value: Any) -> Any:
+        missing = required - value.keys()
+        if missing:
+            raise KeyError(f"no {', '.join(sorted(missing))}")
+        return record_type(
+            **{name: member(value[name]) for name, member in members.items() if name in value}
+        )
+
+    return read
+
+
+def _to_float(value: Any) -> float:
+    if not isinstance(value, (int, float)) or isinstance(value, bool) or not math.isfinite(value):
+        raise ValueError(f"{value!r} where a number belongs")
+    return float(value)
+
+
+def _to_int(value: Any) -> int:
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise ValueError(f"{value!r} where a whole number belongs")
+    return value
+
+
+def _to_str(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{value!r} where text belongs")
+    return value
+
+
+def _to_bool(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise ValueError(f"{value!r} where true or false belongs")
+    return value

@@ -1,0 +1,166 @@
+"""The session's database: a public interface with a version.
+
+``log`` is the truth: every record in the order in which the engine made it, as JSON. The views
+spread the records into columns for SQL; SQLite may round their decimals in the last digit, the
+JSON is exact. A new version adds; it never renames nor rewrites.
+"""
+
+DATABASE = "session.db"
+FRAMES = "frames"
+PREVIEWS = "previews"
+CONFIG = "config.toml"
+
+SCHEMA_VERSION = 1
+APPLICATION_ID = 0x52534F43
+"""``RSOC`` in the database's header: tells a session from any other SQLite file."""
+
+TABLES = """
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE log (
+  seq INTEGER PRIMARY KEY,
+  t_utc_ns INTEGER NOT NULL,
+  kind TEXT NOT NULL,
+  frame_id INTEGER,
+  body TEXT NOT NULL
+);
+CREATE INDEX log_kind ON log (kind, frame_id);
+CREATE TABLE files (
+  frame_id INTEGER NOT NULL,
+  role TEXT NOT NULL,
+  path TEXT,
+  bytes INTEGER,
+  ms REAL,
+  reason TEXT,
+  PRIMARY KEY (frame_id, role)
+) WITHOUT ROWID;
+"""
+
+_KINDS_BY_VIEW = {
+    "solutions": "Solution",
+    "measurements": "Measurement",
+    "track": "TrackState",
+    "slews": "SlewCommand",
+    "misses": "Miss",
+    "states": "StateChange",
+    "parameters": "ParameterChange",
+    "actions": "OperatorAction",
+    "events": "Event",
+}
+
+_COLUMNS_BY_VIEW = {
+    "solutions": (
+        "ra_icrs_deg dec_icrs_deg scale_arcsec_px rotation_deg is_flipped matched rms_arcsec "
+        "path ms wcs"
+    ),
+    "measurements": (
+        "t_mid_utc_ns ra_icrs_deg dec_icrs_deg x_px y_px confidence source is_clipped "
+        "cov_ee_arcsec2=cov_sky_arcsec2[0] cov_en_arcsec2=cov_sky_arcsec2[1] "
+        "cov_nn_arcsec2=cov_sky_arcsec2[2] ends_icrs_deg"
+    ),
+    "track": (
+        "step=kind t_state_utc_ns=t_utc_ns ra_icrs_deg=x[0] ra_rate_deg_s=x[1] "
+        "dec_icrs_deg=x[2] dec_rate_deg_s=x[3] covariance=P nis "
+        "innovation_east_arcsec=innovation_arcsec[0] innovation_north_arcsec=innovation_arcsec[1] "
+        "sigma_east_arcsec=sigma_innovation_arcsec[0] "
+        "sigma_north_arcsec=sigma_innovation_arcsec[1] misses"
+    ),
+    "slews": "ra_icrs_deg dec_icrs_deg t_aim_utc_ns reason",
+    "misses": "reason",
+    "states": "before after reason",
+    "parameters": "name before after by",
+    "actions": "verb arguments outcome by",
+    "events": "level text",
+}
+"""``column=place`` where the record's field is not the column."""
+
+_CANDIDATE = (
+    "confidence x_px y_px x_a_px y_a_px x_b_px y_b_px length_px width_px snr sigma_along_px "
+    "sigma_across_px is_clipped method x0_px=box_px[0] y0_px=box_px[1] x1_px=box_px[2] "
+    "y1_px=box_px[3]"
+)
+
+_FRAMES_VIEW = """
+CREATE VIEW frames AS SELECT log.seq, log.t_utc_ns, log.frame_id,
+  json_extract(body, '$.name') AS name,
+  json_extract(body, '$.t_start_utc_ns') AS t_start_utc_ns,
+  json_extract(body, '$.exposure_s') AS exposure_s,
+  json_extract(body, '$.width_px') AS width_px,
+  json_extract(body, '$.height_px') AS height_px,
+  json_extract(body, '$.pointing_ra_icrs_deg') AS pointing_ra_icrs_deg,
+  json_extract(body, '$.pointing_dec_icrs_deg') AS pointing_dec_icrs_deg,
+  kept.path AS file, kept.bytes AS file_bytes, kept.reason AS not_kept_because,
+  shown.path AS preview
+FROM log
+LEFT JOIN files AS kept ON kept.frame_id = log.frame_id AND kept.role = 'frame'
+LEFT JOIN files AS shown ON shown.frame_id = log.frame_id AND shown.role = 'preview'
+WHERE kind = 'FrameTaken';
+"""
+
+_NOT_SOLVED = """
+CREATE VIEW not_solved AS SELECT seq, t_utc_ns, frame_id,
+  json_extract(body, '$.reason') AS reason, json_extract(body, '$.ms') AS ms
+FROM log WHERE kind = 'NotSolved';
+"""
+
+_NOT_FOLLOWED = """
+CREATE VIEW not_followed AS SELECT seq, t_utc_ns, frame_id,
+  json_extract(body, '$.measurement.ra_icrs_deg') AS ra_icrs_deg,
+  json_extract(body, '$.measurement.dec_icrs_deg') AS dec_icrs_deg,
+  json_extract(body, '$.reason') AS reason
+FROM log WHERE kind = 'NotFollowed';
+"""
+
+_TIMINGS = """
+CREATE VIEW timings AS SELECT seq, t_utc_ns, frame_id, stage.key AS stage, stage.value AS ms
+FROM log, json_each(body, '$.stage_ms') AS stage WHERE kind = 'CycleTiming';
+"""
+
+
+VIEWS = (
+    "frames",
+    "detections",
+    "rejections",
+    "not_solved",
+    "not_followed",
+    "timings",
+    *_KINDS_BY_VIEW,
+)
+"""Names of the public views."""
+
+
+def _columns(spec: str, body: str, prefix: str = "$.") -> str:
+    """SQL of the columns in ``spec``, taken out of the JSON in ``body``."""
+    pairs = [word.partition("=") for word in spec.split()]
+    return ", ".join(
+        f"json_extract({body}, '{prefix}{place or name}') AS {name}" for name, _, place in pairs
+    )
+
+
+def _candidates(view: str, member: str, prefix: str, extra: str) -> str:
+    return (
+        f"CREATE VIEW {view} AS SELECT seq, t_utc_ns, log.frame_id AS frame_id, "
+        f"one.key AS number, {_columns(_CANDIDATE, 'one.value', prefix)}{extra} "
+        f"FROM log, json_each(body, '$.{member}') AS one WHERE log.kind = 'Detections';\n"
+    )
+
+
+def create_script() -> str:
+    """SQL that makes an empty session database: tables, then the public views."""
+    views = [
+        f"CREATE VIEW {view} AS SELECT seq, t_utc_ns, frame_id, "
+        f"{_columns(_COLUMNS_BY_VIEW[view], 'body')} FROM log WHERE kind = '{kind}';\n"
+        for view, kind in _KINDS_BY_VIEW.items()
+    ]
+    rejected_because = ", json_extract(one.value, '$.reason') AS reason"
+    return "".join(
+        [
+            TABLES,
+            _FRAMES_VIEW,
+            _candidates("detections", "detections", "$.", ""),
+            _candidates("rejections", "rejected", "$.detection.", rejected_because),
+            _NOT_SOLVED,
+            _NOT_FOLLOWED,
+            *views,
+            _TIMINGS,
+        ]
+    )

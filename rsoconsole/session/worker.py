@@ -1,0 +1,57 @@
+"""Slow work on a thread of its own, with a bound on what may wait for it."""
+
+import threading
+from collections import deque
+from collections.abc import Callable
+
+
+class BoundedWorker:
+    """Runs jobs one after another; takes no more than ``most`` at a time, the running included."""
+
+    def __init__(self, name: str, most: int) -> None:
+        self._most = most
+        self._jobs: deque[Callable[[], None]] = deque()
+        self._is_running_job = False
+        self._is_closing = False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def submit(self, job: Callable[[], None]) -> bool:
+        """Take a job, which must not raise; False when there is no room for it."""
+        with self._changed:
+            if self._is_closing or len(self._jobs) + self._is_running_job >= self._most:
+                return False
+            self._jobs.append(job)
+            self._changed.notify_all()
+        return True
+
+    def drain(self, timeout_s: float) -> bool:
+        """Wait until nothing is left to do; False when that takes longer."""
+        with self._changed:
+            return self._changed.wait_for(
+                lambda: not self._jobs and not self._is_running_job, timeout_s
+            )
+
+    def close(self, timeout_s: float) -> bool:
+        """Finish what was taken and end the thread; False when it would not end in time."""
+        with self._changed:
+            self._is_closing = True
+            self._changed.notify_all()
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: bool(self._jobs) or self._is_closing)
+                if not self._jobs:
+                    return
+                job = self._jobs.popleft()
+                self._is_running_job = True
+            try:
+                job()
+            finally:
+                with self._changed:
+                    self._is_running_job = False
+                    self._changed.notify_all()

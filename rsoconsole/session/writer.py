@@ -1,0 +1,222 @@
+"""The engine's pen: records, frames and previews of a live session.
+
+Nothing here waits for a disk or raises because of one: the telescope goes on, and ``faults``
+says what the record lacks.
+"""
+
+import json
+import shutil
+import sqlite3
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.config import Config
+from rsoconsole.config_file import config_to_toml
+from rsoconsole.errors import SessionError
+from rsoconsole.records import Frame
+from rsoconsole.session.codec import Record, to_json_value
+from rsoconsole.session.faults import Faults
+from rsoconsole.session.frame_files import compress_frame, encode_preview, write_beside_and_rename
+from rsoconsole.session.log_writer import KeptFile, LogWriter, leave_wal
+from rsoconsole.session.schema import (
+    APPLICATION_ID,
+    CONFIG,
+    DATABASE,
+    FRAMES,
+    PREVIEWS,
+    SCHEMA_VERSION,
+    create_script,
+)
+from rsoconsole.session.worker import BoundedWorker
+
+MAX_FRAMES_WAITING = 3
+MAX_PREVIEWS_WAITING = 8
+RESERVE_BYTES = 200_000_000
+"""Frames are given up below this much free disk: the log must have room."""
+
+
+class SessionWriter:
+    """The one writer of a session. Its methods may be called from any thread."""
+
+    @classmethod
+    def create(
+        cls,
+        folder: Path,
+        config: Config,
+        about: Mapping[str, Any],
+        *,
+        on_fault: Callable[[str], None] | None = None,
+        reserve_bytes: int = RESERVE_BYTES,
+    ) -> "SessionWriter":
+        """Begin a session in a new or empty folder.
+
+        ``about`` goes into the table ``meta``: title, model_sha256, versions, clock_offset_s and
+        whatever else JSON can carry. ``on_fault`` is called, from another thread, with each new
+        fault in words. Raises SessionError when the folder cannot be used.
+        """
+        database = folder / DATABASE
+        if database.exists():
+            raise SessionError(f"{folder} already holds a session: name another folder")
+        facts = {
+            "schema_version": SCHEMA_VERSION,
+            "config": config.model_dump(mode="json"),
+            "is_closed": False,
+            **{key: to_json_value(value, key) for key, value in about.items()},
+        }
+        try:
+            for part in (folder, folder / FRAMES, folder / PREVIEWS):
+                part.mkdir(parents=True, exist_ok=True)
+            (folder / CONFIG).write_text(config_to_toml(config), encoding="utf-8")
+            _create_database(database, facts)
+        except (OSError, ValueError, sqlite3.Error) as error:
+            raise SessionError(
+                f"no session can be begun in {folder}: {error}; "
+                "free some disk or name another folder with --session"
+            ) from error
+        return cls(folder, on_fault, reserve_bytes)
+
+    def __init__(
+        self, folder: Path, on_fault: Callable[[str], None] | None, reserve_bytes: int
+    ) -> None:
+        self.folder = folder
+        self._reserve_bytes = reserve_bytes
+        self._faults = Faults(on_fault)
+        self._is_closed = False
+        self._log = LogWriter(folder / DATABASE, self._faults, _connect)
+        self._frames = BoundedWorker("session-frames", MAX_FRAMES_WAITING)
+        self._previews = BoundedWorker("session-previews", MAX_PREVIEWS_WAITING)
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What the record lacks at this moment, in words; empty when all is well."""
+        return self._faults.texts()
+
+    def append(self, record: Record, t_utc_ns: int) -> int:
+        """Record what happened at ``t_utc_ns``; returns its place in the log, at once.
+
+        Mappings inside the record must not be changed afterwards.
+        """
+        return self._log.put(record, t_utc_ns)
+
+    def save_frame(self, frame: Frame, fits: bytes | None = None) -> bool:
+        """Keep a frame's pixels, compressed without loss on another thread.
+
+        ``fits`` is the file as the camera gave it. The pixels must not be changed afterwards.
+        False when the frame is given up because too many wait; the session says so too.
+        """
+        is_taken = self._frames.submit(lambda: self._keep_frame(frame, fits))
+        if not is_taken:
+            self._give_up(frame.frame_id, "frame", "frames come faster than the disk takes them")
+        return is_taken
+
+    def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
+        """Keep a small picture of the frame, (height, width) or (height, width, 3), as PNG."""
+        is_taken = self._previews.submit(lambda: self._keep_preview(frame_id, picture))
+        if not is_taken:
+            self._give_up(frame_id, "preview", "previews come faster than the disk takes them")
+        return is_taken
+
+    def flush(self, timeout_s: float = 5.0) -> bool:
+        """Wait until the disk has every record appended so far; False when it has not."""
+        return self._log.flush(timeout_s)
+
+    def close(self, timeout_s: float = 30.0) -> None:
+        """Finish frames and log, and leave the session as one database file anyone can open."""
+        if self._is_closed:
+            return
+        self._is_closed = True
+        if not (self._frames.close(timeout_s) and self._previews.close(timeout_s)):
+            self._faults.report("close", f"frames were still unwritten after {timeout_s:g} s")
+        if not self._log.close(timeout_s):
+            return
+        try:
+            with _connect(self.folder / DATABASE) as connection:
+                connection.execute("UPDATE meta SET value = 'true' WHERE key = 'is_closed'")
+            connection.close()
+            leave_wal(self.folder / DATABASE, _connect, min(timeout_s, 3.0))
+        except sqlite3.Error as error:
+            self._faults.report("close", f"the session is complete but still in two files: {error}")
+
+    def _keep_frame(self, frame: Frame, fits: bytes | None) -> None:
+        path = self.folder / FRAMES / f"{frame.frame_id:06d}.fits.fz"
+        try:
+            free_bytes = shutil.disk_usage(self.folder).free
+            if free_bytes < self._reserve_bytes:
+                raise OSError(f"only {free_bytes / 1e6:.0f} MB of disk are free")
+            began = time.perf_counter()
+            content = compress_frame(frame, fits)
+            write_beside_and_rename(path, content, must_last=True)
+        except (OSError, ValueError, TypeError) as error:
+            self._give_up(frame.frame_id, "frame", str(error))
+            return
+        self._faults.clear("frame")
+        self._kept(frame.frame_id, "frame", path, len(content), began)
+
+    def _keep_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> None:
+        path = self.folder / PREVIEWS / f"{frame_id:06d}.png"
+        try:
+            began = time.perf_counter()
+            content = encode_preview(picture)
+            write_beside_and_rename(path, content, must_last=False)
+        except (OSError, ValueError, TypeError) as error:
+            self._give_up(frame_id, "preview", str(error))
+            return
+        self._faults.clear("preview")
+        self._kept(frame_id, "preview", path, len(content), began)
+
+    def _kept(self, frame_id: int, role: str, path: Path, size: int, began: float) -> None:
+        self._log.put_file(
+            KeptFile(
+                frame_id=frame_id,
+                role=role,
+                path=str(path.relative_to(self.folder)),
+                bytes=size,
+                ms=(time.perf_counter() - began) * 1e3,
+                reason=None,
+            )
+        )
+
+    def _give_up(self, frame_id: int, role: str, reason: str) -> None:
+        self._faults.report(role, f"the {role} of exposure {frame_id} is not kept: {reason}")
+        self._log.put_file(
+            KeptFile(frame_id=frame_id, role=role, path=None, bytes=None, ms=None, reason=reason)
+        )
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    # mode=rw: a database that has vanished is a fault, never silently a new empty one.
+    connection = sqlite3.connect(
+        f"{path.resolve().as_uri()}?mode=rw", uri=True, timeout=2.0, isolation_level=None
+    )
+    connection.execute("PRAGMA synchronous=FULL")
+    return connection
+
+
+def _create_database(path: Path, facts: Mapping[str, Any]) -> None:
+    """Make the database beside its place and rename it, so that no reader meets half of one."""
+    beside = path.with_name(path.name + ".part")
+    beside.unlink(missing_ok=True)
+    connection = sqlite3.connect(beside, isolation_level=None)
+    try:
+        connection.execute(f"PRAGMA application_id={APPLICATION_ID}")
+        connection.execute(f"PRAGMA user_version={SCHEMA_VERSION}")
+        connection.executescript(f"BEGIN;{create_script()}COMMIT;")
+        connection.execute("BEGIN")
+        connection.executemany(
+            "INSERT INTO meta (key, value) VALUES (?, ?)",
+            [(key, json.dumps(value)) for key, value in facts.items()],
+        )
+        connection.execute("COMMIT")
+    finally:
+        connection.close()
+    beside.replace(path)
+    connection = _connect(path)
+    try:
+        connection.execute("PRAGMA journal_mode=WAL")
+    finally:
+        connection.close()
