@@ -1,0 +1,182 @@
+"""The linear quadratic estimator: constant rates in right ascension and declination.
+
+x = [alpha, alpha rate, delta, delta rate] in deg and deg/s; alpha stays in 0 to 360 and
+innovations are wrapped, so RA 0h is no place of its own. Presets: ``paper`` has Q, R and P0 of
+Jordan et al. (arXiv 2304.06227) with sigma in degrees, fixed whatever the time between frames;
+``tuned`` takes Q from the true time step (white-noise acceleration on the sky), R from each
+measurement's own covariance and P0 from the two points. The operator's multipliers scale the Q
+and R of either. Source of the filter: Bar-Shalom, Li & Kirubarajan 2001, chapters 5 and 6.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from rsoconsole.config import FilterConfig
+from rsoconsole.records import FloatArray, Measurement, TrackState
+from rsoconsole.sky.angles import wrap_180, wrap_360
+
+ARCSEC_PER_DEG = 3600.0
+SIGMA_FLOOR_ARCSEC = 0.3
+"""Catalogue positions are no better: epoch 1991 without proper motion."""
+_MIN_COS_DEC = 1e-3
+
+C = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+
+
+def initialise(first: Measurement, second: Measurement, settings: FilterConfig) -> TrackState:
+    """Track at the second of two measurements: its angles, and the slope between the two.
+
+    Raises ValueError when the second is not the later one.
+    """
+    dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
+    if dt_s <= 0.0:
+        raise ValueError(f"a track needs its second measurement after the first, not {dt_s:+.3f} s")
+    ra_rate = wrap_180(second.ra_icrs_deg - first.ra_icrs_deg) / dt_s
+    dec_rate = (second.dec_icrs_deg - first.dec_icrs_deg) / dt_s
+    x = np.array([second.ra_icrs_deg, ra_rate, second.dec_icrs_deg, dec_rate])
+    return _state(
+        "initial",
+        second.frame_id,
+        second.t_mid_utc_ns,
+        x,
+        _initial_covariance(first, second, settings),
+    )
+
+
+def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
+    """The track carried to another instant, for the frame ``frame_id``.
+
+    ``misses`` counts that frame as missed until ``update`` takes a measurement of it.
+    """
+    kalman = _kalman(state)
+    dt_s = (t_utc_ns - state.t_utc_ns) / 1e9
+    kalman.predict(F=transition(dt_s), Q=process_noise(dt_s, state.x[2], settings))
+    return _state("predicted", frame_id, t_utc_ns, kalman.x, kalman.P, misses=state.misses + 1)
+
+
+def update(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:
+    """The track after a measurement at the predicted instant, with what the innovation says.
+
+    Raises ValueError when the measurement belongs to another instant: predict to it first.
+    """
+    if measurement.t_mid_utc_ns != predicted.t_utc_ns:
+        raise ValueError("the measurement and the prediction are of different instants")
+    kalman = _kalman(predicted)
+    z = np.array([measurement.ra_icrs_deg, measurement.dec_icrs_deg])
+    # Measured right ascension on the branch that lies nearest to the prediction.
+    z[0] = kalman.x[0] + wrap_180(z[0] - kalman.x[0])
+    kalman.update(z, R=measurement_noise(measurement, settings))
+    cos_dec = _cos_dec(predicted.x[2])
+    to_sky = np.array([cos_dec, 1.0]) * ARCSEC_PER_DEG
+    innovation, sigma = kalman.y * to_sky, np.sqrt(np.diag(kalman.S)) * to_sky
+    return _state(
+        "updated",
+        measurement.frame_id,
+        measurement.t_mid_utc_ns,
+        kalman.x,
+        kalman.P,
+        nis=float(kalman.y @ kalman.SI @ kalman.y),
+        innovation_arcsec=(float(innovation[0]), float(innovation[1])),
+        sigma_innovation_arcsec=(float(sigma[0]), float(sigma[1])),
+    )
+
+
+def is_gated_out(nis: float, settings: FilterConfig) -> bool:
+    """Whether an innovation is too large to belong to the track."""
+    return nis > settings.gate_nis
+
+
+def direction_icrs_deg(state: TrackState) -> tuple[float, float]:
+    """RA and Dec of the track at its instant."""
+    return state.x[0], state.x[2]
+
+
+def sky_covariance_arcsec2(state: TrackState) -> FloatArray:
+    """Covariance (2, 2) of the track's direction, (east, north)."""
+    to_sky = np.array([_cos_dec(state.x[2]), 1.0]) * ARCSEC_PER_DEG
+    return np.asarray(C @ np.array(state.P) @ C.T * np.outer(to_sky, to_sky))
+
+
+def sky_rate_arcsec_s(state: TrackState) -> tuple[float, float]:
+    """Motion on the sky, (east, north)."""
+    return (
+        state.x[1] * _cos_dec(state.x[2]) * ARCSEC_PER_DEG,
+        state.x[3] * ARCSEC_PER_DEG,
+    )
+
+
+def transition(dt_s: float) -> FloatArray:
+    """F = expm(A dt); A squared is zero, so the series ends after its second term."""
+    A = np.zeros((4, 4))
+    A[0, 1] = A[2, 3] = 1.0
+    return np.asarray(np.eye(4) + A * dt_s)
+
+
+def process_noise(dt_s: float, dec_deg: float, settings: FilterConfig) -> FloatArray:
+    """Q (4, 4) in deg and deg/s; a negative dt gives that of going back in time."""
+    if settings.preset == "paper":
+        sigma = settings.sigma_arcsec / ARCSEC_PER_DEG
+        diagonal = np.array([500.0 * sigma, sigma / 100.0, sigma / 5.0, sigma / 100.0])
+        return np.asarray(np.diag(diagonal) * settings.q_multiplier)
+    q = settings.q_arcsec2_s3 * settings.q_multiplier / ARCSEC_PER_DEG**2
+    span = abs(dt_s)
+    block = q * np.array([[span**3 / 3.0, dt_s * span / 2.0], [dt_s * span / 2.0, span]])
+    Q = np.zeros((4, 4))
+    Q[:2, :2] = block / _cos_dec(dec_deg) ** 2
+    Q[2:, 2:] = block
+    return Q
+
+
+def measurement_noise(measurement: Measurement, settings: FilterConfig) -> FloatArray:
+    """R (2, 2) of (alpha, delta) in deg^2; the coordinate alpha widens towards the pole."""
+    if settings.preset == "paper":
+        sigma = settings.sigma_arcsec / ARCSEC_PER_DEG
+        return np.diag([2.0 * sigma**2, sigma**2]) * settings.r_multiplier
+    east, cross, north = measurement.cov_sky_arcsec2
+    floor = SIGMA_FLOOR_ARCSEC**2
+    on_sky = np.array([[max(east, floor), cross], [cross, max(north, floor)]])
+    to_deg = np.array([1.0 / _cos_dec(measurement.dec_icrs_deg), 1.0]) / ARCSEC_PER_DEG
+    return np.asarray(on_sky * np.outer(to_deg, to_deg) * settings.r_multiplier)
+
+
+def _initial_covariance(
+    first: Measurement, second: Measurement, settings: FilterConfig
+) -> FloatArray:
+    """Two-point covariance [[R2, R2/dt], [R2/dt, (R1 + R2)/dt^2 + q dt/3]]; I for the paper."""
+    if settings.preset == "paper":
+        return np.eye(4)
+    dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
+    R1, R2 = measurement_noise(first, settings), measurement_noise(second, settings)
+    slopes = C @ process_noise(dt_s, second.dec_icrs_deg, settings) @ C.T / dt_s**2
+    angles, rates = [0, 2], [1, 3]
+    P = np.zeros((4, 4))
+    P[np.ix_(angles, angles)] = R2
+    P[np.ix_(angles, rates)] = P[np.ix_(rates, angles)] = R2 / dt_s
+    P[np.ix_(rates, rates)] = (R1 + R2) / dt_s**2 + slopes
+    return P
+
+
+def _kalman(state: TrackState) -> Any:
+    # filterpy pulls in scipy, most of a second: only who filters pays for it.
+    from filterpy.kalman import KalmanFilter
+
+    kalman = KalmanFilter(dim_x=4, dim_z=2)
+    kalman.x, kalman.P, kalman.H = np.array(state.x), np.array(state.P), C
+    return kalman
+
+
+def _cos_dec(dec_deg: float) -> float:
+    return max(math.cos(math.radians(dec_deg)), _MIN_COS_DEC)
+
+
+def _state(kind: Any, frame_id: int, t_utc_ns: int, x: Any, P: Any, **more: Any) -> TrackState:
+    return TrackState(
+        kind=kind,
+        frame_id=frame_id,
+        t_utc_ns=t_utc_ns,
+        x=(wrap_360(float(x[0])), float(x[1]), float(x[2]), float(x[3])),
+        P=tuple(tuple(float(value) for value in row) for row in (P + P.T) / 2.0),
+        **more,
+    )
