@@ -1,0 +1,272 @@
+"""The wire between operator and engine."""
+
+import contextlib
+import json
+import multiprocessing
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rsoconsole import control
+from rsoconsole.control import ControlClient, ControlServer, Intention, Outcome
+from rsoconsole.control_socket import EngineLock, address_of
+from rsoconsole.errors import ControlError
+
+
+def echo(intention: Intention) -> Outcome:
+    return Outcome(ok=True, message=intention.verb, data={"arguments": dict(intention.arguments)})
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "run" / "engine.sock"
+
+
+@contextlib.contextmanager
+def raw_wire(path: Path) -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as wire:
+        wire.settimeout(5)
+        wire.connect(str(address_of(path)))
+        yield wire
+
+
+def one_reply(wire: socket.socket) -> dict[str, object]:
+    received = b""
+    while not received.endswith(b"\n"):
+        chunk = wire.recv(65536)
+        assert chunk, "the server closed the connection without an answer"
+        received += chunk
+    return json.loads(received)
+
+
+def test_an_intention_is_acknowledged_with_its_arguments(path: Path) -> None:
+    with ControlServer(path, echo):
+        outcome = ControlClient(path, by="test").send("set", name="detector.tau", value=0.2)
+    assert outcome.ok
+    assert outcome.message == "set"
+    assert outcome.data == {"arguments": {"name": "detector.tau", "value": 0.2}}
+
+
+def test_the_sender_is_named(path: Path) -> None:
+    seen: list[Intention] = []
+
+    def note(intention: Intention) -> Outcome:
+        seen.append(intention)
+        return Outcome(ok=True)
+
+    with ControlServer(path, note):
+        ControlClient(path, by="console").send("arm")
+    assert seen == [Intention(verb="arm", by="console")]
+
+
+def test_stop_is_handled_while_another_intention_is_under_way(path: Path) -> None:
+    is_slewing, may_end = threading.Event(), threading.Event()
+
+    def handler(intention: Intention) -> Outcome:
+        if intention.verb == "slew":
+            is_slewing.set()
+            may_end.wait(20)
+        return Outcome(ok=True, message=intention.verb)
+
+    with ControlServer(path, handler), raw_wire(path) as wire:
+        # The very connection that waits for the slew can bring the STOP.
+        wire.sendall(b'{"id": 1, "verb": "slew", "timeout_s": 60}\n')
+        assert is_slewing.wait(5)
+        wire.sendall(b'{"id": 2, "verb": "stop"}\n')
+        assert one_reply(wire)["id"] == 2
+        assert ControlClient(path).send("stop").message == "stop"
+        may_end.set()
+        assert one_reply(wire)["id"] == 1
+
+
+def test_an_intention_whose_sender_gave_up_is_not_carried_out(path: Path) -> None:
+    is_busy, may_end = threading.Event(), threading.Event()
+    carried_out: list[str] = []
+
+    def handler(intention: Intention) -> Outcome:
+        carried_out.append(intention.verb)
+        if intention.verb == "long":
+            is_busy.set()
+            may_end.wait(20)
+        return Outcome(ok=True)
+
+    with ControlServer(path, handler), raw_wire(path) as wire:
+        wire.sendall(b'{"id": 1, "verb": "long", "timeout_s": 60}\n')
+        assert is_busy.wait(5)
+        with pytest.raises(ControlError, match="did not answer 'slew' within"):
+            ControlClient(path).send("slew", timeout_s=0.05)
+        may_end.set()
+        assert one_reply(wire)["id"] == 1
+        assert ControlClient(path).send("arm").ok
+    assert carried_out == ["long", "arm"]
+
+
+def test_a_handler_that_breaks_is_an_outcome_and_the_wire_stays(path: Path) -> None:
+    def broken(intention: Intention) -> Outcome:
+        raise RuntimeError("the mount is on fire")
+
+    with ControlServer(path, broken):
+        for verb in ("slew", "stop"):
+            outcome = ControlClient(path).send(verb)
+            assert not outcome.ok
+            assert outcome.message == f"{verb}: the mount is on fire"
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        (b"hello\n", "not a line of JSON"),
+        (b"\xff\xfe\n", "not a line of JSON"),
+        (b"[1]\n", "a JSON object"),
+        (b"{}\n", "needs a 'verb'"),
+        (b'{"verb": 7}\n', "needs a 'verb'"),
+        (b'{"verb": "arm", "arguments": []}\n', "'arguments'"),
+        (b'{"verb": "arm", "id": {}}\n', "'id'"),
+        (b'{"verb": "arm", "timeout_s": -1}\n', "'timeout_s'"),
+        (b'{"verb": "arm", "timeout_s": NaN}\n', "'timeout_s'"),
+        (b"[" * 60000 + b"\n", "not a line of JSON"),
+        (b"x" * 70000, "more than 65536 bytes"),
+    ],
+)
+def test_a_malformed_line_is_answered_and_the_server_lives(
+    path: Path, line: bytes, says: str
+) -> None:
+    with ControlServer(path, echo):
+        with raw_wire(path) as wire:
+            wire.sendall(line)
+            reply = one_reply(wire)
+        assert reply["ok"] is False
+        assert says in str(reply["message"])
+        assert ControlClient(path).send("status").ok
+
+
+def test_a_peer_that_leaves_in_the_middle_of_a_line_harms_nobody(path: Path) -> None:
+    with ControlServer(path, echo):
+        with raw_wire(path) as wire:
+            wire.sendall(b'{"verb": "st')
+        assert ControlClient(path).send("status").ok
+
+
+def test_an_answer_that_json_cannot_carry_is_said_to_be_so(path: Path) -> None:
+    with ControlServer(path, lambda _: Outcome(ok=True, data={"ra": float("nan")})):
+        outcome = ControlClient(path).send("status")
+    assert not outcome.ok
+    assert "cannot be sent" in outcome.message
+
+
+def test_without_an_engine_the_client_says_how_to_start_one(path: Path) -> None:
+    with pytest.raises(ControlError, match="no engine is running: 'rsoconsole engine'"):
+        ControlClient(path).send("status")
+
+
+def test_a_second_engine_is_refused_and_the_first_goes_on(path: Path) -> None:
+    program = (
+        "import sys, time; from pathlib import Path; "
+        "from rsoconsole.control import ControlServer, Outcome\n"
+        "with ControlServer(Path(sys.argv[1]), lambda i: Outcome(ok=True, message='first')):\n"
+        "    print('ready', flush=True); sys.stdin.read()\n"
+    )
+    first = subprocess.Popen(
+        [sys.executable, "-c", program, str(path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    with first:
+        assert first.stdout is not None
+        assert first.stdout.readline() == "ready\n"
+        with pytest.raises(ControlError, match=f"already running .process {first.pid}"):
+            ControlServer(path, echo).start()
+        assert ControlClient(path).send("status").message == "first"
+        first.send_signal(signal.SIGKILL)
+        first.wait(10)
+    # The dead engine left its socket behind.
+    assert address_of(path).exists()
+    with pytest.raises(ControlError, match="no engine is running"):
+        ControlClient(path).send("status")
+    with ControlServer(path, echo):
+        assert ControlClient(path).send("status").message == "status"
+
+
+def test_two_servers_in_one_process_are_refused_too(path: Path) -> None:
+    with ControlServer(path, echo), pytest.raises(ControlError, match="already running"):
+        ControlServer(path, echo).start()
+    with ControlServer(path, echo):
+        assert ControlClient(path).send("status").ok
+
+
+def _sleep(seconds: float) -> None:
+    time.sleep(seconds)
+
+
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
+def test_a_forked_child_that_outlives_the_engine_does_not_hold_its_lock(path: Path) -> None:
+    lock = EngineLock(path)
+    lock.acquire()
+    child = multiprocessing.get_context("fork").Process(target=_sleep, args=(30,))
+    child.start()
+    try:
+        lock.release()
+        program = (
+            "import sys; from pathlib import Path; from rsoconsole.control_socket import EngineLock"
+            "\nwith EngineLock(Path(sys.argv[1])): print('held')\n"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", program, str(path)], capture_output=True, text=True, check=False
+        )
+        assert done.stdout == "held\n", done.stderr
+    finally:
+        child.kill()
+        child.join(10)
+
+
+def test_what_is_no_socket_is_never_removed(path: Path) -> None:
+    path.parent.mkdir()
+    path.write_text("precious")
+    with pytest.raises(ControlError, match="is not a socket"):
+        ControlServer(path, echo).start()
+    assert path.read_text() == "precious"
+
+
+def test_the_socket_is_for_its_owner_alone_and_goes_with_the_server(path: Path) -> None:
+    with ControlServer(path, echo):
+        assert path.stat().st_mode & 0o777 == 0o600
+        assert path.parent.stat().st_mode & 0o777 == 0o700
+    assert not path.exists()
+
+
+def test_another_users_peer_is_turned_away(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(control.os, "getuid", lambda: os.geteuid() + 1)
+    with ControlServer(path, echo):
+        outcome = ControlClient(path).send("stop")
+    assert not outcome.ok
+    assert outcome.message == "this engine belongs to another user"
+
+
+def test_a_path_too_long_for_a_socket_falls_back_to_a_short_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    long_path = tmp_path / ("observatory" * 12) / "engine.sock"
+    with ControlServer(long_path, echo):
+        assert ControlClient(long_path).send("status").ok
+        assert address_of(long_path).parent.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_fallback_folder_open_to_others_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    folder = tmp_path / f"rsoconsole-{os.getuid()}"
+    folder.mkdir()
+    folder.chmod(0o777)
+    with pytest.raises(ControlError, match="not this user's own closed folder"):
+        address_of(tmp_path / ("observatory" * 12) / "engine.sock")
