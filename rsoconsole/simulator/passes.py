@@ -1,0 +1,144 @@
+"""Satellites crossing one exposure: their streaks, and the truth of them."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.orbit.satellite import Satellite
+from rsoconsole.records import FloatArray, Site, Wcs
+from rsoconsole.simulator.psf import FWHM_PER_SIGMA, WINGS
+from rsoconsole.simulator.render import FieldContent, Streak, cloud_at
+from rsoconsole.simulator.sensor import SensorModel, vignetting
+from rsoconsole.simulator.truth import SatelliteTruth
+from rsoconsole.sky.sun import lit_fraction
+from rsoconsole.sky.wcs import sky_to_pixel
+
+NS = 1_000_000_000
+MARGIN_PX = 250.0
+"""How far outside the sensor a source may lie and still be drawn or told of."""
+_NODES = 11
+_MIDDLE = _NODES // 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SatellitePass:
+    """One satellite's way over the sensor during one exposure; arrays along the exposure."""
+
+    name: str
+    norad_id: int
+    streak: Streak
+    """Under a clear sky at the zenith; 0 electrons when unlit throughout."""
+    ra_icrs_deg: FloatArray
+    dec_icrs_deg: FloatArray
+    lit_fraction: float
+
+
+def satellite_passes(
+    satellites: Iterable[Satellite],
+    *,
+    site: Site,
+    sensor: SensorModel,
+    wcs: Wcs,
+    t_start_utc_ns: int,
+    exposure_s: float,
+) -> tuple[SatellitePass, ...]:
+    """Those whose streak comes near the sensor, sampled along the exposure."""
+    offsets = np.rint(np.linspace(0.0, exposure_s, _NODES) * NS).astype(np.int64)
+    t_utc_ns = np.int64(t_start_utc_ns) + offsets
+    found = []
+    for satellite in satellites:
+        places = satellite.astrometric_place(site, t_utc_ns)
+        x, y = sky_to_pixel(wcs, places.ra_icrs_deg, places.dec_icrs_deg)
+        if not np.all(np.isfinite(x)) or not _is_near(sensor, x, y):
+            continue
+        per_second = sensor.electrons(satellite.magnitude(places), 1.0)
+        mean = float(np.trapezoid(per_second, dx=1.0 / (_NODES - 1)))
+        brightness = per_second / mean if mean > 0.0 else np.zeros(_NODES)
+        lit = lit_fraction(places.position_gcrs_km, places.t_utc_ns)
+        found.append(
+            SatellitePass(
+                name=satellite.element_set.name,
+                norad_id=satellite.element_set.norad_id,
+                streak=Streak(x_px=x, y_px=y, electrons=mean * exposure_s, brightness=brightness),
+                ra_icrs_deg=places.ra_icrs_deg,
+                dec_icrs_deg=places.dec_icrs_deg,
+                lit_fraction=float(np.mean(lit)),
+            )
+        )
+    return tuple(found)
+
+
+def dimmed(streak: Streak, transmission: float) -> Streak:
+    """The same streak through air that lets this share of the light through."""
+    return replace(streak, electrons=streak.electrons * transmission)
+
+
+def satellite_truth(
+    each: SatellitePass, sensor: SensorModel, content: FieldContent, air_transmission: float
+) -> SatelliteTruth:
+    """What there is to know of one streak in this field."""
+    x, y = each.streak.x_px, each.streak.y_px
+    clouds = float(np.mean(cloud_at(sensor, content.cloud_transmission, x, y)))
+    electrons = each.streak.electrons * air_transmission * clouds
+    is_lit = each.streak.electrons > 0.0
+    rate = each.streak.electrons / content.exposure_s
+    peak, matched = _signal_to_noise(sensor, content, each.streak, electrons)
+    return SatelliteTruth(
+        name=each.name,
+        norad_id=each.norad_id,
+        is_in_frame=_is_on_sensor(sensor, x[_MIDDLE], y[_MIDDLE]),
+        is_whole=_is_on_sensor(sensor, x[0], y[0]) and _is_on_sensor(sensor, x[-1], y[-1]),
+        ra_icrs_deg=float(each.ra_icrs_deg[_MIDDLE]),
+        dec_icrs_deg=float(each.dec_icrs_deg[_MIDDLE]),
+        x_px=float(x[_MIDDLE]),
+        y_px=float(y[_MIDDLE]),
+        x_start_px=float(x[0]),
+        y_start_px=float(y[0]),
+        x_end_px=float(x[-1]),
+        y_end_px=float(y[-1]),
+        magnitude=sensor.zero_point_mag - 2.5 * math.log10(rate) if is_lit else None,
+        lit_fraction=each.lit_fraction,
+        transmission=clouds,
+        electrons=electrons,
+        snr_peak_pixel=peak,
+        snr_matched=matched,
+    )
+
+
+def _signal_to_noise(
+    sensor: SensorModel, content: FieldContent, streak: Streak, electrons: float
+) -> tuple[float, float]:
+    """Of the brightest pixel, and of the whole streak weighted by its shape; noise of the sky.
+
+    Across the streak the disc's core alone, widened by the pixel; along it steady.
+    """
+    x, y = streak.x_px, streak.y_px
+    length_px = max(float(np.hypot(np.diff(x), np.diff(y)).sum()), 1.0)
+    flat = vignetting(sensor, x[_MIDDLE : _MIDDLE + 1], y[_MIDDLE : _MIDDLE + 1])
+    sigma_px = math.sqrt((content.fwhm_px / FWHM_PER_SIGMA) ** 2 + 1.0 / 12.0)
+    core = electrons * float(flat[0]) * WINGS[0][0]
+    peak_e = core / length_px / (sigma_px * math.sqrt(2.0 * math.pi))
+    variance_e2 = (
+        content.sky_electrons_px * float(flat[0])
+        + sensor.dark_e_s * content.exposure_s
+        + sensor.read_noise_e**2
+        + sensor.e_per_adu12**2 / 12.0
+    )
+    noise_e = math.sqrt(variance_e2)
+    weight_px = 2.0 * math.sqrt(math.pi) * sigma_px * length_px
+    return peak_e / noise_e, core / (noise_e * math.sqrt(weight_px))
+
+
+def _is_on_sensor(sensor: SensorModel, x_px: float, y_px: float) -> bool:
+    return bool(-0.5 <= x_px < sensor.width_px - 0.5 and -0.5 <= y_px < sensor.height_px - 0.5)
+
+
+def _is_near(sensor: SensorModel, x_px: FloatArray, y_px: FloatArray) -> bool:
+    return bool(
+        x_px.max() > -MARGIN_PX
+        and x_px.min() < sensor.width_px + MARGIN_PX
+        and y_px.max() > -MARGIN_PX
+        and y_px.min() < sensor.height_px + MARGIN_PX
+    )

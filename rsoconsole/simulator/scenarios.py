@@ -1,0 +1,156 @@
+"""Named nights of the simulated observatory: where, when, which satellites, what weather.
+
+Element sets: public catalogue as of 2023-06-22, transcribed into ``data/belt_20230622.tle``.
+Magnitudes are what such satellites commonly show, chosen, not measured.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+from rsoconsole.errors import ConfigError
+from rsoconsole.orbit.elements import ElementSet, parse_elements
+from rsoconsole.records import Site
+from rsoconsole.resources import resource
+from rsoconsole.simulator.clouds import CloudDeck
+from rsoconsole.sky.times import iso_to_utc_ns
+
+DAYTONA_BEACH = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
+CLEAR = CloudDeck(schedule=())
+DEFAULT_SCENARIO = "intelsat-14"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScenarioSatellite:
+    """One satellite that is really there."""
+
+    element_set: ElementSet
+    standard_magnitude: float
+    """Fully lit, at 36,000 km."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """One night: everything that a seed does not vary."""
+
+    name: str
+    title: str
+    description: str
+    t_start_utc_ns: int
+    satellites: tuple[ScenarioSatellite, ...]
+    target_norad_id: int | None
+    """Which satellite the telescope is meant to find; None: none is there."""
+    start_hour_angle_deg: float
+    """Where the telescope stands at the start, of date, west positive."""
+    start_declination_deg: float
+    site: Site = DAYTONA_BEACH
+    clouds: CloudDeck = CLEAR
+    seeing_arcsec: float = 2.8
+    """Full width at half maximum of the stars, optics included."""
+    sky_electrons_s: float = 13.2
+    """In a pixel of 1.264 arcsec at the zenith."""
+    cosmic_rays_s: float = 0.15
+    """Expected tracks a second over the paper's sensor."""
+
+
+def scenario_named(name: str) -> Scenario:
+    """The scenario of this name; raises ConfigError that lists the names there are."""
+    scenarios = all_scenarios()
+    if name not in scenarios:
+        known = ", ".join(scenarios)
+        raise ConfigError(f"there is no scenario {name!r}: take one of {known}")
+    return scenarios[name]
+
+
+@lru_cache(maxsize=1)
+def all_scenarios() -> dict[str, Scenario]:
+    """Every scenario by name, the default first."""
+    scenarios = (_intelsat_14(), _ses_10(), _intelsat_21(), _empty())
+    return {scenario.name: scenario for scenario in scenarios}
+
+
+@lru_cache(maxsize=1)
+def _element_sets() -> dict[int, ElementSet]:
+    path = resource("simulator", "data", "belt_20230622.tle")
+    sets = parse_elements(path.read_text(encoding="ascii"), path.name)
+    return {element_set.norad_id: element_set for element_set in sets}
+
+
+def _satellites(magnitudes: dict[int, float]) -> tuple[ScenarioSatellite, ...]:
+    sets = _element_sets()
+    return tuple(
+        ScenarioSatellite(element_set=sets[norad_id], standard_magnitude=magnitude)
+        for norad_id, magnitude in magnitudes.items()
+    )
+
+
+def _intelsat_14() -> Scenario:
+    """Real objects between 2 and 3 deg away (Intelsat 11, Intelsat 32e, WGS F3, SES 14) are left
+    out, so that the sweep can meet only one; the neighbours kept lie beyond its ends."""
+    return Scenario(
+        name="intelsat-14",
+        title="Intelsat 14, a clear night",
+        description="one satellite, found by sweeping along the belt from 1.5 deg west of it",
+        t_start_utc_ns=iso_to_utc_ns("2023-06-23T05:30:00Z"),
+        satellites=_satellites({36097: 12.2, 39172: 11.9, 38867: 12.4}),
+        target_norad_id=36097,
+        start_hour_angle_deg=-39.5,
+        start_declination_deg=-4.70,
+    )
+
+
+def _ses_10() -> Scenario:
+    return Scenario(
+        name="ses-10",
+        title="SES-10 with SES-17 beside it",
+        description="two satellites 0.19 deg apart in one field, the fainter one a rival",
+        t_start_utc_ns=iso_to_utc_ns("2023-06-22T07:00:00Z"),
+        satellites=_satellites({42432: 11.9, 49332: 12.7, 41382: 12.3, 32768: 12.5, 42740: 12.0}),
+        target_norad_id=42432,
+        start_hour_angle_deg=-14.8,
+        start_declination_deg=-4.81,
+    )
+
+
+def _intelsat_21() -> Scenario:
+    """Amazonas 6, at the time 1.1 deg west of Intelsat 21, is left out."""
+    return Scenario(
+        name="intelsat-21",
+        title="Intelsat 21 through thin clouds",
+        description="moving clouds dim the satellite again and again and hide it once",
+        t_start_utc_ns=iso_to_utc_ns("2023-06-23T06:00:00Z"),
+        satellites=_satellites({38749: 12.1, 39078: 12.2, 35942: 12.6, 42934: 12.3, 40874: 12.4}),
+        target_norad_id=38749,
+        start_hour_angle_deg=-24.9,
+        start_declination_deg=-4.80,
+        clouds=CloudDeck(
+            schedule=(
+                (0.0, 0.15),
+                (200.0, 0.25),
+                (258.0, 0.7),
+                (270.0, 7.0),
+                (296.0, 7.0),
+                (308.0, 0.6),
+                (420.0, 0.25),
+                (500.0, 1.1),
+                (560.0, 0.4),
+                (700.0, 0.3),
+                (760.0, 1.4),
+                (840.0, 0.4),
+                (1000.0, 0.9),
+                (1200.0, 0.2),
+            )
+        ),
+    )
+
+
+def _empty() -> Scenario:
+    return Scenario(
+        name="empty",
+        title="Nothing there",
+        description="a stretch of the belt without any satellite: nothing may be locked",
+        t_start_utc_ns=iso_to_utc_ns("2023-06-23T05:30:00Z"),
+        satellites=(),
+        target_norad_id=None,
+        start_hour_angle_deg=-36.0,
+        start_declination_deg=-4.75,
+    )

@@ -1,0 +1,208 @@
+"""A night above one site: what any exposure of it shows, and the truth of it.
+
+``Scene.expose`` depends only on the scenario, the seed and its own arguments: frames may be
+asked for in any order, and asking twice gives the same pixels.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.config import OpticsConfig
+from rsoconsole.orbit.satellite import Satellite
+from rsoconsole.records import FloatArray, Site, Wcs
+from rsoconsole.simulator.faint_stars import faint_stars
+from rsoconsole.simulator.passes import MARGIN_PX, dimmed, satellite_passes, satellite_truth
+from rsoconsole.simulator.render import FieldContent, FramePixels, frame_rng, render
+from rsoconsole.simulator.scenarios import Scenario
+from rsoconsole.simulator.sensor import SensorModel
+from rsoconsole.simulator.truth import FrameTruth
+from rsoconsole.sky.frames import icrs_to_altaz
+from rsoconsole.sky.star_catalogue import StarCatalogue
+from rsoconsole.sky.times import lst_deg
+from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel, tan_wcs, wcs_cards
+
+NS = 1_000_000_000
+FAINTEST_STAR_MAG = 19.0
+"""Fainter stars drown in the noise of 10 s: they are part of the sky."""
+EXTINCTION_MAG_AIRMASS = 0.15
+REFERENCE_SCALE_ARCSEC_PX = 206.264806 * 3.8 / 620.0
+_CLOUD_GRID = (33, 44)
+_NOISE, _SEEING = 0, 1
+_ALTITUDE_FLOOR_DEG = 5.0
+
+
+class Scene:
+    """The sky of one scenario as one telescope sees it."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        seed: int,
+        *,
+        site: Site | None = None,
+        optics: OpticsConfig | None = None,
+        sensor: SensorModel | None = None,
+        catalogue: StarCatalogue | None = None,
+    ) -> None:
+        """``optics`` sets size and scale of ``sensor``; the shipped stars unless others are given.
+
+        Raises SolverError when the star catalogue cannot be read.
+        """
+        self.scenario = scenario
+        self.seed = seed
+        self.site = scenario.site if site is None else site
+        self.sensor = _sensor_of(optics, sensor or SensorModel())
+        self.catalogue = StarCatalogue.load() if catalogue is None else catalogue
+        self.satellites = tuple(
+            Satellite(each.element_set, each.standard_magnitude) for each in scenario.satellites
+        )
+
+    def field_radius_deg(self) -> float:
+        """Half the diagonal of the field, with a margin for light from just outside."""
+        half_px = 0.5 * math.hypot(self.sensor.width_px, self.sensor.height_px)
+        return (half_px + MARGIN_PX) * self.sensor.scale_arcsec_px / 3600.0
+
+    def sky_notice(self, dec_icrs_deg: float) -> str | None:
+        """Why a frame at this declination shows no stars, and the remedy; None where it does."""
+        if self.catalogue.covers(dec_icrs_deg):
+            return None
+        return (
+            f"the simulated sky is empty at declination {dec_icrs_deg:+.1f} deg: the shipped stars "
+            f"end at {self.catalogue.dec_max_deg:+.0f} deg. For more, 'rsoconsole index install' "
+            "and rebuild the catalogue with python -m rsoconsole.sky.build_star_catalogue"
+        )
+
+    def expose(
+        self,
+        boresight_ra_icrs_deg: float,
+        boresight_dec_icrs_deg: float,
+        *,
+        rotation_deg: float,
+        is_flipped: bool,
+        t_start_utc_ns: int,
+        exposure_s: float,
+    ) -> tuple[FramePixels, FrameTruth]:
+        """One exposure, tracked at the sidereal rate: pixels uint16 (height, width) and its truth.
+
+        The boresight is the direction of the array's centre, astrometric; rotation and flip as in
+        ``records.Solution``.
+        """
+        wcs = tan_wcs(
+            boresight_ra_icrs_deg,
+            boresight_dec_icrs_deg,
+            scale_arcsec_px=self.sensor.scale_arcsec_px,
+            rotation_deg=rotation_deg,
+            is_flipped=is_flipped,
+            width_px=self.sensor.width_px,
+            height_px=self.sensor.height_px,
+        )
+        content = self._empty_field(wcs, t_start_utc_ns, exposure_s)
+        x_px, y_px, magnitude = self._stars(wcs)
+        passes = satellite_passes(
+            self.satellites,
+            site=self.site,
+            sensor=self.sensor,
+            wcs=wcs,
+            t_start_utc_ns=t_start_utc_ns,
+            exposure_s=exposure_s,
+        )
+        dimming = self._air_transmission(wcs, t_start_utc_ns)
+        content = replace(
+            content,
+            star_x_px=x_px,
+            star_y_px=y_px,
+            star_electrons=self.sensor.electrons(magnitude, exposure_s) * dimming,
+            streaks=tuple(dimmed(each.streak, dimming) for each in passes),
+        )
+        pixels = render(self.sensor, content, frame_rng(self.seed, t_start_utc_ns, _NOISE))
+        satellites = tuple(satellite_truth(each, self.sensor, content, dimming) for each in passes)
+        grid = content.cloud_transmission
+        truth = FrameTruth(
+            t_start_utc_ns=t_start_utc_ns,
+            exposure_s=exposure_s,
+            boresight_ra_icrs_deg=boresight_ra_icrs_deg,
+            boresight_dec_icrs_deg=boresight_dec_icrs_deg,
+            wcs_cards=wcs_cards(wcs, self.sensor.width_px, self.sensor.height_px),
+            fwhm_px=content.fwhm_px,
+            sky_electrons_px=content.sky_electrons_px,
+            cloud_transmission=1.0 if grid is None else float(grid.mean()),
+            stars=len(x_px),
+            satellites=satellites,
+        )
+        return pixels, truth
+
+    def _empty_field(self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float) -> FieldContent:
+        """Sky, seeing and clouds of one exposure."""
+        rng = frame_rng(self.seed, t_start_utc_ns, _SEEING)
+        scale_ratio = self.sensor.scale_arcsec_px / REFERENCE_SCALE_ARCSEC_PX
+        area_ratio = scale_ratio**2
+        airmass = self._airmass(wcs, t_start_utc_ns)
+        seeing_px = self.scenario.seeing_arcsec / self.sensor.scale_arcsec_px
+        frame_area = self.sensor.width_px * self.sensor.height_px / (4656 * 3520)
+        return FieldContent(
+            exposure_s=exposure_s,
+            fwhm_px=seeing_px * airmass**0.3 * float(np.exp(rng.normal(0.0, 0.03))),
+            sky_electrons_px=self.scenario.sky_electrons_s
+            * exposure_s
+            * area_ratio
+            * (1.0 + 0.12 * (airmass - 1.0)),
+            sky_gradient=(0.03, -0.04),
+            cloud_transmission=self._clouds(wcs, t_start_utc_ns, exposure_s),
+            cosmic_rays=self.scenario.cosmic_rays_s * exposure_s * frame_area,
+        )
+
+    def _airmass(self, wcs: Wcs, t_utc_ns: int) -> float:
+        altitude, _ = icrs_to_altaz(self.site, wcs.crval_ra_deg, wcs.crval_dec_deg, t_utc_ns)
+        return 1.0 / math.sin(math.radians(max(float(altitude), _ALTITUDE_FLOOR_DEG)))
+
+    def _air_transmission(self, wcs: Wcs, t_utc_ns: int) -> float:
+        """Loss to the air, relative to the zenith."""
+        extra_mag = EXTINCTION_MAG_AIRMASS * (self._airmass(wcs, t_utc_ns) - 1.0)
+        return float(10.0 ** (-0.4 * extra_mag))
+
+    def _clouds(
+        self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float
+    ) -> npt.NDArray[np.float32] | None:
+        deck = self.scenario.clouds
+        if not deck.schedule:
+            return None
+        rows, columns = _CLOUD_GRID
+        x = (np.arange(columns) + 0.5) * self.sensor.width_px / columns - 0.5
+        y = (np.arange(rows) + 0.5) * self.sensor.height_px / rows - 0.5
+        ra, dec = pixel_to_sky(wcs, *np.meshgrid(x, y))
+        # Fixed to the ground: hour angle grows as the sky turns.
+        hour_angle = (lst_deg(self.site.longitude_deg, t_start_utc_ns) - ra + 180.0) % 360.0 - 180.0
+        t_s = (t_start_utc_ns - self.scenario.t_start_utc_ns) / NS
+        west_deg = hour_angle * np.cos(np.radians(dec))
+        return deck.transmission(west_deg, dec, (t_s, t_s + exposure_s), self.seed)
+
+    def _stars(self, wcs: Wcs) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Pixels and magnitudes of the stars on or near the sensor; none beyond the catalogue."""
+        ra, dec, radius = wcs.crval_ra_deg, wcs.crval_dec_deg, self.field_radius_deg()
+        bright = self.catalogue.cone(ra, dec, radius)
+        faint = faint_stars(ra, dec, radius, FAINTEST_STAR_MAG)
+        is_covered = (faint.dec_icrs_deg >= self.catalogue.dec_min_deg) & (
+            faint.dec_icrs_deg <= self.catalogue.dec_max_deg
+        )
+        ras = np.concatenate([bright.ra_icrs_deg, faint.ra_icrs_deg[is_covered]])
+        decs = np.concatenate([bright.dec_icrs_deg, faint.dec_icrs_deg[is_covered]])
+        magnitudes = np.concatenate([bright.magnitude, faint.magnitude[is_covered]])
+        x, y = sky_to_pixel(wcs, ras, decs)
+        near = (x > -MARGIN_PX) & (x < self.sensor.width_px + MARGIN_PX)
+        near &= (y > -MARGIN_PX) & (y < self.sensor.height_px + MARGIN_PX)
+        return x[near], y[near], magnitudes[near]
+
+
+def _sensor_of(optics: OpticsConfig | None, sensor: SensorModel) -> SensorModel:
+    if optics is None:
+        return sensor
+    return replace(
+        sensor,
+        width_px=optics.width_px,
+        height_px=optics.height_px,
+        pixel_um=optics.pixel_um,
+        focal_length_mm=optics.focal_length_mm,
+    )

@@ -1,0 +1,71 @@
+"""What really was in a simulated frame. Only tests and summaries read it."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SatelliteTruth:
+    """One satellite in (or near) one frame; pixels 0-based, directions astrometric ICRS degrees."""
+
+    name: str
+    norad_id: int
+    is_in_frame: bool
+    """Whether its place at mid-exposure lies on the sensor."""
+    is_whole: bool
+    """Whether both ends of its streak do."""
+    ra_icrs_deg: float
+    """At mid-exposure: what a perfect measurement would give."""
+    dec_icrs_deg: float
+    x_px: float
+    y_px: float
+    x_start_px: float
+    y_start_px: float
+    x_end_px: float
+    y_end_px: float
+    magnitude: float | None
+    """Mean over the exposure, above the atmosphere; None when unlit."""
+    lit_fraction: float
+    """Share of the Sun it saw, mean over the exposure."""
+    transmission: float
+    """Share of its light the clouds let through, mean along the streak."""
+    electrons: float
+    snr_peak_pixel: float
+    """Signal over noise of the brightest pixel of the streak."""
+    snr_matched: float
+    """Signal over noise of the whole streak, weighted by its own shape."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameTruth:
+    """All there was to know of one exposure."""
+
+    t_start_utc_ns: int
+    exposure_s: float
+    boresight_ra_icrs_deg: float
+    boresight_dec_icrs_deg: float
+    wcs_cards: Mapping[str, str | int | float]
+    fwhm_px: float
+    sky_electrons_px: float
+    cloud_transmission: float
+    """Mean over the frame."""
+    stars: int
+    """Sources drawn, catalogued and synthetic."""
+    satellites: tuple[SatelliteTruth, ...]
+
+    @property
+    def t_mid_utc_ns(self) -> int:
+        """Middle of the exposure."""
+        return self.t_start_utc_ns + round(self.exposure_s * 5e8)
+
+    def to_json(self) -> str:
+        """One line of JSON; ``truth_from_json`` reads it back."""
+        return json.dumps(asdict(self), allow_nan=False)
+
+
+def truth_from_json(text: str) -> FrameTruth:
+    """The record that ``to_json`` wrote."""
+    table = json.loads(text)
+    satellites = tuple(SatelliteTruth(**each) for each in table.pop("satellites"))
+    return FrameTruth(**table, satellites=satellites)
