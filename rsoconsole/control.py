@@ -7,48 +7,43 @@ for one thread, and one that has waited past its sender's patience is not carrie
 
 import contextlib
 import json
-import os
 import queue
 import socket
-import struct
 import threading
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import runtime_dir
 from rsoconsole.control_socket import EngineLock, address_of, remove_socket
+from rsoconsole.control_wire import (
+    DEFAULT_TIMEOUT_S,
+    Connection,
+    Intention,
+    Order,
+    Outcome,
+    is_same_user,
+    read_order,
+    read_outcome,
+    receive_line,
+)
 from rsoconsole.errors import ControlError
 
+__all__ = [
+    "FAST_VERBS",
+    "ControlClient",
+    "ControlServer",
+    "EngineLock",
+    "Handler",
+    "Intention",
+    "Outcome",
+    "default_socket_path",
+]
+
 FAST_VERBS = frozenset({"stop", "status"})
-MAX_LINE_BYTES = 65536
 MAX_CONNECTIONS = 32
 MAX_WAITING = 64
-DEFAULT_TIMEOUT_S = 5.0
-_SEND_TIMEOUT_S = 2.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Intention:
-    """What an operator wants of the engine."""
-
-    verb: str
-    arguments: Mapping[str, Any] = field(default_factory=dict)
-    by: str = "operator"
-    """Who asks: the console, a command, a script."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    """What came of an intention."""
-
-    ok: bool
-    message: str = ""
-    """In the operator's words; says why when it is not ok."""
-    data: Mapping[str, Any] = field(default_factory=dict)
-    """The answer to a question, as JSON carries it."""
 
 
 Handler = Callable[[Intention], Outcome]
@@ -71,8 +66,8 @@ class ControlServer:
         self._handler = handler
         self._address = address_of(path)
         self._own_lock = EngineLock(path) if lock is None else None
-        self._waiting: queue.Queue[_Order | None] = queue.Queue(MAX_WAITING)
-        self._connections: set[_Connection] = set()
+        self._waiting: queue.Queue[Order | None] = queue.Queue(MAX_WAITING)
+        self._connections: set[Connection] = set()
         self._guard = threading.Lock()
         self._is_closing = False
         self._listener: socket.socket | None = None
@@ -142,12 +137,12 @@ class ControlServer:
                     return
                 time.sleep(0.1)  # out of file handles: some come back when a console leaves
                 continue
-            connection = _Connection(peer)
+            connection = Connection(peer)
             with self._guard:
                 is_welcome = len(self._connections) < MAX_CONNECTIONS and not self._is_closing
                 if is_welcome:
                     self._connections.add(connection)
-            if not _is_same_user(peer):
+            if not is_same_user(peer):
                 refusal = "this engine belongs to another user"
             elif not is_welcome:
                 refusal = f"{MAX_CONNECTIONS} consoles are connected already: close one"
@@ -159,12 +154,12 @@ class ControlServer:
             connection.answer(None, Outcome(ok=False, message=refusal))
             self._drop(connection)
 
-    def _drop(self, connection: "_Connection") -> None:
+    def _drop(self, connection: "Connection") -> None:
         with self._guard:
             self._connections.discard(connection)
         connection.close()
 
-    def _serve(self, connection: "_Connection") -> None:
+    def _serve(self, connection: "Connection") -> None:
         try:
             for line in connection.lines():
                 self._take(connection, line)
@@ -173,9 +168,9 @@ class ControlServer:
         finally:
             self._drop(connection)
 
-    def _take(self, connection: "_Connection", line: bytes) -> None:
+    def _take(self, connection: "Connection", line: bytes) -> None:
         try:
-            order = _read_order(connection, line)
+            order = read_order(connection, line)
         except ControlError as error:
             connection.answer(None, Outcome(ok=False, message=str(error)))
             return
@@ -235,7 +230,7 @@ class ControlClient:
                 wire.settimeout(timeout_s)
                 wire.connect(str(address_of(self._path)))
                 wire.sendall(line)
-                reply = _receive_line(wire, deadline)
+                reply = receive_line(wire, deadline)
         except (FileNotFoundError, ConnectionRefusedError) as error:
             raise ControlError("no engine is running: 'rsoconsole engine' starts one") from error
         except TimeoutError as error:
@@ -245,127 +240,4 @@ class ControlClient:
             ) from error
         except OSError as error:
             raise ControlError(f"the engine cannot be reached: {error}") from error
-        return _read_outcome(reply)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Order:
-    id: int | str | None
-    intention: Intention
-    deadline: float
-    """Monotonic; afterwards the sender has given up."""
-    connection: "_Connection"
-
-
-class _Connection:
-    def __init__(self, peer: socket.socket) -> None:
-        self._peer = peer
-        self._writing = threading.Lock()
-        peer.setsockopt(
-            socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(_SEND_TIMEOUT_S), 0)
-        )
-
-    def lines(self) -> "_Lines":
-        return _Lines(self._peer, self)
-
-    def answer(self, order_id: int | str | None, outcome: Outcome) -> None:
-        """Send an outcome; a peer that is gone or does not read is let go."""
-        reply = {"id": order_id, "ok": outcome.ok, "message": outcome.message}
-        try:
-            line = json.dumps({**reply, "data": dict(outcome.data)}, allow_nan=False)
-        except (TypeError, ValueError) as error:
-            reply |= {"ok": False, "message": f"the answer cannot be sent: {error}"}
-            line = json.dumps({**reply, "data": {}})
-        try:
-            with self._writing:
-                self._peer.sendall(line.encode() + b"\n")
-        except OSError:
-            self.close()
-
-    def close(self) -> None:
-        with contextlib.suppress(OSError):
-            self._peer.shutdown(socket.SHUT_RDWR)
-        self._peer.close()
-
-
-class _Lines:
-    """Lines as they come in, none longer than is allowed."""
-
-    def __init__(self, peer: socket.socket, connection: _Connection) -> None:
-        self._peer = peer
-        self._connection = connection
-        self._buffer = b""
-
-    def __iter__(self) -> "_Lines":
-        return self
-
-    def __next__(self) -> bytes:
-        while b"\n" not in self._buffer:
-            if len(self._buffer) > MAX_LINE_BYTES:
-                text = f"a line of more than {MAX_LINE_BYTES} bytes: the connection is closed"
-                self._connection.answer(None, Outcome(ok=False, message=text))
-                raise ValueError(text)
-            chunk = self._peer.recv(4096)
-            if not chunk:
-                raise StopIteration
-            self._buffer += chunk
-        line, _, self._buffer = self._buffer.partition(b"\n")
-        return line
-
-
-def _read_order(connection: _Connection, line: bytes) -> _Order:
-    try:
-        message = json.loads(line)
-    except (ValueError, RecursionError) as error:
-        raise ControlError(f"not a line of JSON: {error}") from error
-    if not isinstance(message, dict):
-        raise ControlError("an intention is a JSON object")
-    verb, arguments = message.get("verb"), message.get("arguments", {})
-    by, timeout_s = message.get("by", "operator"), message.get("timeout_s", DEFAULT_TIMEOUT_S)
-    order_id = message.get("id")
-    if not isinstance(verb, str) or not verb:
-        raise ControlError("an intention needs a 'verb'")
-    if not isinstance(arguments, dict):
-        raise ControlError("'arguments' is a JSON object")
-    if not isinstance(by, str) or not isinstance(order_id, int | str | None):
-        raise ControlError("'by' is text, 'id' a whole number or text")
-    if not isinstance(timeout_s, int | float) or not 0 < timeout_s <= 3600:
-        raise ControlError("'timeout_s' lies between 0 and 3600")
-    return _Order(
-        id=order_id,
-        intention=Intention(verb=verb, arguments=arguments, by=by),
-        deadline=time.monotonic() + timeout_s,
-        connection=connection,
-    )
-
-
-def _receive_line(wire: socket.socket, deadline: float) -> bytes:
-    received = bytearray()
-    while b"\n" not in received:
-        left_s = deadline - time.monotonic()
-        if left_s <= 0:
-            raise TimeoutError
-        wire.settimeout(left_s)
-        chunk = wire.recv(65536)
-        if not chunk:
-            raise ConnectionResetError("it closed the connection without an answer")
-        received += chunk
-    return bytes(received.partition(b"\n")[0])
-
-
-def _read_outcome(reply: bytes) -> Outcome:
-    try:
-        message = json.loads(reply)
-        return Outcome(
-            ok=bool(message["ok"]), message=str(message["message"]), data=dict(message["data"])
-        )
-    except (ValueError, KeyError, TypeError) as error:
-        raise ControlError(f"the engine's answer cannot be read: {error}") from error
-
-
-def _is_same_user(peer: socket.socket) -> bool:
-    if not hasattr(socket, "SO_PEERCRED"):
-        return True  # the folder, which only its owner can enter, is the guard there
-    credentials = peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
-    _, uid, _ = struct.unpack("3i", credentials)
-    return bool(uid == os.getuid())
+        return read_outcome(reply)

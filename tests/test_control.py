@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole import control
+from rsoconsole import control_wire
 from rsoconsole.control import ControlClient, ControlServer, Intention, Outcome
 from rsoconsole.control_socket import EngineLock, address_of
 from rsoconsole.errors import ControlError
@@ -244,7 +244,7 @@ def test_the_socket_is_for_its_owner_alone_and_goes_with_the_server(path: Path) 
 
 
 def test_another_users_peer_is_turned_away(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(control.os, "getuid", lambda: os.geteuid() + 1)
+    monkeypatch.setattr(control_wire.os, "getuid", lambda: os.geteuid() + 1)
     with ControlServer(path, echo):
         outcome = ControlClient(path).send("stop")
     assert not outcome.ok

@@ -1,0 +1,172 @@
+"""What goes over the operator's wire, line by line."""
+
+import contextlib
+import json
+import os
+import socket
+import struct
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from rsoconsole.errors import ControlError
+
+MAX_LINE_BYTES = 65536
+DEFAULT_TIMEOUT_S = 5.0
+_SEND_TIMEOUT_S = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intention:
+    """What an operator wants of the engine."""
+
+    verb: str
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    by: str = "operator"
+    """Who asks: the console, a command, a script."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What came of an intention."""
+
+    ok: bool
+    message: str = ""
+    """In the operator's words; says why when it is not ok."""
+    data: Mapping[str, Any] = field(default_factory=dict)
+    """The answer to a question, as JSON carries it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """An intention on its way, with the connection that waits for its outcome."""
+
+    id: int | str | None
+    intention: Intention
+    deadline: float
+    """Monotonic; afterwards the sender has given up."""
+    connection: "Connection"
+
+
+class Connection:
+    """One peer of the engine. Answers may be given from any thread."""
+
+    def __init__(self, peer: socket.socket) -> None:
+        self._peer = peer
+        self._writing = threading.Lock()
+        peer.setsockopt(
+            socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(_SEND_TIMEOUT_S), 0)
+        )
+
+    def lines(self) -> "_Lines":
+        """Lines as they come in; raises ValueError at one that is too long."""
+        return _Lines(self._peer, self)
+
+    def answer(self, order_id: int | str | None, outcome: Outcome) -> None:
+        """Send an outcome; a peer that is gone or does not read is let go."""
+        reply = {"id": order_id, "ok": outcome.ok, "message": outcome.message}
+        try:
+            line = json.dumps({**reply, "data": dict(outcome.data)}, allow_nan=False)
+        except (TypeError, ValueError) as error:
+            reply |= {"ok": False, "message": f"the answer cannot be sent: {error}"}
+            line = json.dumps({**reply, "data": {}})
+        try:
+            with self._writing:
+                self._peer.sendall(line.encode() + b"\n")
+        except OSError:
+            self.close()
+
+    def close(self) -> None:
+        """Let the peer go; a thread that reads from it is woken."""
+        with contextlib.suppress(OSError):
+            self._peer.shutdown(socket.SHUT_RDWR)
+        self._peer.close()
+
+
+class _Lines:
+    """Lines as they come in, none longer than is allowed."""
+
+    def __init__(self, peer: socket.socket, connection: Connection) -> None:
+        self._peer = peer
+        self._connection = connection
+        self._buffer = b""
+
+    def __iter__(self) -> "_Lines":
+        return self
+
+    def __next__(self) -> bytes:
+        while b"\n" not in self._buffer:
+            if len(self._buffer) > MAX_LINE_BYTES:
+                text = f"a line of more than {MAX_LINE_BYTES} bytes: the connection is closed"
+                self._connection.answer(None, Outcome(ok=False, message=text))
+                raise ValueError(text)
+            chunk = self._peer.recv(4096)
+            if not chunk:
+                raise StopIteration
+            self._buffer += chunk
+        line, _, self._buffer = self._buffer.partition(b"\n")
+        return line
+
+
+def read_order(connection: Connection, line: bytes) -> Order:
+    """The order in a line. Raises ControlError that says what is wrong with it."""
+    try:
+        message = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise ControlError(f"not a line of JSON: {error}") from error
+    if not isinstance(message, dict):
+        raise ControlError("an intention is a JSON object")
+    verb, arguments = message.get("verb"), message.get("arguments", {})
+    by, timeout_s = message.get("by", "operator"), message.get("timeout_s", DEFAULT_TIMEOUT_S)
+    order_id = message.get("id")
+    if not isinstance(verb, str) or not verb:
+        raise ControlError("an intention needs a 'verb'")
+    if not isinstance(arguments, dict):
+        raise ControlError("'arguments' is a JSON object")
+    if not isinstance(by, str) or not isinstance(order_id, int | str | None):
+        raise ControlError("'by' is text, 'id' a whole number or text")
+    if not isinstance(timeout_s, int | float) or not 0 < timeout_s <= 3600:
+        raise ControlError("'timeout_s' lies between 0 and 3600")
+    return Order(
+        id=order_id,
+        intention=Intention(verb=verb, arguments=arguments, by=by),
+        deadline=time.monotonic() + timeout_s,
+        connection=connection,
+    )
+
+
+def receive_line(wire: socket.socket, deadline: float) -> bytes:
+    """One line, by the monotonic ``deadline``. Raises OSError, TimeoutError among them."""
+    received = bytearray()
+    while b"\n" not in received:
+        left_s = deadline - time.monotonic()
+        if left_s <= 0:
+            raise TimeoutError
+        wire.settimeout(left_s)
+        chunk = wire.recv(65536)
+        if not chunk:
+            raise ConnectionResetError("it closed the connection without an answer")
+        received += chunk
+    return bytes(received.partition(b"\n")[0])
+
+
+def read_outcome(reply: bytes) -> Outcome:
+    """The outcome in a reply. Raises ControlError when it is none."""
+    try:
+        message = json.loads(reply)
+        return Outcome(
+            ok=bool(message["ok"]), message=str(message["message"]), data=dict(message["data"])
+        )
+    except (ValueError, KeyError, TypeError) as error:
+        raise ControlError(f"the engine's answer cannot be read: {error}") from error
+
+
+def is_same_user(peer: socket.socket) -> bool:
+    """Whether this process's user is at the other end."""
+    if not hasattr(socket, "SO_PEERCRED"):
+        return True  # the folder, which only its owner can enter, is the guard there
+    credentials = peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+    _, uid, _ = struct.unpack("3i", credentials)
+    return bool(uid == os.getuid())
