@@ -24,7 +24,10 @@ class Satellite:
         """``standard_magnitude``: fully lit, at 36,000 km."""
         self.element_set = element_set
         self.standard_magnitude = standard_magnitude
-        self._record = Satrec.twoline2rv(element_set.line_1, element_set.line_2)
+        try:
+            self._record = Satrec.twoline2rv(element_set.line_1, element_set.line_2)
+        except ValueError as error:
+            raise OrbitError(f"satellite {element_set.norad_id}: {error}; fetch it anew") from error
         if self._record.error:
             raise OrbitError(
                 f"satellite {element_set.norad_id}: SGP4 refuses its elements "

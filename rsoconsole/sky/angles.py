@@ -12,7 +12,7 @@ import numpy as np
 from rsoconsole.records import FloatArray
 
 _DEG = np.pi / 180.0
-_NUMBER = re.compile(r"\d+(?:\.\d*)?|\.\d+")
+_NUMBER = re.compile(r"\d+(?:\.\d*)?|\.\d+", re.ASCII)
 _MARKS = re.compile(r"[\s:hdms°'\"′″]+", re.IGNORECASE)
 
 
@@ -155,8 +155,8 @@ def _parse_sexagesimal(text: str) -> float:
 def parse_ra_deg(text: str) -> float:
     """Right ascension written in hours ('hh mm ss', 'h:m:s', '12h34m56s') as degrees, 0 to 360.
 
-    A number without minutes is degrees when it carries decimals or the letter d, as in FITS
-    headers and on command lines. Raises ValueError for anything else or out of range.
+    A single number is degrees, as in FITS headers, unless it is marked with an h. Raises
+    ValueError for anything else or out of range.
     """
     plain = text.strip().lower()
     is_single = len([part for part in _MARKS.split(plain.lstrip("+-")) if part]) == 1
@@ -198,4 +198,5 @@ def format_ra(ra_deg: float, decimals: int = 2) -> str:
 
 def format_dec(dec_deg: float, decimals: int = 1) -> str:
     """'+dd:mm:ss.s' of a declination in degrees."""
-    return ("-" if dec_deg < 0 else "+") + _format_sexagesimal(abs(dec_deg), decimals)
+    text = _format_sexagesimal(abs(dec_deg), decimals)
+    return ("-" if dec_deg < 0 and text.strip("0:.") else "+") + text
