@@ -1,0 +1,106 @@
+"""Shards of drawn fields on disk, so that training costs no drawing: fixed seeds, no field twice.
+
+Each split draws from its own seeds; a shard is a pure function of (seed, split, number). One
+shard holds 50 fields of one sensor.
+"""
+
+import multiprocessing
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from models.fields import KINDS, Conditions, Field, TrueStreak, draw_field, draw_sensor
+from rsoconsole.simulator.render import frame_rng
+
+FIELDS_PER_SHARD = 50
+SPLITS = {"train": 1, "calibrate": 2, "test": 3}
+BLOCKS = (8, 4, 8, 2, 8, 8, 4, 8, 8, 8)
+"""Blocks of successive shards: mostly that of the paper's telescope."""
+
+
+def shard_path(folder: Path, split: str, number: int) -> Path:
+    """Where one shard lies."""
+    return folder / f"{split}-{number:04d}.npz"
+
+
+def draw_shard(seed: int, split: str, number: int) -> list[Field]:
+    """The fields of one shard."""
+    rng = frame_rng(seed, SPLITS[split], number)
+    block = BLOCKS[number % len(BLOCKS)]
+    sensor = draw_sensor(block, rng)
+    return [draw_field(sensor, block, Conditions(), rng) for _ in range(FIELDS_PER_SHARD)]
+
+
+def write_shard(folder: Path, seed: int, split: str, number: int) -> None:
+    """Draw one shard unless it is there already."""
+    path = shard_path(folder, split, number)
+    if path.exists():
+        return
+    fields = draw_shard(seed, split, number)
+    rows = [
+        (i, s.x_a, s.y_a, s.x_b, s.y_b, s.peak_snr, float(s.is_asked))
+        for i, field in enumerate(fields)
+        for s in field.streaks
+    ]
+    partial = path.with_suffix(".part.npz")
+    np.savez(
+        partial,
+        values=np.stack([field.values for field in fields]),
+        streaks=np.array(rows, dtype=np.float32).reshape(-1, 7),
+        kind=np.array([KINDS.index(field.kind) for field in fields], dtype=np.uint8),
+        is_paper=np.array([field.mode == "paper" for field in fields]),
+        block=np.array([field.block for field in fields], dtype=np.uint8),
+    )
+    partial.replace(path)
+
+
+def read_shard(path: Path) -> list[Field]:
+    """The fields of a shard on disk."""
+    with np.load(path) as shard:
+        values, rows = shard["values"], shard["streaks"]
+        kinds, is_paper, blocks = shard["kind"], shard["is_paper"], shard["block"]
+    return [
+        Field(
+            values=values[i],
+            kind=KINDS[int(kinds[i])],
+            mode="paper" if is_paper[i] else "fast",
+            block=int(blocks[i]),
+            streaks=tuple(_true_streak(row) for row in rows[rows[:, 0] == i]),
+        )
+        for i in range(len(values))
+    ]
+
+
+def _true_streak(row: npt.NDArray[np.float32]) -> TrueStreak:
+    return TrueStreak(
+        x_a=float(row[1]),
+        y_a=float(row[2]),
+        x_b=float(row[3]),
+        y_b=float(row[4]),
+        peak_snr=float(row[5]),
+        is_asked=bool(row[6]),
+    )
+
+
+def _write_one(task: tuple[Path, int, str, int]) -> None:
+    write_shard(*task)
+
+
+def write_shards(
+    folder: Path, seed: int, counts: dict[str, int], processes: int
+) -> Iterator[tuple[int, int]]:
+    """Draw every missing shard, yielding (done, all) after each."""
+    folder.mkdir(parents=True, exist_ok=True)
+    tasks = [(folder, seed, split, n) for split, count in counts.items() for n in range(count)]
+    missing = [task for task in tasks if not shard_path(folder, *task[2:]).exists()]
+    with multiprocessing.get_context("spawn").Pool(processes, _one_thread) as pool:
+        for done, _ in enumerate(pool.imap_unordered(_write_one, missing), start=1):
+            yield done, len(missing)
+
+
+def _one_thread() -> None:
+    import cv2
+
+    cv2.setNumThreads(1)

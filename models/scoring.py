@@ -1,0 +1,121 @@
+"""How well candidates fit the truth: matching, recall, false candidates, calibration."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from models.fields import Field, TrueStreak
+from rsoconsole.vision.maps import ByteArray
+from rsoconsole.vision.network import MapStreak, decode, keep_distinct
+
+Float32Array = npt.NDArray[np.float32]
+FloatArray = npt.NDArray[np.float64]
+Answer = Callable[[ByteArray], Float32Array]
+"""(h, w) map to (6, h / 4, w / 4) answers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Score:
+    """What a detector did on a set of fields."""
+
+    true_logits: FloatArray
+    """Of every streak asked for; -inf where it was missed."""
+    true_snrs: FloatArray
+    true_lengths: FloatArray
+    middle_errors: FloatArray
+    """Cells, of those found."""
+    false_logits: FloatArray
+    false_kinds: tuple[str, ...]
+    cells: int
+    """Area judged, in cells of the map."""
+
+    def recall(self, logit: float, snr: tuple[float, float] = (0.0, np.inf)) -> float:
+        """Share of the asked streaks in a range of peak signal to noise found above a logit."""
+        chosen = (self.true_snrs >= snr[0]) & (self.true_snrs < snr[1])
+        return float(np.mean(self.true_logits[chosen] > logit)) if chosen.any() else float("nan")
+
+    def logit_for_false(self, count: int) -> float:
+        """Logit above which ``count`` false candidates lie."""
+        ordered = np.sort(self.false_logits)[::-1]
+        return float(ordered[count]) if count < len(ordered) else -np.inf
+
+
+def fits(candidate: MapStreak, true: TrueStreak) -> bool:
+    """Whether a candidate is this streak: near it across, overlapping along, alike in direction."""
+    length = max(true.length, 1e-6)
+    cos, sin = (true.x_b - true.x_a) / length, (true.y_b - true.y_a) / length
+    x, y = candidate.middle
+    dx, dy = x - (true.x_a + true.x_b) / 2, y - (true.y_a + true.y_b) / 2
+    along, across = abs(dx * cos + dy * sin), abs(dy * cos - dx * sin)
+    cx = (candidate.x_b - candidate.x_a) / max(candidate.length, 1e-6)
+    cy = (candidate.y_b - candidate.y_a) / max(candidate.length, 1e-6)
+    is_parallel = abs(cx * cos + cy * sin) > np.cos(np.radians(20))
+    return across < 3.0 and along < max(4.0, 0.3 * length) and is_parallel
+
+
+def score(fields: Iterable[Field], answer: Answer, lowest_logit: float = -5.0) -> Score:
+    """Judge a detector's answers on fields; streaks not asked for count neither way."""
+    true_logits, snrs, lengths, errors = [], [], [], []
+    false_logits, kinds, cells = [], [], 0
+    for field in fields:
+        found = keep_distinct(decode(answer(field.values), lowest_logit))
+        cells += field.values.size
+        free = list(found)
+        for true in sorted(field.streaks, key=lambda s: -s.peak_snr):
+            match = next((c for c in free if fits(c, true)), None)
+            if match is not None:
+                free.remove(match)
+            if not true.is_asked:
+                continue
+            true_logits.append(-np.inf if match is None else match.logit)
+            snrs.append(true.peak_snr)
+            lengths.append(true.length)
+            if match is not None:
+                x, y = match.middle
+                errors.append(
+                    np.hypot(x - (true.x_a + true.x_b) / 2, y - (true.y_a + true.y_b) / 2)
+                )
+        for candidate in free:
+            if any(_touches(candidate, true) for true in field.streaks):
+                continue
+            false_logits.append(candidate.logit)
+            kinds.append(field.kind)
+    return Score(
+        true_logits=np.array(true_logits),
+        true_snrs=np.array(snrs),
+        true_lengths=np.array(lengths),
+        middle_errors=np.array(errors),
+        false_logits=np.array(false_logits),
+        false_kinds=tuple(kinds),
+        cells=cells,
+    )
+
+
+def _touches(candidate: MapStreak, true: TrueStreak) -> bool:
+    """Whether a second candidate lies on a true streak: a fault of position, not an invention."""
+    x, y = candidate.middle
+    length = max(true.length, 1e-6)
+    cos, sin = (true.x_b - true.x_a) / length, (true.y_b - true.y_a) / length
+    dx, dy = x - (true.x_a + true.x_b) / 2, y - (true.y_a + true.y_b) / 2
+    return abs(dy * cos - dx * sin) < 5 and abs(dx * cos + dy * sin) < length / 2 + 5
+
+
+def fit_platt(true_logits: FloatArray, false_logits: FloatArray) -> tuple[float, float]:
+    """Slope and offset of the logistic curve through true and false candidates (Platt 1999)."""
+    found = true_logits[np.isfinite(true_logits)]
+    x = np.concatenate([found, false_logits])
+    y = np.concatenate([np.ones(len(found)), np.zeros(len(false_logits))])
+    slope, offset = 1.0, 0.0
+    for _ in range(100):
+        p = 1.0 / (1.0 + np.exp(-(slope * x + offset)))
+        w = np.maximum(p * (1.0 - p), 1e-9)
+        gradient = np.array([np.sum((p - y) * x) + 1e-3 * (slope - 1), np.sum(p - y)])
+        cross = np.sum(w * x)
+        hessian = np.array([[np.sum(w * x * x) + 1e-3, cross], [cross, np.sum(w) + 1e-3]])
+        step = np.linalg.solve(hessian, gradient)
+        slope, offset = slope - step[0], offset - step[1]
+        if np.abs(step).max() < 1e-8:
+            break
+    return float(slope), float(offset)

@@ -1,0 +1,80 @@
+"""From true streaks to what every location of the network is to answer, and the loss.
+
+A location (row, column) of the head looks at the place (4 column + 2, 4 row + 2) of the map. Its
+answers are: confidence as a logit; offset of the midpoint in units of 4 cells; ln(length / 16
+cells); cos 2 theta and sin 2 theta of the direction, which a line's two senses share.
+"""
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch.nn import functional
+
+from models.fields import FIELD_CELLS, Field, clip_to_box, is_asked_for
+from rsoconsole.vision.network import LENGTH_UNIT_CELLS, STRIDE_CELLS
+
+Float32Array = npt.NDArray[np.float32]
+GRID = FIELD_CELLS // STRIDE_CELLS
+TARGET_CHANNELS = 7
+"""Heat, two offsets, log length, cos, sin, weight of the confidence's loss."""
+_SIGMA_ACROSS = 2.4
+_SIGMA_ALONG_SHARE = 0.08
+_REGRESSED_ABOVE = 0.4
+_REGRESSION_WEIGHT = 1.0
+
+
+def targets_of(
+    field: Field, width: float = FIELD_CELLS, height: float = FIELD_CELLS
+) -> Float32Array:
+    """(7, 48, 48) targets of a field of which ``width`` x ``height`` cells are shown."""
+    target = np.zeros((TARGET_CHANNELS, GRID, GRID), dtype=np.float32)
+    target[6] = 1.0
+    centre = (np.arange(GRID) + 0.5) * STRIDE_CELLS
+    gx, gy = np.meshgrid(centre, centre)
+    for streak in field.streaks:
+        seen = clip_to_box((streak.x_a, streak.y_a, streak.x_b, streak.y_b), width, height)
+        if seen is None:
+            continue
+        x_a, y_a, x_b, y_b = seen
+        length = max(float(np.hypot(x_b - x_a, y_b - y_a)), 1e-3)
+        cos, sin = (x_b - x_a) / length, (y_b - y_a) / length
+        dx, dy = (x_a + x_b) / 2 - gx, (y_a + y_b) / 2 - gy
+        along, across = dx * cos + dy * sin, dy * cos - dx * sin
+        if not (streak.is_asked and is_asked_for(streak.peak_snr, length, field.mode, field.block)):
+            is_near = (np.abs(along) < length / 2 + 4) & (np.abs(across) < 5)
+            target[6][is_near & (target[0] == 0)] = 0.0
+            continue
+        sigma_along = max(_SIGMA_ACROSS, _SIGMA_ALONG_SHARE * length)
+        heat = np.exp(-0.5 * ((along / sigma_along) ** 2 + (across / _SIGMA_ACROSS) ** 2))
+        heat /= heat.max()
+        heat[heat < 0.02] = 0.0
+        is_best = heat > target[0]
+        values = (
+            heat,
+            dx / STRIDE_CELLS,
+            dy / STRIDE_CELLS,
+            np.full_like(dx, np.log(length / LENGTH_UNIT_CELLS)),
+            np.full_like(dx, cos * cos - sin * sin),
+            np.full_like(dx, 2 * cos * sin),
+            np.ones_like(dx),
+        )
+        for channel, value in enumerate(values):
+            target[channel][is_best] = value[is_best]
+    return target
+
+
+def loss_of(answer: torch.Tensor, target: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Confidence and regression loss of (n, 6, h, w) answers, each per true streak.
+
+    Confidence: quality focal loss (Li et al. 2020, beta 2) towards the heat.
+    """
+    heat, weight = target[:, 0], target[:, 6]
+    positives = (heat == 1.0).sum().clamp(min=1)
+    logit = answer[:, 0]
+    hardness = (torch.sigmoid(logit) - heat).abs() ** 2
+    cross = functional.binary_cross_entropy_with_logits(logit, heat, reduction="none")
+    confidence = (weight * hardness * cross).sum() / positives
+    share = torch.where(heat > _REGRESSED_ABOVE, heat, torch.zeros_like(heat))
+    wrong = functional.smooth_l1_loss(answer[:, 1:], target[:, 1:6], reduction="none", beta=0.1)
+    regression = (share[:, None] * wrong).sum() / share.sum().clamp(min=1)
+    return confidence, _REGRESSION_WEIGHT * regression

@@ -1,0 +1,188 @@
+"""From nothing to ``streak_ssd.tflite``: draw, train, calibrate, export. ``--help`` says how.
+
+Every stage resumes where it stopped; the same seed on the same machine gives the same network.
+"""
+
+import argparse
+import json
+import sys
+import time
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from models.batches import batch, read_fields
+from models.dataset import write_shards
+from models.fields import Field
+from models.scoring import Score, score
+from models.streak_net import StreakNet
+from models.targets import loss_of
+from rsoconsole.vision.maps import ByteArray
+
+SHARDS = {"train": 240, "calibrate": 20, "test": 20}
+BATCH = 16
+PEAK_RATE = 3e-3
+WARM_UP_STEPS = 300
+AVERAGE_DECAY = 0.998
+
+
+def rate_at(step: int, steps: int) -> float:
+    """Learning rate: a ramp, then half a cosine down to nothing."""
+    if step < WARM_UP_STEPS:
+        return PEAK_RATE * (step + 1) / WARM_UP_STEPS
+    share = (step - WARM_UP_STEPS) / max(1, steps - WARM_UP_STEPS)
+    return PEAK_RATE * (0.01 + 0.99 * 0.5 * (1.0 + float(np.cos(np.pi * min(share, 1.0)))))
+
+
+def answer_with(net: StreakNet) -> Any:
+    """The network as a function from a map of bytes to its answers, both in numpy."""
+    net.eval()
+
+    def answer(values: ByteArray) -> Any:
+        with torch.inference_mode():
+            x = torch.from_numpy(values.astype(np.float32) / np.float32(255))[None, None]
+            return net(x.to(memory_format=torch.channels_last))[0].numpy()
+
+    return answer
+
+
+class Training:
+    """The network on its way, and what is needed to go on from any checkpoint."""
+
+    def __init__(self, run: Path, seed: int, steps: int) -> None:
+        torch.manual_seed(seed)
+        self.run, self.seed, self.steps, self.step = run, seed, steps, 0
+        self.net = StreakNet().to(memory_format=torch.channels_last)
+        self.average = deepcopy(self.net).eval()
+        decayed = [p for p in self.net.parameters() if p.ndim > 1]
+        plain = [p for p in self.net.parameters() if p.ndim <= 1]
+        groups = [
+            {"params": decayed, "weight_decay": 1e-3},
+            {"params": plain, "weight_decay": 0.0},
+        ]
+        self.optimiser = torch.optim.AdamW(groups, lr=PEAK_RATE)
+        if self._checkpoint.exists():
+            state = torch.load(self._checkpoint, weights_only=True)
+            self.net.load_state_dict(state["net"])
+            self.average.load_state_dict(state["average"])
+            self.optimiser.load_state_dict(state["optimiser"])
+            self.step = state["step"]
+
+    @property
+    def _checkpoint(self) -> Path:
+        return self.run / "checkpoint.pt"
+
+    def save(self) -> None:
+        """Write a checkpoint; a crash meanwhile leaves the last one."""
+        partial = self._checkpoint.with_suffix(".part")
+        torch.save(
+            {
+                "net": self.net.state_dict(),
+                "average": self.average.state_dict(),
+                "optimiser": self.optimiser.state_dict(),
+                "step": self.step,
+            },
+            partial,
+        )
+        partial.replace(self._checkpoint)
+
+    def one_step(self, fields: list[Field]) -> tuple[float, float]:
+        """One batch; returns the losses of confidence and of regression."""
+        self.net.train()
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate_at(self.step, self.steps)
+        inputs, targets = batch(fields, BATCH, self.seed, self.step)
+        x = torch.from_numpy(inputs).to(memory_format=torch.channels_last)
+        confidence, regression = loss_of(self.net(x), torch.from_numpy(targets))
+        self.optimiser.zero_grad(set_to_none=True)
+        (confidence + regression).backward()
+        torch.nn.utils.clip_grad_norm_(self.net.parameters(), 5.0)
+        self.optimiser.step()
+        self.step += 1
+        self._average()
+        return float(confidence), float(regression)
+
+    def _average(self) -> None:
+        decay = min(AVERAGE_DECAY, self.step / (self.step + 100))
+        with torch.no_grad():
+            now = self.net.state_dict()
+            for name, kept in self.average.state_dict().items():
+                if kept.dtype.is_floating_point:
+                    kept.lerp_(now[name], 1.0 - decay)
+                else:
+                    kept.copy_(now[name])
+
+
+def summary(result: Score) -> dict[str, float]:
+    """The figures followed while training, at one false candidate in 2 million cells."""
+    logit = result.logit_for_false(int(result.cells / 2e6))
+    bands = {"1-2": (1, 2), "2-4": (2, 4), "4+": (4, 1e9)}
+    figures = {f"recall_{name}": result.recall(logit, band) for name, band in bands.items()}
+    figures |= {"logit": logit, "false": float(len(result.false_logits))}
+    figures["middle_cells"] = (
+        float(np.median(result.middle_errors)) if len(result.middle_errors) else -1
+    )
+    return {name: round(value, 4) for name, value in figures.items()}
+
+
+def train(training: Training, fields: list[Field], judged: list[Field], every: int) -> None:
+    """Run to the last step, logging a line of JSON per ``every`` steps."""
+    sums, since, started = np.zeros(2), 0, time.monotonic()
+    with (training.run / "log.jsonl").open("a", encoding="utf-8") as log:
+        while training.step < training.steps:
+            sums += training.one_step(fields)
+            since += 1
+            if training.step % 20 == 0 and sys.stderr.isatty():
+                share = training.step / training.steps
+                bar = "#" * int(40 * share)
+                print(f"\r[{bar:<40}] {share:6.1%} {sums[0] / since:.4f}", end="", file=sys.stderr)
+            if training.step % every == 0 or training.step == training.steps:
+                training.save()
+                line = {
+                    "step": training.step,
+                    "confidence_loss": round(sums[0] / since, 5),
+                    "regression_loss": round(sums[1] / since, 5),
+                    "crops_per_s": round(BATCH * since / (time.monotonic() - started), 1),
+                } | summary(score(judged, answer_with(training.average)))
+                print(json.dumps(line), file=log, flush=True)
+                print(json.dumps(line), flush=True)
+                sums, since, started = np.zeros(2), 0, time.monotonic()
+
+
+def arguments() -> argparse.Namespace:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m models.train", description=__doc__)
+    parser.add_argument("--run", type=Path, default=Path("models/runs/first"), help="its folder")
+    parser.add_argument("--seed", type=int, default=20261120)
+    parser.add_argument("--steps", type=int, default=12000, help=f"batches of {BATCH} fields")
+    parser.add_argument("--shards", type=int, default=SHARDS["train"], help="of 50 fields")
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--every", type=int, default=400, help="steps between checkpoints")
+    parser.add_argument("--no-export", action="store_true", help="stop after training")
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Draw what is missing, train what is missing, export."""
+    args = arguments()
+    args.run.mkdir(parents=True, exist_ok=True)
+    torch.set_num_threads(args.threads)
+    data = args.run / "data"
+    for done, missing in write_shards(
+        data, args.seed, SHARDS | {"train": args.shards}, args.threads
+    ):
+        print(f"\rdrawn {done} of {missing} shards", end="", file=sys.stderr, flush=True)
+    fields = read_fields(data, "train", args.shards)
+    judged = read_fields(data, "calibrate", SHARDS["calibrate"])[::3]
+    train(Training(args.run, args.seed, args.steps), fields, judged, args.every)
+    if not args.no_export:
+        from models.export import export
+
+        export(args.run, args.seed, args.threads)
+
+
+if __name__ == "__main__":
+    main()

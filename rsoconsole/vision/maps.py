@@ -1,0 +1,170 @@
+"""``process_image``: a frame as the small map that the network looks at, in two ways.
+
+``fast``: the frame binned 2 x 2 (where the block allows), the local background taken away, in
+units of the local noise, then the largest bin of every block; graded from -2 to +14 sigma.
+``paper``: 8-bit, JPEG, a black-and-white map at full size, as Jordan et al. (arXiv 2304.06227)
+have it; then white where a block holds any white.
+
+A cell's coordinates are continuous: cell i covers [i, i + 1), pixel x covers [x - 0.5, x + 0.5),
+hence ``x_px = u * block - 0.5`` exactly, whatever the padding, which is on the right and below.
+"""
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import MapMode, PixelArray
+from rsoconsole.vision.background import Float32Array, local_background, resample
+
+ByteArray = npt.NDArray[np.uint8]
+
+NETWORK_WIDTH_CELLS = 608
+NETWORK_HEIGHT_CELLS = 448
+LOWEST_SIGMA = -2.0
+HIGHEST_SIGMA = 14.0
+CODES_PER_SIGMA = 255.0 / (HIGHEST_SIGMA - LOWEST_SIGMA)
+SIDEREAL_ARCSEC_S = 15.04
+
+_SKY_CELL_PX = 16
+_STRETCH_PER_SIGMA = 10.0
+_STRETCH_BLACK = 50.0
+_WHITE_SIGMA = 4.0
+_JPEG_QUALITY = 95
+_BLOCKS = (2, 4, 8, 16, 32)
+_STREAK_CELLS = (12.0, 40.0)
+_SMALLEST_MAP_CELLS = 48
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrameMap:
+    """What the network sees of one frame."""
+
+    values: ByteArray
+    """(ceil(height_px / block), ceil(width_px / block)); see CODES_PER_SIGMA."""
+    block: int
+    """Pixels along one side of a cell."""
+    mode: MapMode
+    width_px: int
+    height_px: int
+
+    def to_px(self, cells: float) -> float:
+        """Column or row in raw pixels (0 = centre of the first) of a place in the map."""
+        return cells * self.block - 0.5
+
+    def to_cells(self, px: float) -> float:
+        """Place in the map (0 = left edge of the first cell) of a raw pixel's column or row."""
+        return (px + 0.5) / self.block
+
+
+def choose_block(
+    width_px: int, height_px: int, scale_arcsec_px: float | None, exposure_s: float | None
+) -> int:
+    """Block for which a geostationary streak is 12 to 40 cells long: 8 for the paper's telescope.
+
+    Where scale or exposure is unknown: the smallest block whose map fits the network at once.
+    A frame is never reduced below 48 cells a side while a smaller block exists.
+    """
+    fitting = [
+        block
+        for block in _BLOCKS
+        if min(width_px, height_px) >= _SMALLEST_MAP_CELLS * block or block == _BLOCKS[0]
+    ]
+    if scale_arcsec_px and exposure_s and scale_arcsec_px > 0 and exposure_s > 0:
+        streak_px = SIDEREAL_ARCSEC_S * exposure_s / scale_arcsec_px
+        middle = np.sqrt(_STREAK_CELLS[0] * _STREAK_CELLS[1])
+        return min(fitting, key=lambda block: abs(np.log(streak_px / block / middle)))
+    for block in fitting:
+        if width_px <= block * NETWORK_WIDTH_CELLS and height_px <= block * NETWORK_HEIGHT_CELLS:
+            return block
+    return fitting[-1]
+
+
+def make_map(pixels: PixelArray, mode: MapMode, block: int) -> FrameMap:
+    """Reduce ``pixels`` (height, width), uint16 or finite float32 ADU, by ``block`` a side.
+
+    Raises ValueError for a block below 1.
+    """
+    if block < 1:
+        raise ValueError(f"a block of {block} pixels: it must be 1 or more")
+    height, width = pixels.shape
+    whole = _whole_blocks(pixels, block)
+    values = _fast_map(whole, block) if mode == "fast" else _paper_map(whole, block)
+    return FrameMap(values=values, block=block, mode=mode, width_px=width, height_px=height)
+
+
+_Pixels = TypeVar("_Pixels", Float32Array, ByteArray)
+
+
+def block_maximum(values: _Pixels, block: int) -> _Pixels:
+    """Largest value of every ``block`` x ``block`` square; both sides must be whole multiples."""
+    height, width = values.shape
+    rows = values.reshape(height // block, block, width).max(axis=1)
+    out: _Pixels = rows[:, ::block].copy()
+    for offset in range(1, block):
+        np.maximum(out, rows[:, offset::block], out=out)
+    return out
+
+
+def binning_of(block: int) -> int:
+    """Side of the bins whose maximum a block takes: 2 where that leaves at least 2 x 2 bins."""
+    return 2 if block >= 4 and block % 2 == 0 else 1
+
+
+def _whole_blocks(pixels: PixelArray, block: int) -> PixelArray:
+    """The frame up to whole blocks: mirrored, so that the rim has the noise of the rest."""
+    import cv2
+
+    below, right = -pixels.shape[0] % block, -pixels.shape[1] % block
+    if not (below or right):
+        return pixels
+    out: PixelArray = cv2.copyMakeBorder(pixels, 0, below, 0, right, cv2.BORDER_REFLECT_101)
+    return out
+
+
+def _fast_map(pixels: PixelArray, block: int) -> ByteArray:
+    import cv2
+
+    binning = binning_of(block)
+    bins = pixels.astype(np.float32, copy=False)
+    if binning > 1:
+        size = pixels.shape[1] // binning, pixels.shape[0] // binning
+        bins = cv2.resize(bins, size, interpolation=cv2.INTER_AREA)
+    block_bins = block // binning
+    blocks_per_cell = max(1, round(_SKY_CELL_PX / block))
+    sky = local_background(bins, cell_px=blocks_per_cell * block_bins)
+    excess = block_maximum(bins, block_bins)
+    # Within a block the sky does not change: it is taken away after the maximum.
+    excess -= resample(sky.level, blocks_per_cell, *excess.shape)
+    excess /= resample(sky.noise, blocks_per_cell, *excess.shape)
+    return to_codes(excess)
+
+
+def to_codes(excess_sigma: Float32Array) -> ByteArray:
+    """Signal to noise as the bytes of a graded map, clipped at both ends."""
+    coded = np.rint((excess_sigma - LOWEST_SIGMA) * CODES_PER_SIGMA)
+    codes: ByteArray = np.clip(coded, 0.0, 255.0).astype(np.uint8)
+    return codes
+
+
+def _paper_map(pixels: PixelArray, block: int) -> ByteArray:
+    import cv2
+
+    stretched = np.empty(pixels.shape, dtype=np.uint8)
+    sky = local_background(pixels)
+    level, gain = sky.level, np.float32(_STRETCH_PER_SIGMA) / sky.noise
+    cell, width = sky.cell_px, pixels.shape[1]
+    for row in range(level.shape[0]):
+        strip = pixels[row * cell : (row + 1) * cell].astype(np.float32)
+        strip -= np.repeat(level[row], cell)[:width]
+        strip *= np.repeat(gain[row], cell)[:width]
+        strip += np.float32(_STRETCH_BLACK)
+        stretched[row * cell : (row + 1) * cell] = np.clip(strip, 0.0, 255.0)
+    quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
+    _, compressed = cv2.imencode(".jpg", stretched, quality)
+    decoded = cv2.imdecode(compressed, cv2.IMREAD_GRAYSCALE)
+    white_above = _STRETCH_BLACK + _WHITE_SIGMA * _STRETCH_PER_SIGMA
+    _, black_and_white = cv2.threshold(decoded, white_above, 255, cv2.THRESH_BINARY)
+    reduced: ByteArray = block_maximum(black_and_white, block)
+    return reduced
