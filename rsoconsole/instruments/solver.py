@@ -1,0 +1,335 @@
+"""The plate solver: star centroids in, the frame's tie to the sky out.
+
+A full solution matches quads of stars in a process of its own (``solver_process``) and then fits
+the plate to every catalogue star in the field; the fast path moves the last plate instead. A field
+that cannot be solved is a value, ``NotSolved``, that says why.
+"""
+
+import itertools
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from rsoconsole.errors import FrameError, SolverError
+from rsoconsole.instruments.index_files import (
+    IndexFile,
+    choose_index_files,
+    list_index_files,
+    search_dirs,
+)
+from rsoconsole.instruments.index_fits import read_stars
+from rsoconsole.instruments.solver_child import SolverChild, SolverDied, SolverTimeout
+from rsoconsole.instruments.solver_process import MatchReply, MatchRequest
+from rsoconsole.records import FloatArray, NotSolved, Solution, Wcs
+from rsoconsole.sky.star_catalogue import StarCatalogue
+from rsoconsole.sky.wcs import describe, wcs_from_cards
+from rsoconsole.vision.plate_fit import (
+    field_radius_deg,
+    plate_sigma_arcsec,
+    refit,
+    refit_from,
+    solution_from,
+)
+from rsoconsole.vision.stars import StarList
+
+__all__ = ["PlateSolver", "SolveHint", "plate_sigma_arcsec"]
+
+MIN_STARS = 8
+_MAX_STARS = 100
+_DEPTHS = (10, 15, 20, 30, 40, 60)
+_BLIND_SCALE_ARCSEC_PX = (0.1, 500.0)
+_INSTALL = "'rsoconsole index install' gets what is missing"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolveHint:
+    """What is known of a field beforehand; None is not known."""
+
+    ra_icrs_deg: float | None = None
+    dec_icrs_deg: float | None = None
+    radius_deg: float = 3.0
+    """How far the field's centre may be from there."""
+    scale_low_arcsec_px: float | None = None
+    scale_high_arcsec_px: float | None = None
+
+    @property
+    def position_deg(self) -> tuple[float, float, float] | None:
+        """RA, Dec, radius, or None when the position is not known."""
+        if self.ra_icrs_deg is None or self.dec_icrs_deg is None:
+            return None
+        return self.ra_icrs_deg % 360.0, self.dec_icrs_deg, self.radius_deg
+
+    @property
+    def scale_arcsec_px(self) -> tuple[float, float]:
+        """Least and greatest scale to be tried."""
+        low = self.scale_low_arcsec_px or _BLIND_SCALE_ARCSEC_PX[0]
+        high = self.scale_high_arcsec_px or _BLIND_SCALE_ARCSEC_PX[1]
+        return low, max(low, high)
+
+
+class PlateSolver:
+    """Solves frames one after another; a context manager that owns the solver process."""
+
+    def __init__(
+        self, index_dirs: Sequence[Path] = (), *, catalogue: StarCatalogue | None = None
+    ) -> None:
+        """``index_dirs`` come before the usual folders (``index_files.search_dirs``).
+
+        ``catalogue`` holds the stars plates are fitted to where it covers the field; None: the
+        shipped one. Raises SolverError when there is no usable index file at all.
+        """
+        self._files = list_index_files(search_dirs(tuple(index_dirs)))
+        if not any(file.is_healthy for file in self._files):
+            faults = "; ".join(f"{f.path.name} {f.fault}" for f in self._files)
+            raise SolverError(f"no usable index files ({faults or 'none found'}): {_INSTALL}")
+        self._catalogue = StarCatalogue.load() if catalogue is None else catalogue
+        self._wide: StarCatalogue | None = None
+        self._field_stars: FloatArray = np.empty((0, 3))
+        self._request_ids = itertools.count(1)
+        self._child = SolverChild()
+        self._child.start()
+
+    def __enter__(self) -> "PlateSolver":
+        """Itself; the process is already starting."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End the process."""
+        self.close()
+
+    @property
+    def index_files(self) -> tuple[IndexFile, ...]:
+        """Every index file found, faulty ones too."""
+        return self._files
+
+    @property
+    def process_id(self) -> int | None:
+        """Of the solver process."""
+        return self._child.pid
+
+    def close(self) -> None:
+        """End the solver process; the solver must not be used afterwards."""
+        self._child.close()
+
+    def solve(
+        self,
+        stars: FloatArray | StarList,
+        *,
+        frame_id: int,
+        width_px: int,
+        height_px: int,
+        hint: SolveHint,
+        deadline_s: float,
+    ) -> Solution | NotSolved:
+        """Solve a field from its stars: (N, 3) of x, y (0-based pixels) and flux, or a StarList.
+
+        Never takes much longer than ``deadline_s`` (wall clock): the process is killed then and
+        another one starts at once. Raises SolverError only when no process can be started.
+        """
+        started = time.monotonic()
+        rows = as_star_rows(stars)
+        size_px = (width_px, height_px)
+        found = self._search(rows, size_px, hint, deadline_s)
+        if isinstance(found, MatchReply):
+            solution = self._fitted(found, rows, frame_id, size_px, started)
+            if solution is not None:
+                return solution
+            found = "a match was found but the other stars contradict it"
+        ms = 1e3 * (time.monotonic() - started)
+        return NotSolved(frame_id=frame_id, reason=found, ms=ms)
+
+    def refit_from(
+        self,
+        previous: Solution,
+        stars: FloatArray | StarList,
+        *,
+        frame_id: int,
+        width_px: int,
+        height_px: int,
+        shift_deg: tuple[float, float] = (0.0, 0.0),
+        search_arcsec: float = 120.0,
+    ) -> Solution | None:
+        """The fast path: the previous plate moved onto this frame's stars, a few milliseconds.
+
+        ``shift_deg``: (RA, Dec) the mount was told to move since, as differences in degrees; what
+        is left of it may be up to ``search_arcsec``. None when it does not fit, e.g. because the
+        field is another one: then call ``solve``.
+        """
+        started = time.monotonic()
+        rows = as_star_rows(stars)
+        if len(rows) < MIN_STARS:
+            return None
+        radius_deg = field_radius_deg(previous.wcs, width_px, height_px) + search_arcsec / 3600.0
+        catalogue = self._cone(
+            previous.ra_icrs_deg + shift_deg[0],
+            previous.dec_icrs_deg + shift_deg[1],
+            radius_deg,
+            otherwise=self._field_stars,
+        )
+        fit = refit_from(
+            previous.wcs,
+            rows[:, :2],
+            catalogue[:, :2],
+            width_px=width_px,
+            height_px=height_px,
+            shift_deg=shift_deg,
+            search_arcsec=search_arcsec,
+        )
+        if fit is None or fit.matched < MIN_STARS:
+            return None
+        return solution_from(
+            fit,
+            frame_id=frame_id,
+            width_px=width_px,
+            height_px=height_px,
+            path="refit",
+            ms=1e3 * (time.monotonic() - started),
+        )
+
+    def _search(
+        self, rows: FloatArray, size_px: tuple[int, int], hint: SolveHint, deadline_s: float
+    ) -> MatchReply | str:
+        """A match, or in words why there is none."""
+        if len(rows) < MIN_STARS:
+            return f"{len(rows)} stars, {MIN_STARS} needed"
+        files = self._files_for(hint, *size_px)
+        if not files:
+            return _no_index_reason(hint)
+        request = MatchRequest(
+            request_id=next(self._request_ids),
+            index_files=tuple(str(file.path) for file in files),
+            stars_xy_px=tuple((float(x), float(y)) for x, y, _ in rows[:_MAX_STARS]),
+            scale_arcsec_px=hint.scale_arcsec_px,
+            position_deg=hint.position_deg,
+            depths=_DEPTHS,
+        )
+        try:
+            reply = self._child.ask(request, deadline_s)
+        except SolverTimeout:
+            return f"no match within {deadline_s:g} s; the solver was restarted"
+        except SolverDied:
+            return "the solver process died; it was restarted"
+        if reply.wcs_cards is not None:
+            return reply
+        return reply.error or f"no match for {len(rows)} stars{_searched(hint, files)}"
+
+    def _files_for(self, hint: SolveHint, width_px: int, height_px: int) -> tuple[IndexFile, ...]:
+        """Index files whose quads are 10 to 100 % of a field that the hint allows."""
+        low, high = hint.scale_arcsec_px
+        quads = (
+            0.1 * min(width_px, height_px) * low / 3600.0,
+            math.hypot(width_px, height_px) * high / 3600.0,
+        )
+        diagonal_deg = min(math.hypot(width_px, height_px) * high / 3600.0, 60.0)
+        return choose_index_files(
+            self._files,
+            quad_deg=quads,
+            dec_icrs_deg=hint.dec_icrs_deg if hint.position_deg else None,
+            radius_deg=hint.radius_deg + diagonal_deg / 2.0,
+        )
+
+    def _fitted(
+        self,
+        reply: MatchReply,
+        stars: FloatArray,
+        frame_id: int,
+        size_px: tuple[int, int],
+        started: float,
+    ) -> Solution | None:
+        """The plate of a match, fitted to all stars."""
+        width_px, height_px = size_px
+        try:
+            start = wcs_from_cards(reply.wcs_cards or {})
+        except FrameError:
+            return None
+        matched_stars = np.array(reply.stars, float).reshape(-1, 3)
+        catalogue = self._catalogue_in(start, width_px, height_px, matched_stars)
+        fit = refit(
+            stars[:, :2], catalogue[:, :2], start, width_px=width_px, height_px=height_px
+        ) or refit(
+            stars[:, :2], matched_stars[:, :2], start, width_px=width_px, height_px=height_px
+        )
+        if fit is None:
+            return None
+        self._field_stars = catalogue
+        return solution_from(
+            fit,
+            frame_id=frame_id,
+            width_px=width_px,
+            height_px=height_px,
+            path="full",
+            ms=1e3 * (time.monotonic() - started),
+        )
+
+    def _catalogue_in(
+        self, wcs: Wcs, width_px: int, height_px: int, otherwise: FloatArray
+    ) -> FloatArray:
+        field = describe(wcs, width_px, height_px)
+        radius_deg = field_radius_deg(wcs, width_px, height_px)
+        return self._cone(field.ra_icrs_deg, field.dec_icrs_deg, radius_deg, otherwise)
+
+    def _cone(
+        self, ra_deg: float, dec_deg: float, radius_deg: float, otherwise: FloatArray
+    ) -> FloatArray:
+        """(N, 3) RA, Dec, magnitude from a catalogue that covers the field, or else the others."""
+        catalogue = self._catalogue
+        if not catalogue.covers(dec_deg, radius_deg):
+            wide = self._whole_sky()
+            if wide is None:
+                return otherwise
+            catalogue = wide
+        found = catalogue.cone(ra_deg % 360.0, dec_deg, radius_deg)
+        return np.stack([found.ra_icrs_deg, found.dec_icrs_deg, found.magnitude], axis=1)
+
+    def _whole_sky(self) -> StarCatalogue | None:
+        """The stars inside the finest whole-sky index file, read when first needed (30 MB)."""
+        if self._wide is None:
+            candidates = [f for f in self._files if f.is_healthy and f.is_whole_sky]
+            if not candidates:
+                return None
+            finest = min(candidates, key=lambda file: file.quad_deg)
+            ra, dec, magnitude = read_stars(finest.path)
+            order = np.argsort(dec, kind="stable")
+            self._wide = StarCatalogue(ra[order], dec[order], magnitude[order], -90.0, 90.0)
+        return self._wide
+
+
+def as_star_rows(stars: FloatArray | StarList) -> FloatArray:
+    """(N, 3) of x, y, flux, brightest first, finite only."""
+    if isinstance(stars, StarList):
+        rows = np.stack([stars.x_px, stars.y_px, stars.flux], axis=1)
+    else:
+        rows = np.asarray(stars, float).reshape(len(stars), -1)[:, :3]
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    return rows[np.argsort(-rows[:, 2], kind="stable")]
+
+
+def _searched(hint: SolveHint, files: tuple[IndexFile, ...]) -> str:
+    """Where it was looked, for the operator to see what to widen."""
+    low, high = hint.scale_arcsec_px
+    numbers = ", ".join(str(f.scale if f.scale is not None else f.path.name) for f in files)
+    where = f" at {low:.4g} to {high:.4g} arcsec/px with index {numbers}"
+    if position := hint.position_deg:
+        where += f" within {position[2]:g} deg of RA {position[0]:.3f} Dec {position[1]:+.3f}"
+    if hint.position_deg is None and not any(file.is_whole_sky for file in files):
+        dec_low, dec_high = min(f.dec_deg[0] for f in files), max(f.dec_deg[1] for f in files)
+        where += f"; they cover Dec {dec_low:+.0f} to {dec_high:+.0f} only: {_INSTALL}"
+    return where
+
+
+def _no_index_reason(hint: SolveHint) -> str:
+    low, high = hint.scale_arcsec_px
+    where = f"scale {low:.4g} to {high:.4g} arcsec/px"
+    if hint.position_deg is not None:
+        where += f" at Dec {hint.dec_icrs_deg:+.1f}"
+    return f"no index file covers this field ({where}): {_INSTALL}"

@@ -1,0 +1,126 @@
+"""The parent's side of the solver process: start, ask with a deadline, kill, start again."""
+
+import contextlib
+import socket
+import subprocess
+import sys
+import threading
+import time
+from multiprocessing.connection import Connection
+
+from rsoconsole.errors import SolverError
+from rsoconsole.instruments.solver_process import MatchReply, MatchRequest
+
+_CODE = (
+    "import sys; sys.path[:] = sys.argv[2:]; "
+    "from rsoconsole.instruments.solver_process import main; main(int(sys.argv[1]))"
+)
+_GRACE_S = 1.0
+
+
+class SolverDied(Exception):  # noqa: N818 - an outcome the solver turns into a value
+    """The process ended in the middle of a search."""
+
+
+class SolverTimeout(Exception):  # noqa: N818 - an outcome the solver turns into a value
+    """The deadline passed; the process was killed and another one is starting."""
+
+
+class SolverChild:
+    """One solver process at a time; thread-safe; replaced whenever it dies or overruns."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._connection: Connection | None = None
+
+    @property
+    def pid(self) -> int | None:
+        """Of the running process."""
+        return self._process.pid if self._process is not None else None
+
+    def start(self) -> None:
+        """Start the process unless it runs; returns before it is ready.
+
+        Raises SolverError when the system cannot start one.
+        """
+        with self._lock:
+            self._ensure()
+
+    def ask(self, request: MatchRequest, deadline_s: float) -> MatchReply:
+        """The reply within ``deadline_s`` seconds of wall time.
+
+        Raises SolverTimeout or SolverDied, in both cases with a fresh process already starting.
+        """
+        ends = time.monotonic() + deadline_s
+        with self._lock:
+            connection = self._send(request)
+            while True:
+                try:
+                    if not connection.poll(max(0.0, ends - time.monotonic())):
+                        self._restart()
+                        raise SolverTimeout
+                    reply = connection.recv()
+                except (EOFError, OSError) as error:
+                    self._restart()
+                    raise SolverDied from error
+                if isinstance(reply, MatchReply) and reply.request_id == request.request_id:
+                    return reply
+
+    def close(self) -> None:
+        """End the process."""
+        with self._lock:
+            self._kill(_GRACE_S)
+
+    def _send(self, request: MatchRequest) -> Connection:
+        """Hand the request over; a process that died idle is replaced first."""
+        for _ in range(2):
+            connection = self._ensure()
+            try:
+                connection.send(request)
+                return connection
+            except (BrokenPipeError, OSError):
+                self._kill(0.0)
+        raise SolverDied
+
+    def _ensure(self) -> Connection:
+        if self._connection is not None and self._process is not None:
+            if self._process.poll() is None:
+                return self._connection
+            self._kill(0.0)
+        ours, theirs = socket.socketpair()
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _CODE, str(theirs.fileno()), *sys.path],
+                pass_fds=(theirs.fileno(),),
+                stdin=subprocess.DEVNULL,
+                # Native code writes to whatever it likes; the terminal belongs to the console.
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+        except OSError as error:
+            ours.close()
+            raise SolverError(f"the solver process cannot start: {error.strerror}") from error
+        finally:
+            theirs.close()
+        self._connection = Connection(ours.detach())
+        return self._connection
+
+    def _restart(self) -> None:
+        self._kill(0.0)
+        self._ensure()
+
+    def _kill(self, grace_s: float) -> None:
+        """Close the socket, which ends a healthy process, and kill one that does not listen."""
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+        if self._process is None:
+            return
+        if grace_s > 0.0:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(grace_s)
+        if self._process.poll() is None:
+            self._process.kill()
+        self._process.wait()
+        self._process = None
