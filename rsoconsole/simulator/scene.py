@@ -75,11 +75,10 @@ class Scene:
             "and rebuild the catalogue with python -m rsoconsole.sky.build_star_catalogue"
         )
 
-    def expose(
+    def expose(  # noqa: PLR0917 - drawn the way it is spoken: where, how turned, when, how long
         self,
         boresight_ra_icrs_deg: float,
         boresight_dec_icrs_deg: float,
-        *,
         rotation_deg: float,
         is_flipped: bool,
         t_start_utc_ns: int,
