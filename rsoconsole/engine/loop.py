@@ -3,7 +3,10 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
 
 from rsoconsole.config import Config
 from rsoconsole.engine.hands import NS, Hands, Interrupted
@@ -11,12 +14,12 @@ from rsoconsole.engine.intentions import Intentions, Wish, action_record, change
 from rsoconsole.engine.plan import Plan, Planner
 from rsoconsole.engine.preview import preview_of
 from rsoconsole.errors import FrameError, InstrumentError
+from rsoconsole.pipeline.batch import taken_record
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.records import (
     CycleTiming,
     Event,
     Frame,
-    FrameTaken,
     LoopState,
     Miss,
     Solution,
@@ -31,13 +34,13 @@ IDLE_TICK_NS = NS
 class Recorder(Protocol):
     """Where the loop puts what happened; must return at once and never raise."""
 
-    def append(self, record: Any, t_utc_ns: int) -> None:
+    def append(self, record: Any, t_utc_ns: int) -> int:
         """One record, in order."""
 
-    def save_frame(self, frame: Frame) -> None:
+    def save_frame(self, frame: Frame) -> bool:
         """The pixels as the camera gave them."""
 
-    def save_preview(self, frame_id: int, image: Any) -> None:
+    def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
         """A small uint8 picture."""
 
 
@@ -50,6 +53,8 @@ class Status:
     frame: int
     ra: float | None
     dec: float | None
+    t_utc_ns: int | None
+    """Of the direction."""
     faults: tuple[str, ...]
 
 
@@ -88,8 +93,13 @@ class Engine:
             frame=self.frame_id,
             ra=None if track is None else track.x[0] % 360.0,
             dec=None if track is None else track.x[2],
+            t_utc_ns=None if track is None else track.t_utc_ns,
             faults=tuple(self._faults),
         )
+
+    def wake(self) -> None:
+        """Cut a wait short (any thread)."""
+        self._hands.instruments.clock.wake()
 
     def arm(self, by: str = "operator") -> None:
         """Hand the mount to autonomy: search from where the telescope points."""
@@ -176,16 +186,7 @@ class Engine:
         timing: dict[str, float],
     ) -> None:
         now_ns = self._hands.now_utc_ns()
-        taken = FrameTaken(
-            frame_id=frame.frame_id,
-            name=frame.name,
-            t_start_utc_ns=frame.t_start_utc_ns,
-            exposure_s=frame.exposure_s,
-            width_px=frame.width_px,
-            height_px=frame.height_px,
-            pointing_ra_icrs_deg=frame.pointing_ra_icrs_deg,
-            pointing_dec_icrs_deg=frame.pointing_dec_icrs_deg,
-        )
+        taken = taken_record(frame)
         solution = () if reduction.solution is None else (reduction.solution,)
         for record in (
             taken,
@@ -249,7 +250,7 @@ class Engine:
                 self._hands.now_utc_ns(),
             )
 
-    def _say(self, level: Any, text: str) -> None:
+    def _say(self, level: Literal["info", "warning", "alarm"], text: str) -> None:
         self._record.append(
             Event(level=level, text=text, frame_id=self.frame_id), self._hands.now_utc_ns()
         )

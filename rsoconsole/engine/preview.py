@@ -21,4 +21,4 @@ def preview_of(pixels: PixelArray) -> npt.NDArray[np.uint8]:
     noise = 1.4826 * float(np.median(np.abs(sample - median))) or 1.0
     stretched = np.arcsinh((small - median) / (2.0 * noise))
     low, high = -1.0, 4.0
-    return np.clip((stretched - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip((stretched - low) * (255.0 / (high - low)), 0, 255), dtype=np.uint8)

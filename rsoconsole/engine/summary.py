@@ -21,7 +21,6 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.times import iso_to_utc_ns
 
 SAME_OBJECT_ARCSEC = 60.0
 SAME_FRAME_NS = 1_000_000_000
@@ -126,7 +125,8 @@ def read_truth(path: Path) -> list[dict[str, Any]]:
 
 def _satellites(truth: Sequence[Mapping[str, Any]], t_mid_utc_ns: int) -> list[Mapping[str, Any]]:
     for exposure in truth:
-        if abs(iso_to_utc_ns(exposure["t_mid_utc"]) - t_mid_utc_ns) < SAME_FRAME_NS:
+        t_true_mid_ns = exposure["t_start_utc_ns"] + round(exposure["exposure_s"] * 5e8)
+        if abs(t_true_mid_ns - t_mid_utc_ns) < SAME_FRAME_NS:
             return list(exposure["satellites"])
     return []
 

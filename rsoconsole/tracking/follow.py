@@ -58,8 +58,8 @@ class Following:
     """Measurements of the last frame, one of which may start a track."""
     track: TrackState | None = None
     """Last state of the filter: updated, or predicted to the frame that missed."""
-    t_measured_utc_ns: int | None = None
-    """Mid-exposure of the last measurement the track took."""
+    taken: Measurement | None = None
+    """The last measurement the track took."""
 
 
 def follow(
@@ -113,7 +113,7 @@ def _acquire(
                     for m in usable
                     if m is not second
                 )
-                after = Following(state="TRACK", track=track, t_measured_utc_ns=second.t_mid_utc_ns)
+                after = Following(state="TRACK", track=track, taken=second)
                 return after, (track, *others, *clipped)
             refused.append(NotFollowed(frame_id=seen.frame_id, measurement=second, reason=reason))
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
@@ -159,7 +159,7 @@ def _take(
         for m, _ in fitting
         if m is not chosen
     ]
-    after = Following(state="TRACK", track=updated, t_measured_utc_ns=chosen.t_mid_utc_ns)
+    after = Following(state="TRACK", track=updated, taken=chosen)
     return after, (predicted, updated, *refused, *others)
 
 
@@ -172,7 +172,7 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     reason: str,
 ) -> tuple[Following, tuple[Record, ...]]:
     miss = Miss(frame_id=seen.frame_id, reason=reason)
-    since_ns = before.t_measured_utc_ns or predicted.t_utc_ns
+    since_ns = predicted.t_utc_ns if before.taken is None else before.taken.t_mid_utc_ns
     coasted_s = (seen.t_mid_utc_ns - since_ns) / 1e9
     lost: str | None = None
     # The paper's bounds are wider than any field from the first prediction on and say nothing.

@@ -1,0 +1,80 @@
+"""One program with verbs: how it starts, how it fails, where its log lies."""
+
+import logging
+import logging.handlers
+import sys
+
+import platformdirs
+import typer
+
+from rsoconsole import __version__
+from rsoconsole.cli import frames, house, telescope
+from rsoconsole.config import APP
+from rsoconsole.errors import RsoconsoleError
+
+log = logging.getLogger(APP)
+
+app = typer.Typer(
+    name=APP,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Find and follow satellites that nobody told you about. Start with: rsoconsole demo",
+)
+for group in (telescope, frames, house):
+    group.register(app)
+
+
+def _version(is_asked: bool) -> None:
+    if is_asked:
+        typer.echo(f"{APP} {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: bool = typer.Option(
+        False, "--version", callback=_version, is_eager=True, help="Print the version and exit."
+    ),
+) -> None:
+    _ = version
+
+
+def main() -> None:
+    """Entry point: an operator never sees a traceback, the log has it."""
+    log_path = _open_log()
+    try:
+        app()
+    except RsoconsoleError as error:
+        log.error("%s", error)
+        print(f"{APP}: {error}", file=sys.stderr)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        print(f"{APP}: interrupted", file=sys.stderr)
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(0)
+    except Exception as error:
+        log.exception("unexpected")
+        print(f"{APP}: something broke ({error}); the details are in {log_path}", file=sys.stderr)
+        sys.exit(1)
+
+
+def _open_log() -> str:
+    """Log to the user's log folder; to nowhere where that cannot be written."""
+    root = logging.getLogger()
+    root.setLevel(logging.INFO)
+    folder = platformdirs.user_log_path(APP)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handler: logging.Handler = logging.handlers.RotatingFileHandler(
+            folder / f"{APP}.log", maxBytes=2_000_000, backupCount=3, delay=True, encoding="utf-8"
+        )
+    except OSError:
+        handler = logging.NullHandler()
+    handler.setFormatter(
+        logging.Formatter("%(asctime)s %(levelname)s %(process)d %(name)s: %(message)s")
+    )
+    root.addHandler(handler)
+    return str(folder / f"{APP}.log")

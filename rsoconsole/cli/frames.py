@@ -1,0 +1,199 @@
+"""Verbs that work on recorded frames: process, detect, solve."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rsoconsole.cli import output
+from rsoconsole.cli.telescope import ConfigOption, JsonOption
+from rsoconsole.config import load_config
+from rsoconsole.errors import FrameError
+
+FramesArgument = Annotated[
+    list[Path], typer.Argument(metavar="FRAME...", help="FITS (.gz .bz2 .fz), TIFF or PNG files.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verbs into the program."""
+    app.command()(process)
+    app.command()(detect)
+    app.command()(solve)
+
+
+def _report_error(path: Path, error: FrameError, json_: bool) -> None:
+    if json_:
+        output.emit_json({"frame": str(path), "error": str(error)})
+    output.complain(f"rsoconsole: {error}")
+
+
+def _each(
+    frames: list[Path],
+    json_: bool,
+    work: Callable[[Path, int], dict[str, Any]],
+    words: Callable[[dict[str, Any]], str],
+) -> None:
+    """Run ``work`` over the files in order; broken ones are reported and the others go on."""
+    failures = 0
+    for number, path in enumerate(frames, start=1):
+        try:
+            found = work(path, number)
+        except FrameError as error:
+            failures += 1
+            _report_error(path, error, json_)
+            continue
+        output.emit_json(found) if json_ else output.say(words(found))
+    if failures:
+        raise typer.Exit(1)
+
+
+def process(
+    frames: FramesArgument,
+    *,
+    session: Annotated[
+        Path | None, typer.Option(help="Also record it as a session in this new folder.")
+    ] = None,
+    config: ConfigOption = None,
+    tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
+    preset: Annotated[str | None, typer.Option(help="Filter preset: tuned or paper.")] = None,
+    json_: JsonOption = False,
+) -> None:
+    """Run the autonomous algorithm over recorded frames, without a mount.
+
+    Frames are taken in the order given. Example: rsoconsole process night/*.fits --json
+    """
+    from rsoconsole.pipeline.batch import Processed, process_files
+    from rsoconsole.pipeline.open import open_reducer
+    from rsoconsole.pipeline.reports import process_report
+    from rsoconsole.session.recording import BatchRecording
+
+    overrides = {"detector.tau": tau, "filter.preset": preset}
+    settings = load_config(config, {k: v for k, v in overrides.items() if v is not None})
+    failures = 0
+    with open_reducer(settings) as (reducer, model_sha256):
+        recording = BatchRecording(session, settings, model_sha256)
+        try:
+            for result in process_files(frames, reducer, settings):
+                if not isinstance(result, Processed):
+                    failures += 1
+                    _report_error(*result, json_)
+                    continue
+                recording.append(result.records, result.frame.t_mid_utc_ns)
+                found = process_report(
+                    str(result.path), result.frame, result.reduction, result.after, result.records
+                )
+                output.emit_json(found) if json_ else output.say(_process_words(found))
+        finally:
+            recording.close()
+    if failures:
+        raise typer.Exit(1)
+
+
+def detect(
+    frames: FramesArgument,
+    *,
+    tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
+    map_mode: Annotated[
+        str | None, typer.Option(help="Map the network sees: fast or paper.")
+    ] = None,
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Find streaks in frames.
+
+    Example: rsoconsole detect frame.fits --tau 0.2 --json
+    """
+    from rsoconsole.instruments.frame_files import read_frame
+    from rsoconsole.pipeline.reports import detections_report
+    from rsoconsole.vision.detector import StreakDetector
+    from rsoconsole.vision.network import Network
+
+    overrides = {"detector.tau": tau, "detector.map_mode": map_mode}
+    settings = load_config(config, {k: v for k, v in overrides.items() if v is not None}).detector
+    detector = StreakDetector(Network.load(settings.model, settings.threads), settings)
+
+    def work(path: Path, number: int) -> dict[str, Any]:
+        frame = read_frame(path, number)
+        return detections_report(str(path), detector.analyse(frame).detections)
+
+    _each(frames, json_, work, _detect_words)
+
+
+def solve(
+    frames: FramesArgument,
+    *,
+    ra: Annotated[float | None, typer.Option(help="Centre, RA in degrees.")] = None,
+    dec: Annotated[float | None, typer.Option(help="Centre, Dec in degrees.")] = None,
+    radius: Annotated[float | None, typer.Option(min=0.01, help="How far off, degrees.")] = None,
+    scale: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="LOW HIGH", help="Plate scale, arcsec a pixel."),
+    ] = None,
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Plate-solve frames; hints come from the header, options override them.
+
+    Example: rsoconsole solve frame.fits --ra 303.2 --dec 46.0 --scale 10 10.6
+    """
+    from rsoconsole.instruments.frame_files import read_frame
+    from rsoconsole.instruments.solver import PlateSolver
+    from rsoconsole.pipeline.plate import PlateFinder, overridden
+    from rsoconsole.pipeline.reports import solution_report
+    from rsoconsole.vision.stars import find_stars
+
+    if (ra is None) != (dec is None):
+        raise typer.BadParameter("--ra and --dec go together")
+    settings = load_config(config)
+    with PlateSolver(settings.solver.index_dirs) as solver:
+        finder = PlateFinder(solver, settings)
+
+        def work(path: Path, number: int) -> dict[str, Any]:
+            frame = read_frame(path, number, allow_8bit=True)
+            stars = find_stars(frame.pixels, saturation_adu=frame.saturation_adu)
+            hint = overridden(finder.hint_of(frame), ra, dec, radius, scale)
+            solution = finder.solve_in_full(frame, stars, hint)
+            return solution_report(str(path), solution, frame.width_px, frame.height_px)
+
+        _each(frames, json_, work, _solve_words)
+
+
+def _process_words(found: dict[str, Any]) -> str:
+    words = [found["frame"], found["state"]]
+    measurement = found["measurement"]
+    if measurement is None:
+        solution = found["solution"]
+        reason = "nothing detected" if not found["detections"] else "not measured"
+        words.append(reason if solution is None or solution["solved"] else solution["reason"])
+    else:
+        words.append(output.direction_text(measurement["ra"], measurement["dec"]))
+        words.append(
+            f'±{measurement["sigma_ra_arcsec"]:.1f}" ±{measurement["sigma_dec_arcsec"]:.1f}"'
+        )
+        words.append(f"confidence {measurement['confidence']:.2f}")
+    if found["nis"] is not None:
+        words.append(f"NIS {found['nis']:.1f}")
+    return "  ".join(words)
+
+
+def _detect_words(found: dict[str, Any]) -> str:
+    lines = [f"{found['frame']}: {len(found['detections'])} streak(s)"]
+    lines.extend(
+        f"  confidence {d['confidence']:.2f} at ({d['x']:.1f}, {d['y']:.1f})"
+        f" length {d['length']:.0f} px, SNR {d['snr']:.0f}" + (", clipped" if d["clipped"] else "")
+        for d in found["detections"]
+    )
+    lines.extend(f"  rejected: {r['reason']}" for r in found["rejected"])
+    return "\n".join(lines)
+
+
+def _solve_words(found: dict[str, Any]) -> str:
+    if not found["solved"]:
+        return f"{found['frame']}: not solved: {found['reason']}"
+    return (
+        f"{found['frame']}: {output.direction_text(found['ra'], found['dec'])}"
+        f" {found['scale_arcsec_px']:.4f} arcsec/px, rotation {found['rotation_deg']:.2f} deg,"
+        f" {found['matched']} stars, rms {found['rms_arcsec']:.2f} arcsec"
+    )

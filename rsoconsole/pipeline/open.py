@@ -1,0 +1,23 @@
+"""Makes the reducer out of its parts: the network, the solver's process, the configuration."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rsoconsole.config import Config
+from rsoconsole.instruments.solver import PlateSolver
+from rsoconsole.pipeline.plate import PlateFinder
+from rsoconsole.pipeline.reduce import FrameReducer
+from rsoconsole.vision.detector import StreakDetector
+from rsoconsole.vision.network import Network
+
+
+@contextmanager
+def open_reducer(config: Config) -> Iterator[tuple[FrameReducer, str]]:
+    """A reducer ready to work, and the network's SHA-256.
+
+    Raises ModelError when the network cannot be loaded, SolverError without index files.
+    """
+    network = Network.load(config.detector.model, config.detector.threads)
+    detector = StreakDetector(network, config.detector)
+    with PlateSolver(config.solver.index_dirs) as solver:
+        yield FrameReducer(detector, PlateFinder(solver, config), config), network.sha256

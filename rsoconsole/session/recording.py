@@ -1,0 +1,31 @@
+"""A session made from recorded frames, where one was asked for."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.config import Config
+from rsoconsole.session.writer import SessionWriter
+
+
+class BatchRecording:
+    """Writes what ``process`` found into a new session; does nothing without a folder."""
+
+    def __init__(self, folder: Path | None, config: Config, model_sha256: str) -> None:
+        self._writer: SessionWriter | None = None
+        self._last_utc_ns = 0
+        if folder is not None:
+            about = {"title": "recorded frames", "model_sha256": model_sha256}
+            self._writer = SessionWriter.create(folder, config, about)
+
+    def append(self, records: Iterable[Any], t_utc_ns: int | None) -> None:
+        """All records of one frame, in order; a frame without a time keeps the last one's."""
+        self._last_utc_ns = t_utc_ns if t_utc_ns is not None else self._last_utc_ns
+        if self._writer is not None:
+            for record in records:
+                self._writer.append(record, self._last_utc_ns)
+
+    def close(self) -> None:
+        """Finish the session."""
+        if self._writer is not None:
+            self._writer.close()
