@@ -69,7 +69,7 @@ def encode(record: Record) -> tuple[str, int | None, str]:
     kind = type(record).__name__
     if KINDS.get(kind) is not type(record):
         raise SessionError(f"{kind} is not a record of a session")
-    body = json.dumps(_plain(record, kind), ensure_ascii=False, separators=(",", ":"))
+    body = json.dumps(_plain(record, kind), separators=(",", ":"))
     return kind, getattr(record, "frame_id", None), body
 
 
@@ -101,9 +101,13 @@ def _plain(value: Any, where: str) -> Any:
         return value
     if isinstance(value, np.generic):
         value = value.item()
-    if isinstance(value, (int, float)):
+    if isinstance(value, float):
         if not math.isfinite(value):
             raise SessionError(f"{where} is {value}: a missing value is None")
+        return value
+    if isinstance(value, int):
+        if not -(2**63) <= value < 2**63:
+            raise SessionError(f"{where} does not fit into 64 bits")
         return value
     if isinstance(value, (tuple, list)):
         return [_plain(item, where) for item in value]

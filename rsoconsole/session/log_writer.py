@@ -1,5 +1,6 @@
 """The thread that owns a live session's database."""
 
+import itertools
 import sqlite3
 import threading
 import time
@@ -8,13 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.errors import SessionError
 from rsoconsole.records import Event
 from rsoconsole.session.codec import Record, encode
 from rsoconsole.session.faults import Faults
 
 COMMIT_S = 0.25
 RETRY_S = 1.0
+MAX_BATCH = 2000
 MAX_WAITING = 500_000
 """Records kept in memory while the disk refuses them: many nights' worth."""
 
@@ -59,6 +60,7 @@ class LogWriter:
         self._connect = connect
         self._commit_s = commit_s
         self._waiting: deque[_Entry] = deque()
+        self._unwritten: deque[_Statement] = deque()
         self._lock = threading.Lock()
         self._next_seq = 1
         self._taken = 0
@@ -86,7 +88,7 @@ class LogWriter:
     def _take(self, entry: _Entry) -> None:
         if self._is_closing:
             self._faults.report("late", "a record came after the session was closed: it is lost")
-        elif len(self._waiting) >= MAX_WAITING:
+        elif self._taken - self._committed >= MAX_WAITING:
             self._faults.report("memory", f"{MAX_WAITING} records wait for the disk: some are lost")
         else:
             self._waiting.append(entry)
@@ -115,57 +117,58 @@ class LogWriter:
             self._wake.clear()
             with self._lock:
                 is_last_round = self._is_closing
-                batch = list(self._waiting)
-            if batch:
-                is_committed = self._commit(batch)
-                if not is_committed and not is_last_round:
-                    # A full disk seldom empties at once: spare it, but let flush() try.
-                    self._wake.wait(RETRY_S)
-                    continue
+                fresh = list(self._waiting)
+                self._waiting.clear()
+            self._unwritten.extend(self._statement(entry) for entry in fresh)
+            is_written = self._write()
             if is_last_round:
                 self._disconnect()
+                if not is_written:
+                    lost = f"the session is closed without its last {len(self._unwritten)} records"
+                    self._faults.report("close", lost)
                 return
+            if not is_written:
+                # A full disk seldom empties at once: spare it, but let flush() try.
+                self._wake.wait(RETRY_S)
 
-    def _commit(self, batch: list[_Entry]) -> bool:
-        try:
-            statements = [self._statement(entry) for entry in batch]
-            if self._connection is None:
-                self._connection = self._connect(self._path)
-            with self._connection:
-                self._connection.execute("BEGIN IMMEDIATE")
-                for sql, values in statements:
-                    self._connection.execute(sql, values)
-        except (sqlite3.Error, OSError) as error:
-            self._faults.report("log", f"the session's log cannot be written: {error}")
-            self._disconnect()
-            return False
-        self._faults.clear("log")
-        with self._lock:
+    def _write(self) -> bool:
+        """Commit what is unwritten, oldest first; False as soon as the disk refuses."""
+        while self._unwritten:
+            batch = list(itertools.islice(self._unwritten, MAX_BATCH))
+            try:
+                if self._connection is None:
+                    self._connection = self._connect(self._path)
+                with self._connection:
+                    self._connection.execute("BEGIN IMMEDIATE")
+                    for sql, values in batch:
+                        self._connection.execute(sql, values)
+            except (sqlite3.Error, OSError) as error:
+                self._faults.report("log", f"the session's log cannot be written: {error}")
+                self._disconnect()
+                return False
+            self._faults.clear("log")
             for _ in batch:
-                self._waiting.popleft()
-        with self._progress:
-            self._committed += len(batch)
-            self._progress.notify_all()
+                self._unwritten.popleft()
+            with self._progress:
+                self._committed += len(batch)
+                self._progress.notify_all()
         return True
 
     def _statement(self, entry: _Entry) -> _Statement:
         if isinstance(entry, KeptFile):
-            return _INSERT_FILE, (
-                entry.frame_id,
-                entry.role,
-                entry.path,
-                entry.bytes,
-                entry.ms,
-                entry.reason,
-            )
+            values = (entry.frame_id, entry.role, entry.path, entry.bytes, entry.ms, entry.reason)
+            return _INSERT_FILE, values
         seq, t_utc_ns, record = entry
         try:
             kind, frame_id, body = encode(record)
-        except SessionError as error:
+            if not 0 <= t_utc_ns < 2**63:
+                raise ValueError(f"{t_utc_ns} is no instant")
+        except Exception as error:  # one bad record must not end the log of all others
             # Its place in the order stays taken, so that the gap is seen.
             text = f"a {type(record).__name__} could not be recorded: {error}"
             self._faults.report("record", text)
             kind, frame_id, body = encode(Event(level="alarm", text=text))
+            t_utc_ns = 0
         return _INSERT_RECORD, (seq, t_utc_ns, kind, frame_id, body)
 
     def _disconnect(self) -> None:
