@@ -20,4 +20,4 @@ def open_reducer(config: Config) -> Iterator[tuple[FrameReducer, str]]:
     network = Network.load(config.detector.model, config.detector.threads)
     detector = StreakDetector(network, config.detector)
     with PlateSolver(config.solver.index_dirs) as solver:
-        yield FrameReducer(detector, PlateFinder(solver, config), config), network.sha256
+        yield FrameReducer(detector, PlateFinder(solver, config), config), str(network.card["sha256"])
