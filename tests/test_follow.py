@@ -1,0 +1,145 @@
+"""What is followed: how a track starts, what it takes, what it refuses, when it is lost."""
+
+import dataclasses
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rsoconsole.config import FilterConfig
+from rsoconsole.records import Measurement, Miss, NotFollowed, StateChange
+from rsoconsole.tracking.follow import Following, FollowSettings, Seen, follow
+from tests.makers import GEO_RATE_DEG_S, NS, T0_UTC_NS, geo_measurement
+
+SETTINGS = FollowSettings(filter=FilterConfig(), half_field_deg=0.62)
+
+
+def seen(frame_id: int, *measurements: Measurement, cadence_s: float = 30.0) -> Seen:
+    return Seen(
+        frame_id=frame_id,
+        t_mid_utc_ns=T0_UTC_NS + round((frame_id - 1) * cadence_s * NS),
+        exposure_s=10.0,
+        measurements=measurements,
+    )
+
+
+def locked(*, ra_deg: float = 150.0, frames: int = 4) -> Following:
+    following = Following()
+    for frame_id in range(1, frames + 1):
+        sight = seen(frame_id, geo_measurement(frame_id, ra_deg=ra_deg))
+        following, _ = follow(following, sight, SETTINGS)
+    return following
+
+
+def test_two_successive_frames_that_agree_start_a_track():
+    first, _ = follow(Following(), seen(1, geo_measurement(1)), SETTINGS)
+    second, records = follow(first, seen(2, geo_measurement(2)), SETTINGS)
+    assert (first.state, second.state) == ("ACQUIRE", "TRACK")
+    assert isinstance(records[-1], StateChange)
+
+
+def test_a_miss_between_them_returns_to_search():
+    first, _ = follow(Following(), seen(1, geo_measurement(1)), SETTINGS)
+    missed, _ = follow(first, seen(2), SETTINGS)
+    third, _ = follow(missed, seen(3, geo_measurement(3)), SETTINGS)
+    assert (missed.state, third.state) == ("SEARCH", "ACQUIRE")
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"rate_deg_s": GEO_RATE_DEG_S / 3.0}, "long"),
+        ({"dec_deg": -5.3}, "off the expected motion"),
+    ],
+    ids=["displacement shorter than the streaks say", "displacement across the streaks"],
+)
+def test_two_streaks_that_cannot_be_one_object_start_no_track(change, word):
+    honest = geo_measurement(2)
+    moved = geo_measurement(2, **change)
+    second = dataclasses.replace(
+        honest, ra_icrs_deg=moved.ra_icrs_deg, dec_icrs_deg=moved.dec_icrs_deg
+    )
+    first, _ = follow(Following(), seen(1, geo_measurement(1)), SETTINGS)
+    after, records = follow(first, seen(2, second), SETTINGS)
+    assert after.state == "ACQUIRE"
+    assert any(isinstance(r, NotFollowed) and word in r.reason for r in records)
+
+
+def test_of_two_objects_the_pair_that_agrees_is_taken():
+    """An edge-on galaxy looks like a streak in both frames, and stays where it is."""
+    galaxy = geo_measurement(1, ra_deg=150.3)
+    again = dataclasses.replace(galaxy, frame_id=2, t_mid_utc_ns=geo_measurement(2).t_mid_utc_ns)
+    first, _ = follow(Following(), seen(1, galaxy, geo_measurement(1)), SETTINGS)
+    after, _ = follow(first, seen(2, again, geo_measurement(2)), SETTINGS)
+    assert after.track is not None
+    assert after.track.x[1] == pytest.approx(GEO_RATE_DEG_S, rel=1e-3)
+
+
+def test_a_clipped_streak_starts_no_track():
+    first, records = follow(Following(), seen(1, geo_measurement(1, is_clipped=True)), SETTINGS)
+    assert first.state == "SEARCH"
+    assert "clipped" in records[0].reason
+
+
+def test_a_missed_frame_coasts_and_the_next_measurement_resumes():
+    coasting, records = follow(locked(), seen(5), SETTINGS)
+    assert coasting.state == "COAST"
+    assert coasting.track is not None
+    assert coasting.track.misses == 1
+    assert any(isinstance(r, Miss) for r in records)
+    again, _ = follow(coasting, seen(6, geo_measurement(6)), SETTINGS)
+    assert again.state == "TRACK"
+
+
+def test_a_neighbour_at_another_place_is_refused_with_its_reason():
+    neighbour = geo_measurement(5, ra_deg=150.19, confidence=0.99)
+    after, records = follow(locked(), seen(5, neighbour, geo_measurement(5)), SETTINGS)
+    assert after.taken is not None
+    assert after.taken.ra_icrs_deg == geo_measurement(5).ra_icrs_deg
+    assert any(isinstance(r, NotFollowed) and r.reason.startswith("NIS") for r in records)
+
+
+def test_a_streak_across_the_motion_is_refused_even_at_the_right_place():
+    right = geo_measurement(5)
+    crossing = dataclasses.replace(
+        right, ends_icrs_deg=((right.ra_icrs_deg, -5.02), (right.ra_icrs_deg, -4.98))
+    )
+    after, _ = follow(locked(), seen(5, crossing), SETTINGS)
+    assert after.state == "COAST"
+
+
+def test_a_track_is_lost_when_its_bounds_outgrow_the_field():
+    narrow = dataclasses.replace(SETTINGS, half_field_deg=0.01)
+    following = locked()
+    for frame_id in range(5, 200):
+        following, _ = follow(following, seen(frame_id), narrow)
+        if following.state == "LOST":
+            break
+    assert following.state == "LOST"
+    back, _ = follow(following, seen(201), narrow)
+    assert back.state == "SEARCH"
+
+
+def test_ten_minutes_of_cloud_do_not_lose_it():
+    following = locked(frames=8)
+    for frame_id in range(9, 29):
+        following, _ = follow(following, seen(frame_id), SETTINGS)
+    assert following.state == "COAST"
+    after, _ = follow(following, seen(29, geo_measurement(29)), SETTINGS)
+    assert after.state == "TRACK"
+
+
+@given(shift_deg=st.floats(-360, 360))
+def test_where_right_ascension_starts_changes_nothing(shift_deg):
+    """Shifting all right ascensions, across 0h too, shifts the track and nothing else."""
+    here, there = locked(), locked(ra_deg=150.0 + shift_deg)
+    assert here.track is not None
+    assert there.track is not None
+    a_millionth_arcsec_s = 1e-6 / 3600.0
+    assert there.track.x[1] == pytest.approx(here.track.x[1], abs=a_millionth_arcsec_s)
+    off = (there.track.x[0] - here.track.x[0] - shift_deg + 180.0) % 360.0 - 180.0
+    assert abs(off) * 3600.0 < 1e-3
+
+
+def test_the_same_inputs_give_the_same_track_bit_for_bit():
+    assert locked() == locked()
