@@ -100,7 +100,7 @@ def noisy_line(seed: int, n: int, sigma_arcsec: float, dec_deg: float = 35.0) ->
     return [
         measurement(
             k,
-            359.9 + 15.04 / 3600 * CADENCE_S * k + noise[k, 0] / cos_dec,
+            359.6 + 15.04 / 3600 * CADENCE_S * k + noise[k, 0] / cos_dec,
             dec_deg + noise[k, 1],
             sigma_arcsec,
         )
