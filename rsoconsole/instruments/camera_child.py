@@ -1,0 +1,138 @@
+"""The camera's process: takes FITS BLOBs from INDI and lays their pixels into shared memory.
+
+Run as ``python -m rsoconsole.instruments.camera_child``.
+"""
+
+import os
+import queue
+import threading
+import time
+from typing import Any
+
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.frame_files import frame_from_bytes
+from rsoconsole.instruments.frame_ring import FrameRing
+from rsoconsole.instruments.indi_child import IndiClient, Mouth, Vector, run_child
+
+_EXPOSURE = "CCD_EXPOSURE"
+_IMAGE = "CCD1"
+_ACK_S = 5.0
+
+
+class CameraChild:
+    """Carries out the parent's orders on one INDI camera."""
+
+    def __init__(self, mouth: Mouth) -> None:
+        self._mouth = mouth
+        self._client: IndiClient | None = None
+        self._ring: FrameRing | None = None
+        self._frame_id = 0
+        self._blobs: queue.SimpleQueue[tuple[int, bytes, float]] = queue.SimpleQueue()
+        threading.Thread(target=self._unpack_all, daemon=True, name="frames").start()
+
+    def start(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Connect to server and camera."""
+        import PyIndi
+
+        self._ring = FrameRing(order["ring"], order["slot_bytes"])
+        client = IndiClient(order["device"], self._on_vector)
+        client.open(order["host"], order["port"], (_EXPOSURE, _IMAGE))
+        client.setBLOBMode(PyIndi.B_ALSO, order["device"], _IMAGE)
+        if client.get("UPLOAD_MODE") is not None:
+            before = client.send_switch("UPLOAD_MODE", "UPLOAD_CLIENT")
+            client.wait("UPLOAD_MODE", lambda _: True, _ACK_S, before)
+        self._client = client
+        return {}
+
+    def expose(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Open the shutter; answers when the camera has taken the order."""
+        client = self._ready()
+        self._frame_id = int(order["frame_id"])
+        before = client.send_numbers(_EXPOSURE, {"CCD_EXPOSURE_VALUE": float(order["exposure_s"])})
+        answer = client.wait(_EXPOSURE, lambda _: True, _ACK_S, before)
+        if answer is None:
+            raise InstrumentError(
+                f"the camera did not start an exposure in {_ACK_S:.0f} s: check its USB power"
+            )
+        if answer.state == "Alert":
+            raise InstrumentError(
+                f"the camera refused the exposure: {client.last_message or 'no reason given'}"
+            )
+        return {}
+
+    def abort(self, _order: dict[str, Any]) -> dict[str, Any]:
+        """Give up the exposure under way."""
+        client = self._ready()
+        self._frame_id = 0
+        before = client.send_switch("CCD_ABORT_EXPOSURE", "ABORT")
+        answer = client.wait("CCD_ABORT_EXPOSURE", lambda _: True, _ACK_S, before)
+        return {"aborted": answer is not None}
+
+    def _on_vector(self, vector: Vector) -> None:
+        arrived_s = time.monotonic()
+        if vector.name == _IMAGE and _IMAGE in vector.values:
+            _format, content = vector.values[_IMAGE]
+            self._blobs.put((self._frame_id, bytes(content), arrived_s))
+        elif vector.name == _EXPOSURE and vector.state == "Alert" and self._client is not None:
+            self._mouth.say(
+                {
+                    "event": "failed",
+                    "frame_id": self._frame_id,
+                    "reason": self._client.last_message or "no reason given",
+                }
+            )
+
+    def _unpack_all(self) -> None:
+        while True:
+            frame_id, content, arrived_s = self._blobs.get()
+            try:
+                self._unpack(frame_id, content, arrived_s)
+            except Exception as error:
+                self._mouth.say({"event": "failed", "frame_id": frame_id, "reason": str(error)})
+
+    def _unpack(self, frame_id: int, content: bytes, arrived_s: float) -> None:
+        assert self._ring is not None
+        frame = frame_from_bytes(content, frame_id, f"frame_{frame_id:06d}.fits")
+        slot = self._ring.put(frame.pixels)
+        self._mouth.say(
+            {
+                "event": "frame",
+                "frame_id": frame_id,
+                "name": frame.name,
+                "slot": slot,
+                "dtype": frame.pixels.dtype.str,
+                "shape": frame.pixels.shape,
+                "t_start_utc_ns": frame.t_start_utc_ns,
+                "exposure_s": frame.exposure_s,
+                "scale_arcsec_px": frame.scale_arcsec_px,
+                "pointing_ra_icrs_deg": frame.pointing_ra_icrs_deg,
+                "pointing_dec_icrs_deg": frame.pointing_dec_icrs_deg,
+                "saturation_adu": frame.saturation_adu,
+                "header": dict(frame.header),
+                "unpack_ms": (time.monotonic() - arrived_s) * 1e3,
+            }
+        )
+
+    def _ready(self) -> IndiClient:
+        if self._client is None:
+            raise InstrumentError("the camera is not connected: start it first")
+        return self._client
+
+
+def main() -> None:
+    """Obey until the parent goes away."""
+    mouth = Mouth()
+    child = CameraChild(mouth)
+    try:
+        run_child(
+            mouth,
+            slow={"start": child.start, "expose": child.expose},
+            urgent={"abort": child.abort},
+        )
+    finally:
+        # PyIndi's threads do not survive an orderly end of the interpreter.
+        os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

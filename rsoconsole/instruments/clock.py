@@ -1,0 +1,120 @@
+"""Two clocks: the machine's own, and the simulated observatory's."""
+
+import threading
+import time
+from collections.abc import Callable
+
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.indi_wire import IndiVector, IndiWire
+
+CLOCK_DEVICE = "Simulated Clock"
+_NS = 1_000_000_000
+
+
+class SystemClock:
+    """The machine's clock; a wait really waits."""
+
+    is_simulated = False
+
+    def __init__(self) -> None:
+        self._wake = threading.Event()
+
+    def now_utc_ns(self) -> int:
+        """The present instant."""
+        return time.time_ns()
+
+    def wait_until(self, t_utc_ns: int) -> bool:
+        """Sleep until then; False when ``wake`` cut it short."""
+        left_s = (t_utc_ns - time.time_ns()) / _NS
+        was_woken = self._wake.wait(max(0.0, left_s))
+        self._wake.clear()
+        return not was_woken
+
+    def wake(self) -> None:
+        """End a wait that is in progress; without one, the next."""
+        self._wake.set()
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+class SimulatedClock:
+    """The simulated observatory's clock: time passes there only while somebody waits here.
+
+    One thread waits, any thread may wake it. A paced wait of the observatory is interrupted by a
+    connection of its own, made in ``wake``.
+    """
+
+    is_simulated = True
+
+    def __init__(self, host: str, port: int, *, silence_timeout_s: float = 20.0) -> None:
+        """Connect. Raises InstrumentError when the server has no simulated clock."""
+        self._host, self._port = host, port
+        self._silence_timeout_s = silence_timeout_s
+        self._wire = IndiWire(host, port)
+        self._wake = threading.Event()
+        self._tag = 0
+        self._wire.ask(CLOCK_DEVICE)
+        first = self._wire.wait(lambda vector: vector.name == "SIM_CLOCK", 5.0)
+        if first is None:
+            self._wire.close()
+            raise InstrumentError(
+                f"the INDI server at {host}:{port} has no simulated clock: "
+                "set indi.simulated = false, or start 'rsoconsole demo'"
+            )
+        self._now_utc_ns = int(first.values["UTC_NS"])
+        speed = float(first.values["SPEED"])
+        self._wall_s_per_ns = 0.0 if speed == 0 else 1.0 / speed / _NS
+
+    def now_utc_ns(self) -> int:
+        """The instant the observatory stands at (while waiting: stood at)."""
+        return self._now_utc_ns
+
+    def wait_until(self, t_utc_ns: int) -> bool:
+        """Have the observatory live until then; False when ``wake`` cut it short."""
+        if self._wake.is_set():
+            self._wake.clear()
+            return False
+        if t_utc_ns <= self._now_utc_ns:
+            return True
+        self._tag += 1
+        tag = str(self._tag)
+        self._wire.new(
+            "Text", CLOCK_DEVICE, "SIM_ADVANCE", {"TO_UTC_NS": str(t_utc_ns), "TAG": tag}
+        )
+        pacing_s = (t_utc_ns - self._now_utc_ns) * self._wall_s_per_ns
+        answer = self._wire.wait(_advance_answer(tag), 2.0 * pacing_s + self._silence_timeout_s)
+        if answer is None:
+            raise InstrumentError(
+                f"the simulated observatory let no time pass in {self._silence_timeout_s:.0f} s: "
+                "start the demo again"
+            )
+        if answer.state == "Alert":
+            raise InstrumentError(f"the simulated clock refused: {self._wire.last_message}")
+        self._now_utc_ns = int(answer.values["TO_UTC_NS"])
+        self._wake.clear()
+        return self._now_utc_ns >= t_utc_ns
+
+    def wake(self) -> None:
+        """End a wait that is in progress; without one, the next."""
+        self._wake.set()
+        try:
+            wire = IndiWire(self._host, self._port, 1.0)
+            wire.new("Switch", CLOCK_DEVICE, "SIM_INTERRUPT", {"INTERRUPT": "On"})
+            wire.close()
+        except InstrumentError:
+            # Without a server there is no wait to interrupt; the waiter is told by its own line.
+            return
+
+    def close(self) -> None:
+        """Hang up; the observatory's time stands still from now on."""
+        self._wire.close()
+
+
+def _advance_answer(tag: str) -> Callable[[IndiVector], bool]:
+    def is_answer(vector: IndiVector) -> bool:
+        if vector.name != "SIM_ADVANCE" or vector.is_definition:
+            return False
+        return vector.state == "Alert" or vector.values.get("TAG") == tag
+
+    return is_answer

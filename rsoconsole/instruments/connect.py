@@ -1,0 +1,53 @@
+"""Clock, mount and camera of one observatory, connected and surely released."""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import platformdirs
+
+from rsoconsole.config import APP, Config
+from rsoconsole.instruments.camera import IndiCamera
+from rsoconsole.instruments.clock import SimulatedClock, SystemClock
+from rsoconsole.instruments.mount import IndiMount
+from rsoconsole.instruments.ports import Clock, Instruments
+
+
+@contextmanager
+def connect_instruments(
+    config: Config, *, clock: Clock | None = None, log_dir: Path | None = None
+) -> Iterator[Instruments]:
+    """Connect the configured mount and camera, each in a process of its own, and a clock.
+
+    The clock is the simulated observatory's where ``indi.simulated`` says so, else the machine's,
+    unless one is given. ``log_dir`` gets what libindi prints; None: the user's log folder.
+    Raises InstrumentError when server, mount or camera cannot be reached.
+    """
+    folder = log_dir or platformdirs.user_log_path(APP)
+    with ExitStack() as release:
+        mount = IndiMount(config.indi, folder / "mount.log")
+        release.callback(mount.close)
+        camera = IndiCamera(config.indi, config.optics, folder / "camera.log")
+        release.callback(camera.close)
+        with ThreadPoolExecutor(2) as both:
+            starts = [both.submit(mount.start), both.submit(camera.start)]
+        for start in starts:
+            start.result()
+        if clock is None:
+            own = (
+                SimulatedClock(config.indi.host, config.indi.port)
+                if config.indi.simulated
+                else SystemClock()
+            )
+            release.callback(own.close)
+            clock = own
+        yield Instruments(
+            clock=clock,
+            mount=mount,
+            camera=camera,
+            host=config.indi.host,
+            port=config.indi.port,
+            mount_name=config.indi.mount,
+            camera_name=config.indi.camera,
+        )

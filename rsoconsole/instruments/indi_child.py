@@ -1,0 +1,263 @@
+"""What the mount's and the camera's processes have in common: a PyIndi client and a command loop.
+
+Runs only in a child process. PyIndi's callbacks come on a thread of its own and an exception in
+one would abort the process, so each is guarded and does no more than copy values out.
+"""
+
+import json
+import os
+import queue
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import PyIndi
+
+from rsoconsole.errors import InstrumentError, RsoconsoleError
+
+_STATES = {
+    PyIndi.IPS_IDLE: "Idle",
+    PyIndi.IPS_OK: "Ok",
+    PyIndi.IPS_BUSY: "Busy",
+    PyIndi.IPS_ALERT: "Alert",
+}
+SERVER_LOST = 3
+"""Exit status of a child whose INDI server went away."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vector:
+    """One property as last heard of; numbers as float, switches as bool, texts as str."""
+
+    name: str
+    state: str
+    timestamp: str
+    values: Mapping[str, Any]
+    serial: int
+    """Counts up with every update of any property."""
+
+
+class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
+    """Mirrors one device's properties as plain values."""
+
+    def __init__(self, device: str, on_vector: Callable[[Vector], None]) -> None:
+        super().__init__()
+        self.device = device
+        self._on_vector = on_vector
+        self._vectors: dict[str, Vector] = {}
+        self._changed = threading.Condition()
+        self._sending = threading.Lock()
+        self._serial = 0
+        self._told = 0
+        self._ready = False
+        self.last_message = ""
+
+    # Callbacks of PyIndi, on its thread.
+
+    def newDevice(self, device: Any) -> None:  # noqa: N802 - PyIndi's name and argument
+        """A device appeared."""
+
+    def newProperty(self, prop: Any) -> None:  # noqa: N802 - PyIndi's name
+        """A property was defined."""
+        self._guard(self._store, prop)
+
+    def updateProperty(self, prop: Any) -> None:  # noqa: N802 - PyIndi's name
+        """A property changed."""
+        self._guard(self._store, prop)
+
+    def removeProperty(self, prop: Any) -> None:  # noqa: N802 - PyIndi's name
+        """A property went away."""
+        self._guard(lambda gone: self._vectors.pop(gone.getName(), None), prop)
+
+    def newMessage(self, device: Any, number: int) -> None:  # noqa: N802 - PyIndi's name
+        """The driver said something."""
+        self._guard(self._hear, device, number)
+
+    def serverDisconnected(self, code: int) -> None:  # noqa: N802, ARG002 - PyIndi's name
+        """The server died or hung up: only a fresh process can connect again."""
+        if self._ready:
+            print("the INDI server went away", file=sys.stderr, flush=True)
+            os._exit(SERVER_LOST)
+
+    # For the child's own threads.
+
+    def open(self, host: str, port: int, needed: tuple[str, ...], timeout_s: float = 15.0) -> None:
+        """Connect to the server and the device, and wait until ``needed`` are defined."""
+        self.setServer(host, port)
+        self.watchDevice(self.device)
+        if not self.connectServer():
+            raise InstrumentError(f"no INDI server answers at {host}:{port}: start indiserver")
+        self._ready = True
+        deadline_s = time.monotonic() + timeout_s
+        if self.wait("CONNECTION", lambda _: True, timeout_s) is None:
+            raise InstrumentError(
+                f"the INDI server at {host}:{port} has no device '{self.device}': "
+                "set indi.mount and indi.camera to what 'indi_getprop' lists"
+            )
+        if not self._vectors["CONNECTION"].values.get("CONNECT"):
+            self.connectDevice(self.device)
+        for name in needed:
+            left_s = max(0.1, deadline_s - time.monotonic())
+            if self.wait(name, lambda _: True, left_s) is None:
+                raise InstrumentError(
+                    f"{self.device} is there but does not offer {name}: "
+                    f"is it connected and powered? {self.last_message}".rstrip()
+                )
+
+    def get(self, name: str) -> Vector | None:
+        """A property as last heard of."""
+        with self._changed:
+            return self._vectors.get(name)
+
+    def serial(self) -> int:
+        """Number of the last update."""
+        with self._changed:
+            return self._serial
+
+    def wait(
+        self, name: str, is_wanted: Callable[[Vector], bool], timeout_s: float, after: int = -1
+    ) -> Vector | None:
+        """The first state of a property later than update ``after`` that is wanted, or None."""
+        deadline_s = time.monotonic() + timeout_s
+        with self._changed:
+            while True:
+                vector = self._vectors.get(name)
+                is_told = vector is not None and after < vector.serial <= self._told
+                if vector is not None and is_told and is_wanted(vector):
+                    return vector
+                left_s = deadline_s - time.monotonic()
+                if left_s <= 0:
+                    return None
+                self._changed.wait(left_s)
+
+    def send_numbers(self, name: str, values: Mapping[str, float]) -> int:
+        """Ask for new numbers; returns the number of the last update before.
+
+        A vector of our own: the client's copy may be overwritten by an update while it is sent.
+        """
+        prop = PyIndi.PropertyNumber(len(values))
+        for index, (member, value) in enumerate(values.items()):
+            prop[index].setName(member)
+            prop[index].setValue(float(value))
+        return self._send(name, prop)
+
+    def send_switch(self, name: str, member: str) -> int:
+        """Turn one switch on; returns the number of the last update before."""
+        prop = PyIndi.PropertySwitch(1)
+        prop[0].setName(member)
+        prop[0].setState(PyIndi.ISS_ON)
+        return self._send(name, prop)
+
+    def _send(self, name: str, prop: Any) -> int:
+        prop.setDeviceName(self.device)
+        prop.setName(name)
+        with self._sending:
+            before = self.serial()
+            self.sendNewProperty(prop)
+        return before
+
+    def _store(self, prop: Any) -> None:
+        if prop.getDeviceName() != self.device:
+            return
+        vector = self._vector(prop)
+        with self._changed:
+            self._vectors[vector.name] = vector
+        # The parent hears of a change before the order that brought it about is answered.
+        self._on_vector(vector)
+        with self._changed:
+            self._told = vector.serial
+            self._changed.notify_all()
+
+    def _vector(self, prop: Any) -> Vector:
+        kind = prop.getType()
+        values: dict[str, Any] = {}
+        if kind == PyIndi.INDI_NUMBER:
+            values = {each.getName(): each.getValue() for each in PyIndi.PropertyNumber(prop)}
+        elif kind == PyIndi.INDI_SWITCH:
+            values = {
+                each.getName(): each.getState() == PyIndi.ISS_ON
+                for each in PyIndi.PropertySwitch(prop)
+            }
+        elif kind == PyIndi.INDI_TEXT:
+            values = {each.getName(): each.getText() for each in PyIndi.PropertyText(prop)}
+        elif kind == PyIndi.INDI_BLOB:
+            values = {
+                each.getName(): (each.getFormat(), each.getblobdata())
+                for each in PyIndi.PropertyBlob(prop)
+                if each.getBlobLen() > 0
+            }
+        self._serial += 1
+        return Vector(
+            name=prop.getName(),
+            state=_STATES[prop.getState()],
+            timestamp=prop.getTimestamp() or "",
+            values=values,
+            serial=self._serial,
+        )
+
+    def _hear(self, device: Any, number: int) -> None:
+        if device.getDeviceName() == self.device:
+            self.last_message = str(device.messageQueue(number))
+
+    @staticmethod
+    def _guard(work: Callable[..., Any], *arguments: Any) -> None:
+        try:
+            work(*arguments)
+        except Exception:
+            traceback.print_exc()
+
+
+class Mouth:
+    """Writes JSON lines to the parent; keeps everybody else's prints off that pipe."""
+
+    def __init__(self) -> None:
+        self._out = os.fdopen(os.dup(1), "wb")
+        os.dup2(2, 1)
+        self._speaking = threading.Lock()
+
+    def say(self, message: Mapping[str, Any]) -> None:
+        """One line; a parent that is gone ends this process by its closed stdin, not here."""
+        line = json.dumps(message).encode() + b"\n"
+        with self._speaking:
+            try:
+                self._out.write(line)
+                self._out.flush()
+            except OSError:
+                return
+
+
+Handler = Callable[[dict[str, Any]], dict[str, Any]]
+
+
+def run_child(mouth: Mouth, slow: Mapping[str, Handler], urgent: Mapping[str, Handler]) -> None:
+    """Obey JSON lines from stdin until it closes.
+
+    ``slow`` orders are carried out one after another, ``urgent`` ones at once beside them.
+    """
+    waiting: queue.SimpleQueue[tuple[Handler, dict[str, Any]]] = queue.SimpleQueue()
+
+    def obey(handler: Handler, order: dict[str, Any]) -> None:
+        try:
+            mouth.say({"id": order["id"], **handler(order)})
+        except RsoconsoleError as error:
+            mouth.say({"id": order["id"], "error": str(error)})
+        except Exception as error:
+            traceback.print_exc()
+            mouth.say({"id": order["id"], "error": f"{type(error).__name__}: {error}"})
+
+    def work() -> None:
+        while True:
+            obey(*waiting.get())
+
+    threading.Thread(target=work, daemon=True, name="orders").start()
+    for line in sys.stdin.buffer:
+        order = json.loads(line)
+        if order["verb"] in urgent:
+            handler = urgent[order["verb"]]
+            threading.Thread(target=obey, args=(handler, order), daemon=True).start()
+        else:
+            waiting.put((slow[order["verb"]], order))

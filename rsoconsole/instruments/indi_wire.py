@@ -1,0 +1,186 @@
+"""INDI by plain TCP and the standard library: the second way to STOP, and the simulated clock.
+
+A stream of XML elements without a root. Nothing here depends on PyIndi or on another process.
+"""
+
+import socket
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+from xml.etree import ElementTree as ET
+from xml.sax.saxutils import escape, quoteattr
+
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.ports import StopResult
+
+_MEMBER = {"Number": "oneNumber", "Switch": "oneSwitch", "Text": "oneText"}
+_READ_BYTES = 65536
+_REPEAT_ABORT_S = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IndiVector:
+    """One property vector as the server sent it."""
+
+    device: str
+    name: str
+    kind: str
+    """Number, Switch, Text, Light or BLOB."""
+    is_definition: bool
+    state: str
+    timestamp: str
+    values: Mapping[str, str] = field(default_factory=dict)
+
+
+class IndiWire:
+    """One TCP connection to an INDI server that is never sent BLOBs; not thread-safe."""
+
+    def __init__(self, host: str, port: int, timeout_s: float = 5.0) -> None:
+        """Connect. Raises InstrumentError when nobody listens there."""
+        try:
+            self._socket = socket.create_connection((host, port), timeout_s)
+        except OSError as error:
+            raise InstrumentError(
+                f"no INDI server answers at {host}:{port} ({error}): start indiserver"
+            ) from error
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._address = f"{host}:{port}"
+        # Typeshed gives the events one type for every kind of parser.
+        self._parser: Any = ET.XMLPullParser(events=("start", "end"))
+        self._parser.feed(b"<indi>")
+        self._depth = 0
+        self._waiting: list[IndiVector] = []
+        self.last_message = ""
+        """The latest words of any device."""
+
+    def close(self) -> None:
+        """Hang up."""
+        self._socket.close()
+
+    def ask(self, device: str, name: str | None = None) -> None:
+        """Ask for the definitions of a device's properties, or of one."""
+        which = f" name={quoteattr(name)}" if name else ""
+        self._send(f'<getProperties version="1.7" device={quoteattr(device)}{which}/>')
+
+    def new(self, kind: str, device: str, name: str, values: Mapping[str, str]) -> None:
+        """Ask for new values: ``kind`` is Number, Switch or Text."""
+        one = _MEMBER[kind]
+        members = "".join(
+            f"<{one} name={quoteattr(key)}>{escape(value)}</{one}>" for key, value in values.items()
+        )
+        vector = f"new{kind}Vector"
+        self._send(
+            f"<{vector} device={quoteattr(device)} name={quoteattr(name)}>{members}</{vector}>"
+        )
+
+    def wait(self, is_wanted: Callable[[IndiVector], bool], timeout_s: float) -> IndiVector | None:
+        """The next vector that is wanted, None when none came in time; others are dropped.
+
+        Raises InstrumentError when the server hangs up.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        while True:
+            while self._waiting:
+                vector = self._waiting.pop(0)
+                if is_wanted(vector):
+                    return vector
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0:
+                return None
+            self._receive(left_s)
+
+    def _send(self, text: str) -> None:
+        try:
+            self._socket.settimeout(5.0)
+            self._socket.sendall(text.encode())
+        except OSError as error:
+            raise self._hung_up(error) from error
+
+    def _receive(self, timeout_s: float) -> None:
+        self._socket.settimeout(max(timeout_s, 1e-3))
+        try:
+            chunk = self._socket.recv(_READ_BYTES)
+        except TimeoutError:
+            return
+        except OSError as error:
+            raise self._hung_up(error) from error
+        if not chunk:
+            raise self._hung_up("connection closed")
+        try:
+            self._parser.feed(chunk)
+            events = list(self._parser.read_events())
+        except ET.ParseError as error:
+            raise self._hung_up(error) from error
+        for event, element in events:
+            if event == "start":
+                self._depth += 1
+                continue
+            self._depth -= 1
+            if self._depth == 1:
+                self._take(element)
+                element.clear()
+
+    def _take(self, element: ET.Element) -> None:
+        self.last_message = element.get("message") or self.last_message
+        verb, kind = element.tag[:3], element.tag[3:].removesuffix("Vector")
+        if verb not in ("def", "set") or not element.tag.endswith("Vector") or kind == "BLOB":
+            return
+        values = {member.get("name", ""): (member.text or "").strip() for member in element}
+        self._waiting.append(
+            IndiVector(
+                device=element.get("device", ""),
+                name=element.get("name", ""),
+                kind=kind,
+                is_definition=verb == "def",
+                state=element.get("state", ""),
+                timestamp=element.get("timestamp", ""),
+                values=values,
+            )
+        )
+
+    def _hung_up(self, why: object) -> InstrumentError:
+        return InstrumentError(
+            f"the INDI server at {self._address} hung up ({why}): look at its log, start it again"
+        )
+
+
+def stop_mount(host: str, port: int, device: str, timeout_s: float = 2.0) -> StopResult:
+    """Abort motion by a connection of its own and read back that it has ended.
+
+    Sends ABORT at once, before anything is known of the mount, and again while it still moves.
+    Never raises: a server that cannot be reached is a result with ``stopped`` false.
+    """
+    begun_s = time.monotonic()
+    detail = "the mount still moves"
+    stopped = False
+    try:
+        wire = IndiWire(host, port, timeout_s)
+        try:
+            stopped = _abort_and_read_back(wire, device, begun_s + timeout_s)
+        finally:
+            wire.close()
+    except InstrumentError as error:
+        detail = str(error)
+    return StopResult(
+        stopped=stopped,
+        ms=(time.monotonic() - begun_s) * 1e3,
+        path="indi",
+        detail="" if stopped else detail,
+    )
+
+
+def _abort_and_read_back(wire: IndiWire, device: str, deadline_s: float) -> bool:
+    def has_coordinates(vector: IndiVector) -> bool:
+        return vector.device == device and vector.name == "EQUATORIAL_EOD_COORD"
+
+    while time.monotonic() < deadline_s:
+        wire.new("Switch", device, "TELESCOPE_ABORT_MOTION", {"ABORT": "On"})
+        # Only an answer given after the order counts, so the state is asked for behind it.
+        wire.ask(device, "EQUATORIAL_EOD_COORD")
+        repeat_s = min(time.monotonic() + _REPEAT_ABORT_S, deadline_s)
+        while (left_s := repeat_s - time.monotonic()) > 0:
+            vector = wire.wait(has_coordinates, left_s)
+            if vector is not None and vector.state != "Busy":
+                return True
+    return False

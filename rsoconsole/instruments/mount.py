@@ -1,0 +1,160 @@
+"""The mount port over a child process, with a second way to STOP beside it."""
+
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.config import IndiConfig
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.indi_process import IndiProcess
+from rsoconsole.instruments.indi_wire import stop_mount
+from rsoconsole.instruments.ports import MountReport, SiteCheck, StopResult
+from rsoconsole.records import Site
+from rsoconsole.sky.angles import separation_deg
+
+_ORDER_S = 12.0
+_ABORT_ANSWER_S = 0.1
+_KM_PER_DEG = 111.19
+_SITE_TOLERANCE_KM = 1.0
+_STAMP_NS = 1_000
+
+
+class IndiMount:
+    """A mount behind INDI; safe for several threads."""
+
+    def __init__(self, config: IndiConfig, log_path: Path) -> None:
+        """Describe the mount; ``start`` connects."""
+        self._config = config
+        self._latest: MountReport | None = None
+        self.process = IndiProcess(
+            name="mount",
+            module="rsoconsole.instruments.mount_child",
+            settings={
+                "host": config.host,
+                "port": config.port,
+                "device": config.mount,
+                "simulated": config.simulated,
+            },
+            log_path=log_path,
+            on_event=self._on_event,
+        )
+
+    def start(self) -> None:
+        """Make the process and connect. Raises InstrumentError."""
+        self.process.start()
+
+    def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
+        """Go there and track; returns once the mount has taken the order."""
+        self.process.request(
+            "slew",
+            _ORDER_S,
+            ra_icrs_deg=ra_icrs_deg,
+            dec_icrs_deg=dec_icrs_deg,
+            now_utc_ns=now_utc_ns,
+        )
+
+    def report(self, not_before_utc_ns: int | None = None, timeout_s: float = 10.0) -> MountReport:
+        """The latest report, waiting (wall clock) for one at least as late as asked."""
+        if not self._config.simulated:
+            answer = self.process.request("report", timeout_s)
+            return _to_report(answer["report"])
+        # INDI's stamps are whole microseconds.
+        wanted_utc_ns = (not_before_utc_ns or 0) // _STAMP_NS * _STAMP_NS
+
+        def is_fresh() -> bool:
+            return self._latest is not None and self._latest.t_utc_ns >= wanted_utc_ns
+
+        if not self.process.wait(is_fresh, timeout_s):
+            raise InstrumentError(
+                f"the mount has not reported for {timeout_s:.0f} s: check its cable and driver"
+            )
+        latest = self._latest
+        assert latest is not None
+        return latest
+
+    def abort(self, timeout_s: float = 2.0) -> StopResult:
+        """End motion at once and read back that it has ended; never raises."""
+        begun_s = time.monotonic()
+        answered: list[bool] = []
+        done = threading.Event()
+
+        def through_the_process() -> None:
+            try:
+                answered.append(bool(self.process.request("abort", timeout_s)["stopped"]))
+            except InstrumentError:
+                answered.append(False)
+            done.set()
+
+        if self.process.pid is not None:
+            threading.Thread(target=through_the_process, daemon=True, name="stop").start()
+            if done.wait(_ABORT_ANSWER_S) and answered[0]:
+                ms = (time.monotonic() - begun_s) * 1e3
+                return StopResult(stopped=True, ms=ms, path="mount")
+        left_s = max(0.2, timeout_s - (time.monotonic() - begun_s))
+        result = stop_mount(self._config.host, self._config.port, self._config.mount, left_s)
+        ms = (time.monotonic() - begun_s) * 1e3
+        return StopResult(stopped=result.stopped, ms=ms, path="indi", detail=result.detail)
+
+    def park(self) -> None:
+        """Order the mount to its park position."""
+        self.process.request("park", _ORDER_S)
+
+    def unpark(self) -> None:
+        """Release a parked mount."""
+        self.process.request("unpark", _ORDER_S)
+
+    def set_tracking(self, is_on: bool) -> None:
+        """Sidereal tracking on or off."""
+        self.process.request("set_tracking", _ORDER_S, is_on=is_on)
+
+    def set_site(self, site: Site) -> None:
+        """Tell the mount where it stands."""
+        self.process.request(
+            "set_site",
+            _ORDER_S,
+            latitude_deg=site.latitude_deg,
+            longitude_deg=site.longitude_deg,
+            elevation_m=site.elevation_m,
+        )
+
+    def check_site(self, site: Site) -> SiteCheck:
+        """Compare the mount's site with the configured one."""
+        told = self.process.request("site", _ORDER_S)["site"]
+        if told is None:
+            return SiteCheck(
+                is_consistent=True,
+                distance_km=None,
+                reported=None,
+                detail="the mount does not tell its site",
+            )
+        reported = Site(**told)
+        distance_km = _KM_PER_DEG * separation_deg(
+            site.longitude_deg, site.latitude_deg, reported.longitude_deg, reported.latitude_deg
+        )
+        is_consistent = distance_km <= _SITE_TOLERANCE_KM
+        detail = (
+            "the mount stands at the configured site"
+            if is_consistent
+            else f"the mount believes to stand {distance_km:.0f} km from the configured site: "
+            "correct site.latitude_deg and site.longitude_deg, or set the mount's site"
+        )
+        return SiteCheck(
+            is_consistent=is_consistent, distance_km=distance_km, reported=reported, detail=detail
+        )
+
+    def restart(self) -> None:
+        """A fresh process and a fresh connection."""
+        self.process.restart()
+
+    def close(self) -> None:
+        """End the process; the mount is left tracking at the sidereal rate, not slewing."""
+        self.process.close()
+
+    def _on_event(self, message: dict[str, Any]) -> None:
+        if message.get("event") == "report":
+            self._latest = _to_report(message["report"])
+
+
+def _to_report(table: dict[str, Any]) -> MountReport:
+    return MountReport(**table)

@@ -1,0 +1,71 @@
+"""Short ways to say INDI property vectors, stamped with simulated time."""
+
+from collections.abc import Mapping
+from datetime import datetime, timedelta, timezone
+from typing import Any
+
+from indipydriver import (
+    NumberMember,
+    NumberVector,
+    SwitchMember,
+    SwitchVector,
+    TextMember,
+    TextVector,
+)
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)  # noqa: UP017 - the driver wants this very object
+
+
+def stamp(t_utc_ns: int) -> datetime:
+    """The instant as INDI stamps it, to the microsecond below."""
+    return _EPOCH + timedelta(microseconds=t_utc_ns // 1000)
+
+
+def numbers(
+    name: str, group: str, values: Mapping[str, float], *, perm: str = "rw", form: str = "%.10g"
+) -> Any:
+    """A number vector in state Ok."""
+    members = [
+        NumberMember(key, key, form, "-1e12", "1e12", "0", repr(float(value)))
+        for key, value in values.items()
+    ]
+    return NumberVector(name, name, group, perm, "Ok", members)
+
+
+def switches(
+    name: str,
+    group: str,
+    members: tuple[str, ...],
+    on: str | None,
+    *,
+    perm: str = "rw",
+    rule: str = "OneOfMany",
+) -> Any:
+    """A switch vector in state Ok with at most one member on."""
+    each = [SwitchMember(key, key, "On" if key == on else "Off") for key in members]
+    return SwitchVector(name, name, group, perm, rule, "Ok", each)
+
+
+def texts(name: str, group: str, values: Mapping[str, str], *, perm: str = "ro") -> Any:
+    """A text vector in state Ok."""
+    return TextVector(
+        name,
+        name,
+        group,
+        perm,
+        "Ok",
+        [TextMember(key, key, value) for key, value in values.items()],
+    )
+
+
+def turn_on(vector: Any, member: str | None) -> bool:
+    """Set exactly this member of a switch vector on; True when that changed anything."""
+    before = {key: vector[key] for key in vector}
+    for key in vector:
+        vector[key] = "On" if key == member else "Off"
+    return before != {key: vector[key] for key in vector}
+
+
+def asked_for(event: Mapping[str, str]) -> str | None:
+    """The member that a new switch vector turns on."""
+    return next((key for key, value in event.items() if value == "On"), None)

@@ -1,0 +1,185 @@
+"""The simulated observatory: a process that serves INDI on 127.0.0.1 until its parent ends.
+
+It reads one JSON line of settings from stdin, answers one JSON line with its port, and stays
+until stdin closes, so that it never outlives whoever started it.
+"""
+
+import asyncio
+import contextlib
+import json
+import logging
+import socket
+import sys
+import threading
+from collections.abc import Coroutine
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from indipydriver import IPyDriver, getProperties
+from indipyserver import IPyServer
+
+from rsoconsole.simulator.camera_device import CameraDevice, CameraTraits
+from rsoconsole.simulator.clock_device import ClockDevice
+from rsoconsole.simulator.indi_vectors import stamp
+from rsoconsole.simulator.launch import CAMERA_NAME, HOST, MOUNT_NAME
+from rsoconsole.simulator.mount_device import MountDevice
+from rsoconsole.simulator.mount_model import MountModel
+from rsoconsole.simulator.stage import Stage, open_stage
+from rsoconsole.simulator.virtual_clock import VirtualClock
+from rsoconsole.sky.frames import icrs_to_jnow
+
+_QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservatorySettings:
+    """What the observatory is to be; crosses to its process as JSON."""
+
+    scenario: str
+    seed: int
+    speed: float
+    """Virtual seconds a wall second; 0: at once."""
+    truth_path: str | None = None
+    width_px: int | None = None
+    """A smaller sensor than the scenario's, for quick looks."""
+    height_px: int | None = None
+    stage: str | None = None
+    """``module:function`` that opens another stage than the scenarios'."""
+
+    def to_json(self) -> str:
+        """One line."""
+        return json.dumps(asdict(self))
+
+
+class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
+    """Hands every request to the device it is meant for."""
+
+    def __init__(self, stage: Stage, settings: ObservatorySettings) -> None:
+        self._tasks: set[asyncio.Task[None]] = set()
+        site, optics = stage.site, stage.optics
+        self._clock = VirtualClock(stage.t_start_utc_ns, settings.speed)
+        ra_date_deg, dec_date_deg = icrs_to_jnow(
+            stage.start_ra_icrs_deg, stage.start_dec_icrs_deg, self._clock.now_utc_ns
+        )
+        model = MountModel(
+            latitude_deg=site.latitude_deg,
+            longitude_deg=site.longitude_deg,
+            seed=settings.seed,
+            t_utc_ns=self._clock.now_utc_ns,
+            ra_date_deg=float(ra_date_deg),
+            dec_date_deg=float(dec_date_deg),
+        )
+        self._mount = MountDevice(
+            MOUNT_NAME, model, site, optics.focal_length_mm, self._present_utc_ns
+        )
+        self._camera = CameraDevice(
+            name=CAMERA_NAME,
+            traits=CameraTraits(
+                width_px=optics.width_px,
+                height_px=optics.height_px,
+                pixel_um=optics.pixel_um,
+                focal_length_mm=optics.focal_length_mm,
+            ),
+            scene=stage.scene,
+            mount=model,
+            site=site,
+            now_utc_ns=self._present_utc_ns,
+            truth_path=Path(settings.truth_path) if settings.truth_path else None,
+            mount_name=MOUNT_NAME,
+            spawn=self._spawn,
+        )
+        self._timekeeper = ClockDevice(self._clock, self._report, self._spawn)
+        parts = (self._mount, self._camera, self._timekeeper)
+        self._handlers = {part.device.devicename: part.handle for part in parts}
+        super().__init__(*(part.device for part in parts))
+        self.auto_send_def = False
+
+    async def rxevent(self, event: Any) -> None:
+        """A client asked something of a property."""
+        if isinstance(event, getProperties):
+            # Definitions, too, are stamped with simulated time.
+            await event.vector.send_defVector(timestamp=stamp(self._clock.now_utc_ns))
+        else:
+            await self._handlers[event.devicename](event)
+
+    def _present_utc_ns(self) -> int:
+        return self._clock.now_utc_ns
+
+    async def _report(self) -> None:
+        await self._camera.pass_time()
+        await self._mount.report()
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+
+class ObservatoryServer(IPyServer):  # type: ignore[misc]
+    """IPyServer that lets a client go when it hangs up, instead of reading its silence for ever."""
+
+    async def handle_data(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Serve one client."""
+        with contextlib.suppress(ConnectionError):
+            await super().handle_data(_HangUpReader(reader, writer), writer)
+
+
+class _HangUpReader:
+    """A reader that says so when the client hung up, and lets no client wait for an answer."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._reader = reader
+        self._socket = writer.get_extra_info("socket")
+
+    async def read(self, size: int) -> bytes:
+        # libindi sends one order in several pieces and waits for each to be acknowledged;
+        # the kernel would delay that by 40 ms. The option wears off, so it is set every time.
+        if _QUICK_ACK is not None:
+            self._socket.setsockopt(socket.IPPROTO_TCP, _QUICK_ACK, 1)
+        chunk = await self._reader.read(size)
+        if not chunk:
+            raise ConnectionResetError("the client hung up")
+        return chunk
+
+
+async def serve(settings: ObservatorySettings) -> None:
+    """Serve until stdin closes; the first line on stdout is ``{"port": N}``."""
+    loop = asyncio.get_running_loop()
+    driver = ObservatoryDriver(open_stage(settings), settings)
+    server = ObservatoryServer(driver, host=HOST, port=0, maxconnections=10)
+    running = loop.create_task(server.asyncrun())
+    while server.server is None and not running.done():
+        await asyncio.sleep(0.005)
+    if server.server is not None:
+        port = server.server.sockets[0].getsockname()[1]
+        print(json.dumps({"port": port}), flush=True)
+        threading.Thread(
+            target=_watch_stdin, args=(loop, server), daemon=True, name="parent"
+        ).start()
+    await running
+
+
+def _watch_stdin(loop: asyncio.AbstractEventLoop, server: ObservatoryServer) -> None:
+    sys.stdin.buffer.read()
+    loop.call_soon_threadsafe(server.shutdown)
+
+
+def main() -> int:
+    """Read the settings from stdin and serve."""
+    logging.basicConfig(stream=sys.stderr, level=logging.WARNING)
+    line = sys.stdin.buffer.readline()
+    if not line:
+        return 2
+    settings = ObservatorySettings(**json.loads(line))
+    try:
+        asyncio.run(serve(settings))
+    except Exception as error:
+        logging.exception("the simulated observatory ended")
+        print(json.dumps({"error": str(error)}), flush=True)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

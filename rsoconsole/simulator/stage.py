@@ -1,0 +1,65 @@
+"""What the observatory must know of a scenario before the first exposure."""
+
+import importlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rsoconsole.config import OpticsConfig
+from rsoconsole.records import Site
+from rsoconsole.simulator.camera_device import SceneLike
+from rsoconsole.simulator.scenarios import scenario_named
+from rsoconsole.simulator.scene import Scene
+from rsoconsole.sky.frames import icrs_of_hour_angle
+
+if TYPE_CHECKING:
+    from rsoconsole.simulator.server import ObservatorySettings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """Where, when, with what, and what is to be seen."""
+
+    site: Site
+    optics: OpticsConfig
+    t_start_utc_ns: int
+    start_ra_icrs_deg: float
+    """Where the mount looks when the night begins."""
+    start_dec_icrs_deg: float
+    scene: SceneLike
+
+
+def open_stage(settings: "ObservatorySettings") -> Stage:
+    """The stage of a named scenario, or of the function that the settings name.
+
+    Raises ConfigError for a name that no scenario has.
+    """
+    if settings.stage is None:
+        return _scenario_stage(settings)
+    module, _, function = settings.stage.partition(":")
+    stage: Stage = getattr(importlib.import_module(module), function)(settings)
+    return stage
+
+
+def _scenario_stage(settings: "ObservatorySettings") -> Stage:
+    scenario = scenario_named(settings.scenario)
+    standard = OpticsConfig()
+    optics = standard.model_copy(
+        update={
+            "width_px": settings.width_px or standard.width_px,
+            "height_px": settings.height_px or standard.height_px,
+        }
+    )
+    ra_icrs_deg, dec_icrs_deg = icrs_of_hour_angle(
+        scenario.site,
+        scenario.start_hour_angle_deg,
+        scenario.start_declination_deg,
+        scenario.t_start_utc_ns,
+    )
+    return Stage(
+        site=scenario.site,
+        optics=optics,
+        t_start_utc_ns=scenario.t_start_utc_ns,
+        start_ra_icrs_deg=float(ra_icrs_deg),
+        start_dec_icrs_deg=float(dec_icrs_deg),
+        scene=Scene(scenario, settings.seed, optics=optics),
+    )

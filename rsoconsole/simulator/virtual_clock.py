@@ -1,0 +1,60 @@
+"""Time that passes only when somebody asks it to."""
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable
+
+NS = 1_000_000_000
+US = 1_000
+REPORT_EVERY_NS = 1 * NS
+_LONGEST_STEP_S = 0.1
+
+
+class VirtualClock:
+    """The observatory's time, in UTC ns, always whole microseconds (INDI's finest stamp).
+
+    ``speed`` is virtual seconds a wall second; 0 or infinity: at once.
+    """
+
+    def __init__(self, t_start_utc_ns: int, speed: float) -> None:
+        self._now_utc_ns = t_start_utc_ns // US * US
+        self.speed = 0.0 if math.isinf(speed) else max(0.0, speed)
+        self._interrupted = asyncio.Event()
+
+    @property
+    def now_utc_ns(self) -> int:
+        """The present instant."""
+        return self._now_utc_ns
+
+    def interrupt(self) -> None:
+        """End a paced advance where it is."""
+        self._interrupted.set()
+
+    async def advance(self, t_utc_ns: int, on_report: Callable[[], Awaitable[None]]) -> int:
+        """Let time pass until ``t_utc_ns`` (rounded up to whole microseconds).
+
+        ``on_report`` is awaited at every whole second on the way that is paced, and at the end.
+        Returns the instant reached: an earlier one when interrupted; never goes back.
+        """
+        self._interrupted.clear()
+        t_end_utc_ns = max(self._now_utc_ns, -(-t_utc_ns // US) * US)
+        while self.speed and self._now_utc_ns < t_end_utc_ns and not self._interrupted.is_set():
+            await self._step(t_end_utc_ns, on_report)
+        if not self._interrupted.is_set():
+            self._now_utc_ns = t_end_utc_ns
+        await on_report()
+        return self._now_utc_ns
+
+    async def _step(self, t_end_utc_ns: int, on_report: Callable[[], Awaitable[None]]) -> None:
+        step_ns = max(US, round(_LONGEST_STEP_S * self.speed * NS) // US * US)
+        next_report_utc_ns = (self._now_utc_ns // REPORT_EVERY_NS + 1) * REPORT_EVERY_NS
+        t_next_utc_ns = min(self._now_utc_ns + step_ns, t_end_utc_ns)
+        if self.speed <= 1.0 / _LONGEST_STEP_S:
+            t_next_utc_ns = min(t_next_utc_ns, next_report_utc_ns)
+        wall_s = (t_next_utc_ns - self._now_utc_ns) / NS / self.speed
+        try:
+            await asyncio.wait_for(self._interrupted.wait(), wall_s)
+        except TimeoutError:
+            self._now_utc_ns = t_next_utc_ns
+            if t_next_utc_ns >= next_report_utc_ns and t_next_utc_ns < t_end_utc_ns:
+                await on_report()
