@@ -94,13 +94,14 @@ def test_transition_is_the_matrix_exponential():
 
 
 def noisy_line(seed: int, n: int, sigma_arcsec: float, dec_deg: float = 35.0) -> list[Measurement]:
+    """A satellite that stands on RA 0h in its fifth frame, so that noise falls on either side."""
     rng = np.random.default_rng(seed)
     noise = rng.normal(0, sigma_arcsec / 3600, (n, 2))
     cos_dec = math.cos(math.radians(dec_deg))
     return [
         measurement(
             k,
-            359.6 + 15.04 / 3600 * CADENCE_S * k + noise[k, 0] / cos_dec,
+            15.04 / 3600 * CADENCE_S * (k - 4) + noise[k, 0] / cos_dec,
             dec_deg + noise[k, 1],
             sigma_arcsec,
         )
