@@ -1,7 +1,8 @@
 """Stars of the Tycho-2 catalogue: where they are and how bright.
 
 The shipped cut holds the belt of the geostationary satellites, |dec| <= 12 deg, down to VT about
-12.5. Positions are those of the astrometry.net index files: ICRS, observed around 1991, without
+12.5; a few stars brighter than third magnitude are missing, as Tycho-2 keeps them in a supplement.
+Positions are those of the astrometry.net index files: ICRS, observed around 1991, without
 proper motion. Source: Hog et al. 2000, A&A 355, L27; licence in ``data/COPYRIGHT.tycho2``.
 """
 
