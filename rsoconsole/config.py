@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import platformdirs
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from rsoconsole.errors import ConfigError
 from rsoconsole.records import Site
@@ -21,6 +21,13 @@ APP = "rsoconsole"
 
 class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*")
+    @classmethod
+    def _home_is_where_the_tilde_says(cls, value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(part.expanduser() if isinstance(part, Path) else part for part in value)
+        return value.expanduser() if isinstance(value, Path) else value
 
 
 class SiteConfig(_Section):
@@ -204,7 +211,8 @@ def load_config(path: Path | None = None, overrides: Mapping[str, Any] | None = 
         table = _read_toml(source)
     for dotted, value in (overrides or {}).items():
         section, _, key = dotted.partition(".")
-        table.setdefault(section, {})[key] = value
+        if isinstance(table.setdefault(section, {}), dict):
+            table[section][key] = value
     try:
         return Config.model_validate(table)
     except ValidationError as error:

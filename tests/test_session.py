@@ -662,3 +662,19 @@ def _files(folder: Path, sql: str) -> list[tuple[object, ...]]:
         return connection.execute(sql).fetchall()
     finally:
         connection.close()
+
+
+def test_the_documented_views_are_those_there_are_column_by_column(
+    writer: SessionWriter, folder: Path
+) -> None:
+    text = (Path(__file__).parents[1] / "sessions" / "README.md").read_text(encoding="utf-8")
+    rows = [line.split("|") for line in text.splitlines() if line.startswith("| `")]
+    documented = {row[1].strip(" `"): row[3].strip() for row in rows if len(row) == 5}
+    documented["rejections"] = documented["detections"] + ", reason"
+    with sqlite3.connect(folder / "session.db") as connection:
+        for name in VIEWS:
+            columns = [row[1] for row in connection.execute(f"PRAGMA table_info({name})")]
+            assert ["seq", "t_utc_ns", "frame_id"] == columns[:3]
+            assert documented.pop(name).split(", ") == columns[3:], name
+    connection.close()
+    assert documented == {}

@@ -39,14 +39,12 @@ def values_of(hint: Any) -> st.SearchStrategy[Any]:
     origin, arguments = get_origin(hint), get_args(hint)
     if hint in PLAIN:
         return PLAIN[hint]
-    if origin is Literal:
-        return st.sampled_from(arguments)
-    if origin in (Union, types.UnionType):
-        return st.one_of(*map(values_of, arguments))
-    if origin is tuple:
-        if arguments[1:] == (Ellipsis,):
-            return st.lists(values_of(arguments[0]), max_size=3).map(tuple)
+    if origin in (Literal, Union, types.UnionType):
+        return st.one_of(st.just(a) if origin is Literal else values_of(a) for a in arguments)
+    if origin is tuple and arguments[1:] != (Ellipsis,):
         return st.tuples(*map(values_of, arguments))
+    if origin is tuple:
+        return st.lists(values_of(arguments[0]), max_size=3).map(tuple)
     if origin is Mapping:
         return st.dictionaries(st.text(), values_of(arguments[1]), max_size=3)
     assert dataclasses.is_dataclass(hint), hint

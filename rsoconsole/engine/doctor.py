@@ -1,0 +1,269 @@
+"""Is this machine ready for a night? One check for each thing that has ended nights before.
+
+No check raises, none changes anything, and each says what to do when it is not well.
+"""
+
+import json
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rsoconsole.config import Config
+from rsoconsole.engine import doctor_system
+from rsoconsole.errors import RsoconsoleError
+
+if TYPE_CHECKING:
+    from rsoconsole.instruments.index_files import IndexFile
+
+INDI_TIMEOUT_S = 3.0
+_LIBRARIES = ("numpy", "cv2", "astropy", "erfa", "scipy", "filterpy", "sgp4", "astrometry")
+_LIBRARIES_OF_PROCESSES = ("PyIndi", "indipydriver", "indipyserver", "textual", "plotext")
+_RUNTIMES = ("ai_edge_litert.interpreter", "tflite_runtime.interpreter")
+_IMPORT_ALL = """
+import importlib, json, sys
+for name in sys.argv[1:]:
+    print(json.dumps([name, "it ends the process"]), flush=True)
+    try:
+        importlib.import_module(name)
+        fault = None
+    except BaseException as error:
+        fault = f"{type(error).__name__}: {error}"
+    print(json.dumps([name, fault]), flush=True)
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """What one check found."""
+
+    check: str
+    ok: bool | None
+    """None when it cannot be told."""
+    detail: str
+    remedy: str = ""
+    """What to do; empty when all is well."""
+
+
+def run_checks(config: Config) -> Iterator[Check]:
+    """Every check, one after another, as each is done."""
+    checks: tuple[tuple[str, Callable[[Config], Check]], ...] = (
+        ("python", check_libraries),
+        ("network", check_network),
+        ("index files", check_index_files),
+        ("INDI server", check_indi_server),
+        ("clock", lambda _: check_clock()),
+        ("disk", check_disk),
+        ("sessions folder", check_sessions_folder),
+        ("terminal", lambda _: check_terminal()),
+    )
+    for name, check in checks:
+        try:
+            yield check(config)
+        except Exception as error:  # the doctor's own fault must not hide the other checks
+            fault = f"the check itself failed: {type(error).__name__}: {error}"
+            yield Check(check=name, ok=None, detail=fault, remedy="reinstall rsoconsole")
+
+
+def check_libraries(_config: Config) -> Check:
+    """Every library loads here, tried in a process that may crash."""
+    names = (*_LIBRARIES, *_LIBRARIES_OF_PROCESSES, *_RUNTIMES)
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", _IMPORT_ALL, *names],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    faults: dict[str, str | None] = {}
+    for line in done.stdout.splitlines():
+        if line.startswith("["):
+            name, fault = json.loads(line)
+            faults[name] = fault
+    broken = {n: faults.get(n, "not tried") for n in names if faults.get(n, "not tried")}
+    if any(runtime not in broken for runtime in _RUNTIMES):
+        broken = {name: fault for name, fault in broken.items() if name not in _RUNTIMES}
+    version = ".".join(str(part) for part in sys.version_info[:3])
+    if broken:
+        what = "; ".join(f"{name}: {fault}" for name, fault in broken.items())
+        return Check(
+            check="python",
+            ok=False,
+            detail=f"Python {version}; {what}",
+            remedy="install again with the README's first command",
+        )
+    return Check(check="python", ok=True, detail=f"Python {version}, every library loads")
+
+
+def check_network(config: Config) -> Check:
+    """The detector's network is there, is the one its card describes, and runs here."""
+    from rsoconsole.vision.network import Network
+
+    try:
+        network = Network.load(config.detector.model, config.detector.threads)
+    except (RsoconsoleError, FileNotFoundError) as error:
+        remedy = "reinstall rsoconsole, or name another network in detector.model"
+        return Check(check="network", ok=False, detail=str(error), remedy=remedy)
+    return Check(check="network", ok=True, detail=network.version)
+
+
+def check_index_files(config: Config) -> Check:
+    """There is an index file of every scale that the configured field needs."""
+    from rsoconsole.instruments.index_files import (
+        config_search_dirs,
+        list_index_files,
+        needed_scales,
+    )
+
+    name = "index files"
+    try:
+        scales = needed_scales(config.optics.field_deg)
+        files = list_index_files(config_search_dirs(config.solver))
+    except (RsoconsoleError, FileNotFoundError) as error:
+        return Check(check=name, ok=False, detail=str(error), remedy="'rsoconsole index install'")
+    width_deg, height_deg = config.optics.field_deg
+    field = f"a field of {width_deg:.2f} x {height_deg:.2f} deg"
+    usable = [file for file in files if file.is_healthy and file.scale in scales]
+    missing = sorted(set(scales) - {file.scale for file in usable})
+    faulty = [f"{file.path}: {file.fault}" for file in files if not file.is_healthy]
+    if missing:
+        return Check(
+            check=name,
+            ok=False,
+            detail="; ".join([f"{field} lacks scale {', '.join(map(str, missing))}", *faulty]),
+            remedy="'rsoconsole index install' gets them",
+        )
+    has_whole_sky = {file.scale for file in usable if file.is_whole_sky} >= set(scales)
+    reach = "the whole sky" if has_whole_sky else _reach(usable)
+    return Check(
+        check=name,
+        ok=True,
+        detail="; ".join([f"{len(usable)} files for {field}, {reach}", *faulty]),
+        remedy="" if has_whole_sky else "'rsoconsole index install' gets the rest of the sky",
+    )
+
+
+def check_indi_server(config: Config) -> Check:
+    """The INDI server answers and has the configured mount and camera."""
+    indi = config.indi
+    address = f"{indi.host}:{indi.port}"
+    wanted = {indi.mount, indi.camera}
+    try:
+        missing = wanted - _indi_devices(indi.host, indi.port, wanted)
+    except OSError as error:
+        return Check(
+            check="INDI server",
+            ok=False,
+            detail=f"nothing answers at {address}: {error}",
+            remedy="start indiserver with your mount's and camera's drivers, or set indi.host and "
+            "indi.port; 'rsoconsole demo' brings its own",
+        )
+    if missing:
+        return Check(
+            check="INDI server",
+            ok=False,
+            detail=f"{address} answers but has no {' and no '.join(sorted(missing))}",
+            remedy="start the driver, or set indi.mount and indi.camera to its device's name",
+        )
+    return Check(check="INDI server", ok=True, detail=f"{address}: {indi.mount}, {indi.camera}")
+
+
+def check_clock() -> Check:
+    """The system's clock is synchronised: a second is 15 arcsec of sky."""
+    clock = doctor_system.read_clock()
+    if clock.is_synchronised is None:
+        return Check(
+            check="clock",
+            ok=None,
+            detail="this system does not tell whether its clock is synchronised",
+            remedy="compare it with a time server or a GPS receiver",
+        )
+    parts = ["synchronised" if clock.is_synchronised else "not synchronised"]
+    if clock.offset_s is not None:
+        parts.append(f"offset {clock.offset_s * 1e3:+.3f} ms")
+    if clock.max_error_s is not None and clock.is_synchronised:
+        parts.append(f"error at most {clock.max_error_s * 1e3:.0f} ms")
+    remedy = "'sudo timedatectl set-ntp true', or chrony with a GPS receiver"
+    return Check(
+        check="clock",
+        ok=clock.is_synchronised,
+        detail=", ".join(parts),
+        remedy="" if clock.is_synchronised else remedy,
+    )
+
+
+def check_disk(config: Config) -> Check:
+    """The disk has room for one night."""
+    free_bytes = doctor_system.free_bytes(config.session.root)
+    need_bytes = doctor_system.night_bytes(config)
+    detail = (
+        f"{free_bytes / 1e9:.0f} GB free; a night of {doctor_system.NIGHT_H:g} h takes up to "
+        f"{need_bytes / 1e9:.1f} GB"
+    )
+    is_enough = free_bytes >= need_bytes
+    remedy = "free some disk, set session.root to a larger one, or session.keep_frames to detected"
+    return Check(check="disk", ok=is_enough, detail=detail, remedy="" if is_enough else remedy)
+
+
+def check_sessions_folder(config: Config) -> Check:
+    """Sessions can be written where they are to be kept."""
+    root = config.session.root
+    fault = doctor_system.write_fault(root)
+    if fault is None:
+        return Check(check="sessions folder", ok=True, detail=str(root))
+    remedy = "give yourself the right to write there, or set session.root"
+    return Check(check="sessions folder", ok=False, detail=f"{root}: {fault}", remedy=remedy)
+
+
+def check_terminal() -> Check:
+    """The terminal is large enough and knows UTF-8 and colours."""
+    found = doctor_system.read_terminal()
+    if found is None:
+        return Check(
+            check="terminal", ok=None, detail="there is none here: only the console needs one"
+        )
+    faults = []
+    if found.columns < 80 or found.rows < 24:
+        faults.append("make it at least 80 x 24")
+    if not found.is_utf8:
+        faults.append("set LANG to a UTF-8 locale, e.g. C.UTF-8")
+    if found.colours < 16:
+        faults.append("set TERM to one with colours, e.g. xterm-256color")
+    encoding = "UTF-8" if found.is_utf8 else "not UTF-8"
+    return Check(
+        check="terminal",
+        ok=not faults,
+        detail=f"{found.columns} x {found.rows}, {found.colours} colours, {encoding}",
+        remedy="; ".join(faults),
+    )
+
+
+def _reach(files: Sequence["IndexFile"]) -> str:
+    """Declinations that the files of every scale have in common."""
+    scales = {file.scale for file in files}
+    south_deg = max(min(f.dec_deg[0] for f in files if f.scale == s) for s in scales)
+    north_deg = min(max(f.dec_deg[1] for f in files if f.scale == s) for s in scales)
+    return f"declination {south_deg:+.0f} to {north_deg:+.0f} deg"
+
+
+def _indi_devices(host: str, port: int, wanted: set[str]) -> set[str]:
+    """Those of the wanted devices that the server speaks of. Raises OSError."""
+    deadline = time.monotonic() + INDI_TIMEOUT_S
+    heard = b""
+    found: set[str] = set()
+    with socket.create_connection((host, port), timeout=INDI_TIMEOUT_S) as wire:
+        wire.sendall(b'<getProperties version="1.7"/>\n')
+        while found < wanted and (left_s := deadline - time.monotonic()) > 0:
+            wire.settimeout(left_s)
+            try:
+                chunk = wire.recv(65536)
+            except TimeoutError:
+                break
+            if not chunk:
+                break
+            heard += chunk
+            found = {d for d in wanted if any(f"device={q}{d}{q}".encode() in heard for q in "\"'")}
+    return found

@@ -1,0 +1,134 @@
+"""What the operating system says of clock, disk and terminal."""
+
+import ctypes
+import locale
+import os
+import shutil
+import struct
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from rsoconsole.config import Config
+
+NIGHT_H = 10.0
+COMPRESSED_SHARE = 0.52
+"""Of a frame whose camera fills all 16 bits; 12 bits in 16 come to half of this."""
+BYTES_BESIDE_FRAME = 100_000
+"""Preview and records of one exposure."""
+_STA_UNSYNC, _STA_NANO = 0x0040, 0x2000
+_TIMEX_BYTES = 512
+_TIMESYNC_FLAG = Path("/run/systemd/timesync/synchronized")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockReading:
+    """What the kernel knows of its own clock."""
+
+    is_synchronised: bool | None
+    """None when the system does not tell."""
+    offset_s: float | None = None
+    """What is still to be corrected."""
+    max_error_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Terminal:
+    """The terminal this process runs in."""
+
+    columns: int
+    rows: int
+    colours: int
+    is_utf8: bool
+
+
+def read_clock() -> ClockReading:
+    """The kernel's own account, by adjtimex(2); read only."""
+    flag = True if _TIMESYNC_FLAG.exists() else None
+    if not sys.platform.startswith("linux"):
+        return ClockReading(is_synchronised=flag)
+    # modes = 0 asks and changes nothing; the buffer is larger than any struct timex.
+    answer = ctypes.create_string_buffer(_TIMEX_BYTES)
+    try:
+        state = ctypes.CDLL(None, use_errno=True).adjtimex(answer)
+    except (OSError, AttributeError):
+        return ClockReading(is_synchronised=flag)
+    if state < 0:
+        return ClockReading(is_synchronised=flag)
+    _modes, offset, _frequency, max_error_us, _error_us, status = struct.unpack_from(
+        "@Illlli", answer
+    )
+    if status & _STA_UNSYNC:
+        # Some time services leave the kernel's mark alone and set a flag of their own.
+        return ClockReading(is_synchronised=bool(flag))
+    return ClockReading(
+        is_synchronised=True,
+        offset_s=offset * (1e-9 if status & _STA_NANO else 1e-6),
+        max_error_s=max_error_us * 1e-6,
+    )
+
+
+def night_bytes(config: Config) -> float:
+    """Disk that a night of exposures takes at most."""
+    cadence_s = max(config.exposure.cadence_s, config.exposure.exposure_s)
+    exposures = NIGHT_H * 3600.0 / cadence_s
+    raw_bytes = 2 * config.optics.width_px * config.optics.height_px
+    kept_bytes = 0.0 if config.session.keep_frames == "none" else COMPRESSED_SHARE * raw_bytes
+    return exposures * (kept_bytes + BYTES_BESIDE_FRAME)
+
+
+def free_bytes(folder: Path) -> int:
+    """Free disk where the folder is or would be. Raises OSError."""
+    return shutil.disk_usage(_nearest_existing(folder)).free
+
+
+def write_fault(folder: Path) -> str | None:
+    """Why nothing can be written in the folder; None when it can, or could once it is made."""
+    nearest = _nearest_existing(folder)
+    if not nearest.is_dir():
+        return f"{nearest} is no folder"
+    if nearest != folder:
+        may_make = os.access(nearest, os.W_OK | os.X_OK)
+        return None if may_make else f"it cannot be made in {nearest}"
+    try:
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(b"x" * 4096)
+    except OSError as error:
+        return error.strerror or str(error)
+    return None
+
+
+def read_terminal(environ: Mapping[str, str] | None = None) -> Terminal | None:
+    """The terminal behind stderr, stdout or stdin; None when there is none."""
+    environ = os.environ if environ is None else environ
+    for descriptor in (2, 1, 0):
+        try:
+            columns, rows = os.get_terminal_size(descriptor)
+        except OSError:
+            continue
+        return Terminal(
+            columns=columns,
+            rows=rows,
+            colours=colours_of(environ),
+            is_utf8=locale.getpreferredencoding(do_setlocale=False).upper() in {"UTF-8", "UTF8"},
+        )
+    return None
+
+
+def colours_of(environ: Mapping[str, str]) -> int:
+    """Colours that the terminal says it has."""
+    if environ.get("COLORTERM", "") in {"truecolor", "24bit"}:
+        return 1 << 24
+    term = environ.get("TERM", "dumb")
+    if term in {"", "dumb", "unknown"} or term.startswith("vt"):
+        return 2
+    return 256 if "256" in term or "direct" in term else 16
+
+
+def _nearest_existing(folder: Path) -> Path:
+    nearest = folder.absolute()
+    while not nearest.exists() and nearest != nearest.parent:
+        nearest = nearest.parent
+    return nearest

@@ -1,0 +1,229 @@
+"""The doctor tells a machine that is ready from one that is not, and never falls ill itself."""
+
+import json
+import os
+import pty
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rsoconsole.config import Config
+from rsoconsole.engine import doctor, doctor_system
+from rsoconsole.engine.doctor_system import ClockReading, Terminal, colours_of
+
+
+def config_with(**sections: dict[str, object]) -> Config:
+    return Config.model_validate(sections)
+
+
+@pytest.fixture
+def indi_server() -> Iterator[int]:
+    """A server that speaks of two devices, in two pieces, as drivers report one by one."""
+    listener = socket.create_server(("127.0.0.1", 0))
+
+    def serve() -> None:
+        while True:
+            try:
+                peer, _ = listener.accept()
+            except OSError:
+                return
+            with peer:
+                peer.recv(1000)
+                peer.sendall(b'<defTextVector device="Telescope Simulator" name="DRIVER_')
+                peer.sendall(b"INFO\"/><defTextVector device='CCD Simulator'/>")
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    yield listener.getsockname()[1]
+    listener.shutdown(socket.SHUT_RDWR)
+    listener.close()
+    thread.join(5)
+
+
+def test_every_check_reports_and_what_is_not_well_has_a_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(doctor, "check_libraries", lambda _: 1 / 0)
+    config = config_with(session={"root": str(tmp_path / "s")}, indi={"port": 9})
+    found = list(doctor.run_checks(config))
+    assert [check.check for check in found] == [
+        "python",
+        "network",
+        "index files",
+        "INDI server",
+        "clock",
+        "disk",
+        "sessions folder",
+        "terminal",
+    ]
+    assert found[0].ok is None
+    assert "ZeroDivisionError" in found[0].detail
+    assert all(check.remedy for check in found if check.ok is False)
+    assert not (tmp_path / "s").exists()
+
+
+def test_libraries_that_are_here_load() -> None:
+    assert doctor.check_libraries(Config()).ok is True
+
+
+def test_a_library_that_is_missing_or_crashes_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "crashing_library.py").write_text("import os\nos.abort()\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(doctor, "_LIBRARIES", ("json", "no_such_library"))
+    monkeypatch.setattr(doctor, "_LIBRARIES_OF_PROCESSES", ("crashing_library", "csv"))
+    check = doctor.check_libraries(Config())
+    assert check.ok is False
+    assert "no_such_library: ModuleNotFoundError" in check.detail
+    assert "crashing_library: it ends the process" in check.detail
+    assert "csv: not tried" in check.detail
+    assert "json:" not in check.detail
+
+
+def test_a_network_that_is_not_there_is_told(tmp_path: Path) -> None:
+    check = doctor.check_network(config_with(detector={"model": str(tmp_path / "none.tflite")}))
+    assert check.ok is False
+    assert str(tmp_path / "none") in check.detail
+
+
+def test_the_shipped_index_files_are_enough_for_the_papers_field() -> None:
+    assert doctor.check_index_files(Config()).ok is True
+
+
+def test_a_field_that_no_index_file_fits_is_told() -> None:
+    tiny = config_with(optics={"focal_length_mm": 20000.0})
+    assert doctor.check_index_files(tiny).ok is False
+
+
+def test_an_indi_server_with_the_devices_is_well(indi_server: int) -> None:
+    check = doctor.check_indi_server(config_with(indi={"port": indi_server}))
+    assert check.ok is True, check.detail
+
+
+def test_an_indi_server_without_the_camera_is_not(indi_server: int) -> None:
+    check = doctor.check_indi_server(config_with(indi={"port": indi_server, "camera": "CCD"}))
+    assert check.ok is False
+    assert "has no CCD" in check.detail
+    assert "indi.camera" in check.remedy
+
+
+def test_no_indi_server_is_told_with_its_address() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as unused:
+        port = unused.getsockname()[1]
+    check = doctor.check_indi_server(config_with(indi={"port": port}))
+    assert check.ok is False
+    assert f"127.0.0.1:{port}" in check.detail
+
+
+@pytest.mark.parametrize(
+    ("reading", "ok", "says"),
+    [
+        (ClockReading(is_synchronised=None), None, "does not tell"),
+        (ClockReading(is_synchronised=False), False, "not synchronised"),
+        (
+            ClockReading(is_synchronised=True, offset_s=-0.0021, max_error_s=0.035),
+            True,
+            "synchronised, offset -2.100 ms, error at most 35 ms",
+        ),
+    ],
+)
+def test_the_clock_is_judged_by_what_the_kernel_says(
+    monkeypatch: pytest.MonkeyPatch, reading: ClockReading, ok: bool | None, says: str
+) -> None:
+    monkeypatch.setattr(doctor_system, "read_clock", lambda: reading)
+    check = doctor.check_clock()
+    assert check.ok is ok
+    assert says in check.detail
+    assert bool(check.remedy) == (ok is not True)
+
+
+def test_the_kernels_clock_can_be_read_here() -> None:
+    reading = doctor_system.read_clock()
+    if reading.offset_s is not None:
+        assert abs(reading.offset_s) < 1.0
+
+
+def test_a_night_of_the_papers_frames_needs_twenty_gigabytes() -> None:
+    # 10 h at 30 s are 1,200 frames of 32.8 MB, of which compression leaves about half.
+    assert doctor_system.night_bytes(Config()) == pytest.approx(20.6e9, rel=0.01)
+    without = config_with(session={"keep_frames": "none"})
+    assert doctor_system.night_bytes(without) < 0.2e9
+
+
+def test_a_disk_too_small_for_the_night_is_told(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    config = config_with(session={"root": str(tmp_path / "not" / "yet")})
+    monkeypatch.setattr(doctor_system, "free_bytes", lambda _: 5e9)
+    check = doctor.check_disk(config)
+    assert check.ok is False
+    assert "5 GB free; a night of 10 h takes up to 20.6 GB" in check.detail
+
+
+def test_a_sessions_folder_that_cannot_be_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    assert doctor_system.write_fault(tmp_path) is None
+    assert doctor_system.write_fault(tmp_path / "a" / "b") is None
+    assert "no folder" in str(doctor_system.write_fault(tmp_path / "file" / "a"))
+    check = doctor.check_sessions_folder(config_with(session={"root": str(tmp_path / "file")}))
+    assert check.ok is False
+    assert list(tmp_path.iterdir()) == [tmp_path / "file"]
+
+
+@pytest.mark.parametrize(
+    ("terminal", "remedy"),
+    [
+        (Terminal(columns=80, rows=24, colours=256, is_utf8=True), ""),
+        (Terminal(columns=79, rows=24, colours=256, is_utf8=True), "make it at least 80 x 24"),
+        (Terminal(columns=80, rows=24, colours=256, is_utf8=False), "set LANG"),
+        (Terminal(columns=80, rows=24, colours=2, is_utf8=True), "set TERM"),
+    ],
+)
+def test_the_terminal_is_judged_by_size_colours_and_encoding(
+    monkeypatch: pytest.MonkeyPatch, terminal: Terminal, remedy: str
+) -> None:
+    monkeypatch.setattr(doctor_system, "read_terminal", lambda: terminal)
+    check = doctor.check_terminal()
+    assert check.ok is (remedy == "")
+    assert check.remedy.startswith(remedy)
+
+
+def test_colours_are_what_the_terminal_says() -> None:
+    assert colours_of({"TERM": "xterm", "COLORTERM": "truecolor"}) == 1 << 24
+    assert colours_of({"TERM": "xterm-256color"}) == 256
+    assert colours_of({"TERM": "linux"}) == 16
+    assert colours_of({"TERM": "dumb"}) == colours_of({}) == colours_of({"TERM": "vt100"}) == 2
+
+
+def test_the_size_of_a_real_terminal_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    import fcntl
+    import struct
+    import termios
+
+    leader, follower = pty.openpty()
+    try:
+        fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
+        size_of = os.get_terminal_size
+        monkeypatch.setattr(os, "get_terminal_size", lambda _: size_of(follower))
+        found = doctor_system.read_terminal({"TERM": "xterm-256color"})
+    finally:
+        os.close(leader)
+        os.close(follower)
+    assert found is not None
+    assert (found.columns, found.rows, found.colours) == (100, 30, 256)
+
+
+def test_a_check_is_one_json_object() -> None:
+    from dataclasses import asdict
+
+    check = doctor.Check(check="clock", ok=None, detail="unknown")
+    assert json.loads(json.dumps(asdict(check))) == {
+        "check": "clock",
+        "ok": None,
+        "detail": "unknown",
+        "remedy": "",
+    }
