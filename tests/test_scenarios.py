@@ -162,3 +162,23 @@ def test_geo_satellites_keep_their_hour_angle():
     # Published for this satellite and site: azimuth 124 deg, altitude 38 deg, hour angle -2.7 h.
     assert np.ptp(np.asarray(hour_angle)) < 0.02
     assert np.mean(hour_angle) / 15.0 == pytest.approx(-2.7, abs=0.05)
+
+
+@pytest.mark.parametrize("name", WITH_TARGET)
+def test_the_target_stands_at_the_hour_angle_that_is_told(name):
+    scenario = scenario_named(name)
+    _, place = places(scenario, scenario.target_norad_id)
+    hour_angle = hour_angle_icrs_deg(
+        scenario.site, place.ra_icrs_deg, place.dec_icrs_deg, place.t_utc_ns
+    )
+    assert np.all(np.abs(np.asarray(hour_angle) - scenario.target_hour_angle_deg) < 0.05)
+
+
+def test_a_smaller_field_starts_as_many_fields_from_the_target():
+    scenario = scenario_named("intelsat-14")
+    assert scenario.start_hour_angle_for(OpticsConfig().field_deg[0]) == pytest.approx(
+        scenario.start_hour_angle_deg, abs=1e-3
+    )
+    half = scenario.start_hour_angle_for(1.635 / 2)
+    assert half - scenario.target_hour_angle_deg == pytest.approx(1.52 / 2)
+    assert scenario_named("empty").start_hour_angle_for(0.5) == -36.0

@@ -15,6 +15,8 @@ from rsoconsole.simulator.clouds import CloudDeck
 from rsoconsole.sky.times import iso_to_utc_ns
 
 DAYTONA_BEACH = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
+PAPER_FIELD_DEG = 1.635
+"""Width of the field of an ASI1600 behind 620 mm."""
 CLEAR = CloudDeck(schedule=())
 DEFAULT_SCENARIO = "intelsat-14"
 
@@ -39,8 +41,10 @@ class Scenario:
     satellites: tuple[ScenarioSatellite, ...]
     target_norad_id: int | None
     """Which satellite the telescope is meant to find; None: none is there."""
+    target_hour_angle_deg: float | None
+    """Where it stands, of date, west positive; a geostationary satellite keeps it."""
     start_hour_angle_deg: float
-    """Where the telescope stands at the start, of date, west positive."""
+    """Where the telescope stands at the start, of date, with the paper's field of view."""
     start_declination_deg: float
     site: Site = DAYTONA_BEACH
     clouds: CloudDeck = CLEAR
@@ -50,6 +54,13 @@ class Scenario:
     """In a pixel of 1.264 arcsec at the zenith."""
     cosmic_rays_s: float = 0.15
     """Expected tracks a second over the paper's sensor."""
+
+    def start_hour_angle_for(self, field_width_deg: float) -> float:
+        """Start for another field: as many fields from the target as with the paper's."""
+        if self.target_hour_angle_deg is None:
+            return self.start_hour_angle_deg
+        ahead_deg = self.start_hour_angle_deg - self.target_hour_angle_deg
+        return self.target_hour_angle_deg + ahead_deg * field_width_deg / PAPER_FIELD_DEG
 
 
 def scenario_named(name: str) -> Scenario:
@@ -93,6 +104,7 @@ def _intelsat_14() -> Scenario:
         t_start_utc_ns=iso_to_utc_ns("2023-06-23T05:30:00Z"),
         satellites=_satellites({36097: 12.2, 39172: 11.9, 38867: 12.4}),
         target_norad_id=36097,
+        target_hour_angle_deg=-41.02,
         start_hour_angle_deg=-39.5,
         start_declination_deg=-4.70,
     )
@@ -106,6 +118,7 @@ def _ses_10() -> Scenario:
         t_start_utc_ns=iso_to_utc_ns("2023-06-22T07:00:00Z"),
         satellites=_satellites({42432: 11.9, 49332: 12.7, 41382: 12.3, 32768: 12.5, 42740: 12.0}),
         target_norad_id=42432,
+        target_hour_angle_deg=-16.26,
         start_hour_angle_deg=-14.8,
         start_declination_deg=-4.81,
     )
@@ -120,6 +133,7 @@ def _intelsat_21() -> Scenario:
         t_start_utc_ns=iso_to_utc_ns("2023-06-23T06:00:00Z"),
         satellites=_satellites({38749: 12.1, 39078: 12.2, 35942: 12.6, 42934: 12.3, 40874: 12.4}),
         target_norad_id=38749,
+        target_hour_angle_deg=-26.39,
         start_hour_angle_deg=-24.9,
         start_declination_deg=-4.80,
         clouds=CloudDeck(
@@ -152,6 +166,7 @@ def _empty() -> Scenario:
         t_start_utc_ns=iso_to_utc_ns("2023-06-23T05:30:00Z"),
         satellites=(),
         target_norad_id=None,
+        target_hour_angle_deg=None,
         start_hour_angle_deg=-36.0,
         start_declination_deg=-4.75,
     )
