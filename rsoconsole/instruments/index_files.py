@@ -22,6 +22,7 @@ QUAD_ARCMIN = (
 )
 SERIES_SCALES = range(7, 20)
 """What exists of the series: Tycho-2 has too few stars for smaller quads."""
+_LITTLE_ENDIAN = "04:03:02:01"
 SYSTEM_DIR = Path("/usr/share/astrometry")
 
 
@@ -150,6 +151,8 @@ def _examine_once(path: Path, size: int, _mtime_ns: int) -> IndexFile:
         header = read_header(path)
         if size < header.expected_size:
             return _faulty(path, size, f"truncated: {size} of {header.expected_size} bytes")
+        if header.cards.get("ENDIAN") != _LITTLE_ENDIAN:
+            return _faulty(path, size, "written for another byte order: get the littleendian one")
         dec_low, dec_high = dec_limits_deg(path, header)
         if dec_high - dec_low > 150.0:
             dec_low, dec_high = -90.0, 90.0  # few stars lie near the poles

@@ -77,7 +77,7 @@ def _copy(scales: list[int], source: Path, target: Path, report: Progress) -> No
         raise SolverError(
             f"{source} holds no complete index file number {', '.join(map(str, absent))}"
             + (f" ({broken})" if broken else "")
-            + ": get Debian's astrometry-data-tycho2-08, -09 and -10-19"
+            + ": get Debian's astrometry-data-tycho2-{07,08,09,10-19}-littleendian"
         )
     for scale in scales:
         file = by_scale[scale]
@@ -148,7 +148,7 @@ def _fetch(scale: int, cache: Path, total: int, report: Progress) -> Path:
     except (requests.RequestException, OSError) as error:
         raise SolverError(
             f"{name} cannot be downloaded ({type(error).__name__}): check the network, or fetch "
-            "Debian's astrometry-data-tycho2-* and use 'rsoconsole index install --from DIR'"
+            "Debian's astrometry-data-tycho2-*-littleendian and use 'rsoconsole index install --from DIR'"
         ) from error
     finally:
         ended.set()

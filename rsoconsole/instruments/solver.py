@@ -309,7 +309,7 @@ def as_star_rows(stars: FloatArray | StarList) -> FloatArray:
     if isinstance(stars, StarList):
         rows = np.stack([stars.x_px, stars.y_px, stars.flux], axis=1)
     else:
-        rows = np.asarray(stars, float).reshape(len(stars), -1)[:, :3]
+        rows = np.asarray(stars, float).reshape(-1, 3)
     rows = rows[np.isfinite(rows).all(axis=1)]
     return rows[np.argsort(-rows[:, 2], kind="stable")]
 
