@@ -1,14 +1,14 @@
 """Batches out of drawn fields: turned, mirrored, dimmed and cut, the same for the same step."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from models.dataset import read_shard
-from models.fields import FIELD_CELLS, Field, TrueStreak
+from models.fields import FIELD_CELLS, Field
 from models.targets import targets_of
+from models.turning import turned
 
 Float32Array = npt.NDArray[np.float32]
 _SHARE_CUT = 0.15
@@ -22,24 +22,6 @@ def read_fields(folder: Path, split: str, shards: int) -> list[Field]:
         for number in range(shards)
         for field in read_shard(folder / f"{split}-{number:04d}.npz")
     ]
-
-
-def turned(field: Field, turns: int, *, is_mirrored: bool) -> Field:
-    """The field turned by quarter turns counter-clockwise as displayed, then mirrored in x."""
-    side = float(FIELD_CELLS)
-
-    def place(x: float, y: float) -> tuple[float, float]:
-        for _ in range(turns):
-            x, y = y, side - x
-        return (side - x if is_mirrored else x), y
-
-    def moved(streak: TrueStreak) -> TrueStreak:
-        (x_a, y_a), (x_b, y_b) = place(streak.x_a, streak.y_a), place(streak.x_b, streak.y_b)
-        return replace(streak, x_a=x_a, y_a=y_a, x_b=x_b, y_b=y_b)
-
-    values = np.rot90(field.values, turns)
-    values = values[:, ::-1] if is_mirrored else values
-    return replace(field, values=values, streaks=tuple(moved(s) for s in field.streaks))
 
 
 def example(field: Field, rng: np.random.Generator) -> tuple[Float32Array, Float32Array]:

@@ -5,7 +5,6 @@ import hashlib
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -15,6 +14,7 @@ from models.dataset import FIELDS_PER_SHARD
 from models.fields import Conditions, Field, draw_field, draw_sensor
 from models.scoring import Score, fit_platt, score
 from models.streak_net import StreakNet
+from rsoconsole.records import MapMode
 from rsoconsole.simulator.render import frame_rng
 from rsoconsole.vision.maps import (
     CODES_PER_SIGMA,
@@ -28,17 +28,19 @@ VERSION = "1"
 TAU = 0.10
 FRAME_CELLS = 582 * 440
 ORDINARY_FRAMES = 200
-_ORDINARY_SPLIT = 4
+CALIBRATION_NIGHTS = 4
+TEST_NIGHTS = 5
+"""Beside ``dataset.SPLITS``: which seeds the nights without satellites are drawn from."""
 _HARD_FRAMES_PER_FALSE = 20
 """In the hard set every frame has a fault of the sky: a false candidate in 20 is allowed."""
 
 
-def ordinary_nights(seed: int, frames: int, *, mode: Any = "fast") -> list[Field]:
+def ordinary_nights(seed: int, split: int, frames: int, mode: MapMode = "fast") -> list[Field]:
     """Fields of the paper's telescope on ordinary nights without satellites, ``frames`` in area."""
     count = math.ceil(frames * FRAME_CELLS / 192**2)
     fields = []
     for number in range(math.ceil(count / FIELDS_PER_SHARD)):
-        rng = frame_rng(seed, _ORDINARY_SPLIT, number)
+        rng = frame_rng(seed, split, number)
         sensor = draw_sensor(8, rng, is_hard=False)
         wanted = Conditions(kind="empty", mode=mode, is_hard=False)
         fields += [draw_field(sensor, 8, wanted, rng) for _ in range(FIELDS_PER_SHARD)]
@@ -100,7 +102,7 @@ def export(run: Path, seed: int, threads: int, folder: Path | None = None) -> No
     net, step = load_average(run)
     answer = answer_with(net.to(memory_format=torch.channels_last))
     hard = score(read_fields(run / "data", "calibrate", SHARDS["calibrate"]), answer)
-    ordinary = score(ordinary_nights(seed, ORDINARY_FRAMES), answer)
+    ordinary = score(ordinary_nights(seed, CALIBRATION_NIGHTS, ORDINARY_FRAMES), answer)
     curve = calibration(hard, ordinary)
     path = folder / MODEL_NAME
     difference = convert(net, path)

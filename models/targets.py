@@ -1,4 +1,4 @@
-"""From true streaks to what every location of the network is to answer, and the loss.
+"""From true streaks to what every location of the network is to answer.
 
 A location (row, column) of the head looks at the place (4 column + 2, 4 row + 2) of the map. Its
 answers are: confidence as a logit; offset of the midpoint in units of 4 cells; ln(length / 16
@@ -7,8 +7,6 @@ cells); cos 2 theta and sin 2 theta of the direction, which a line's two senses 
 
 import numpy as np
 import numpy.typing as npt
-import torch
-from torch.nn import functional
 
 from models.fields import FIELD_CELLS, Field, clip_to_box, is_asked_for
 from rsoconsole.vision.network import LENGTH_UNIT_CELLS, STRIDE_CELLS
@@ -19,8 +17,6 @@ TARGET_CHANNELS = 7
 """Heat, two offsets, log length, cos, sin, weight of the confidence's loss."""
 _SIGMA_ACROSS = 2.4
 _SIGMA_ALONG_SHARE = 0.08
-_REGRESSED_ABOVE = 0.4
-_REGRESSION_WEIGHT = 1.0
 
 
 def targets_of(
@@ -61,20 +57,3 @@ def targets_of(
         for channel, value in enumerate(values):
             target[channel][is_best] = value[is_best]
     return target
-
-
-def loss_of(answer: torch.Tensor, target: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Confidence and regression loss of (n, 6, h, w) answers, each per true streak.
-
-    Confidence: quality focal loss (Li et al. 2020, beta 2) towards the heat.
-    """
-    heat, weight = target[:, 0], target[:, 6]
-    positives = (heat == 1.0).sum().clamp(min=1)
-    logit = answer[:, 0]
-    hardness = (torch.sigmoid(logit) - heat).abs() ** 2
-    cross = functional.binary_cross_entropy_with_logits(logit, heat, reduction="none")
-    confidence = (weight * hardness * cross).sum() / positives
-    share = torch.where(heat > _REGRESSED_ABOVE, heat, torch.zeros_like(heat))
-    wrong = functional.smooth_l1_loss(answer[:, 1:], target[:, 1:6], reduction="none", beta=0.1)
-    regression = (share[:, None] * wrong).sum() / share.sum().clamp(min=1)
-    return confidence, _REGRESSION_WEIGHT * regression

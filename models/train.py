@@ -17,12 +17,12 @@ import torch
 from models.batches import batch, read_fields
 from models.dataset import write_shards
 from models.fields import Field
+from models.loss import loss_of
 from models.scoring import Score, score
 from models.streak_net import StreakNet
-from models.targets import loss_of
 from rsoconsole.vision.maps import ByteArray
 
-SHARDS = {"train": 240, "calibrate": 20, "test": 20}
+SHARDS = {"train": 200, "calibrate": 10, "test": 10}
 BATCH = 16
 PEAK_RATE = 3e-3
 WARM_UP_STEPS = 300
@@ -103,7 +103,7 @@ class Training:
         self.optimiser.step()
         self.step += 1
         self._average()
-        return float(confidence), float(regression)
+        return confidence.item(), regression.item()
 
     def _average(self) -> None:
         decay = min(AVERAGE_DECAY, self.step / (self.step + 100))
@@ -146,7 +146,7 @@ def train(training: Training, fields: list[Field], judged: list[Field], every: i
                     "confidence_loss": round(sums[0] / since, 5),
                     "regression_loss": round(sums[1] / since, 5),
                     "crops_per_s": round(BATCH * since / (time.monotonic() - started), 1),
-                } | summary(score(judged, answer_with(training.average)))
+                } | summary(score(judged, answer_with(training.average), lowest_logit=-3.0))
                 print(json.dumps(line), file=log, flush=True)
                 print(json.dumps(line), flush=True)
                 sums, since, started = np.zeros(2), 0, time.monotonic()
@@ -176,7 +176,7 @@ def main() -> None:
     ):
         print(f"\rdrawn {done} of {missing} shards", end="", file=sys.stderr, flush=True)
     fields = read_fields(data, "train", args.shards)
-    judged = read_fields(data, "calibrate", SHARDS["calibrate"])[::3]
+    judged = read_fields(data, "calibrate", SHARDS["calibrate"])[::2]
     train(Training(args.run, args.seed, args.steps), fields, judged, args.every)
     if not args.no_export:
         from models.export import export

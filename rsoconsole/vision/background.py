@@ -107,7 +107,9 @@ def _median_5x5(cells: Float32Array) -> Float32Array:
     high += 0.25 * (high - low)
     step = max(high - low, 1e-6) / 65535.0
     coded = np.clip((cells - low) / step, 0.0, 65535.0).astype(np.uint16)
-    level: Float32Array = cv2.medianBlur(coded, 5).astype(np.float32)
+    # Mirrored, not repeated: a star in a corner must not count nine times.
+    framed = cv2.copyMakeBorder(coded, 2, 2, 2, 2, cv2.BORDER_REFLECT_101)
+    level: Float32Array = cv2.medianBlur(framed, 5)[2:-2, 2:-2].astype(np.float32)
     return level * np.float32(step) + np.float32(low)
 
 

@@ -32,8 +32,8 @@ _STRETCH_PER_SIGMA = 10.0
 _STRETCH_BLACK = 50.0
 _WHITE_SIGMA = 4.0
 _JPEG_QUALITY = 95
-_BLOCKS = (2, 4, 8, 16, 32)
-_STREAK_CELLS = (12.0, 40.0)
+_BLOCKS = (2, 4, 8, 16)
+_SHORTEST_STREAK_CELLS = 12.0
 _SMALLEST_MAP_CELLS = 48
 
 
@@ -61,10 +61,11 @@ class FrameMap:
 def choose_block(
     width_px: int, height_px: int, scale_arcsec_px: float | None, exposure_s: float | None
 ) -> int:
-    """Block for which a geostationary streak is 12 to 40 cells long: 8 for the paper's telescope.
+    """Block for which a geostationary streak is 12 to 24 cells long: 8 for the paper's telescope.
 
-    Where scale or exposure is unknown: the smallest block whose map fits the network at once.
-    A frame is never reduced below 48 cells a side while a smaller block exists.
+    It is longer where the frame is too small for so large a block, and shorter than 12 where
+    even a block of 2 is too large. Where scale or exposure is unknown: the smallest block whose
+    map fits the network at once. A frame is never reduced below 48 cells a side while a smaller block exists.
     """
     fitting = [
         block
@@ -73,8 +74,8 @@ def choose_block(
     ]
     if scale_arcsec_px and exposure_s and scale_arcsec_px > 0 and exposure_s > 0:
         streak_px = SIDEREAL_ARCSEC_S * exposure_s / scale_arcsec_px
-        middle = np.sqrt(_STREAK_CELLS[0] * _STREAK_CELLS[1])
-        return min(fitting, key=lambda block: abs(np.log(streak_px / block / middle)))
+        suiting = [block for block in fitting if streak_px >= _SHORTEST_STREAK_CELLS * block]
+        return suiting[-1] if suiting else fitting[0]
     for block in fitting:
         if width_px <= block * NETWORK_WIDTH_CELLS and height_px <= block * NETWORK_HEIGHT_CELLS:
             return block

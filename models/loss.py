@@ -1,0 +1,23 @@
+"""What the network is punished for."""
+
+import torch
+from torch.nn import functional
+
+_REGRESSED_ABOVE = 0.4
+
+
+def loss_of(answer: torch.Tensor, target: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Confidence and regression loss of (n, 6, h, w) answers, each per true streak.
+
+    Confidence: quality focal loss (Li et al. 2020, beta 2) towards the heat.
+    """
+    heat, weight = target[:, 0], target[:, 6]
+    positives = (heat == 1.0).sum().clamp(min=1)
+    logit = answer[:, 0]
+    hardness = (torch.sigmoid(logit) - heat).abs() ** 2
+    cross = functional.binary_cross_entropy_with_logits(logit, heat, reduction="none")
+    confidence = (weight * hardness * cross).sum() / positives
+    share = torch.where(heat > _REGRESSED_ABOVE, heat, torch.zeros_like(heat))
+    wrong = functional.smooth_l1_loss(answer[:, 1:], target[:, 1:6], reduction="none", beta=0.1)
+    regression = (share[:, None] * wrong).sum() / share.sum().clamp(min=1)
+    return confidence, regression

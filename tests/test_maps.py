@@ -1,0 +1,144 @@
+"""The map the network sees: by brute force, and cell by cell against pixels."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rsoconsole.vision.maps import (
+    CODES_PER_SIGMA,
+    LOWEST_SIGMA,
+    FrameMap,
+    binning_of,
+    block_maximum,
+    choose_block,
+    make_map,
+    to_codes,
+)
+
+
+def _frame(height: int, width: int, dtype: type = np.uint16) -> np.ndarray:
+    rng = np.random.default_rng(11)
+    return np.rint(rng.normal(800.0, 40.0, size=(height, width))).astype(dtype)
+
+
+@given(rows=st.integers(1, 6), columns=st.integers(1, 6), block=st.integers(1, 9))
+def test_block_maximum_is_the_maximum_of_every_block(rows, columns, block):
+    rng = np.random.default_rng([rows, columns, block])
+    values = rng.normal(size=(rows * block, columns * block)).astype(np.float32)
+    by_force = [
+        [
+            values[r * block : (r + 1) * block, c * block : (c + 1) * block].max()
+            for c in range(columns)
+        ]
+        for r in range(rows)
+    ]
+    assert np.array_equal(block_maximum(values, block), by_force)
+
+
+@pytest.mark.parametrize("block", [1, 2, 4, 8, 16])
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_fast_map_is_the_brightest_bin_over_the_noise(block, dtype):
+    pixels = _frame(256, 320, dtype)
+    frame_map = make_map(pixels, "fast", block)
+    b = binning_of(block)
+    bins = pixels.astype(float).reshape(256 // b, b, 320 // b, b).mean(axis=(1, 3))
+    k = block // b
+    brightest = bins.reshape(256 // block, k, 320 // block, k).max(axis=(1, 3))
+    sigmas = (brightest - 800.0) / (40.0 / b)
+    expected = (np.clip(sigmas, -2.0, 14.0) - LOWEST_SIGMA) * CODES_PER_SIGMA
+    # The sky itself is measured: a tenth of a sigma of level, a few per cent of noise.
+    half_a_sigma = 0.5 * CODES_PER_SIGMA
+    assert np.abs(frame_map.values - expected).max() < half_a_sigma
+    assert np.abs(frame_map.values - expected).mean() < 0.2 * half_a_sigma
+
+
+@pytest.mark.parametrize("mode", ["fast", "paper"])
+@pytest.mark.parametrize(("height", "width"), [(64, 64), (77, 131), (512, 517)])
+@pytest.mark.parametrize("block", [2, 4, 8])
+def test_a_bright_pixel_lights_the_cell_that_holds_it_even_in_a_ragged_rim(
+    mode, height, width, block
+):
+    for x, y in [(0, 0), (width - 1, height - 1), (width // 2 + 1, height // 3)]:
+        pixels = _frame(height, width)
+        pixels[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2] = 60000
+        frame_map = make_map(pixels, mode, block)
+        assert frame_map.values.shape == (-(-height // block), -(-width // block))
+        row, column = int(frame_map.to_cells(y)), int(frame_map.to_cells(x))
+        assert frame_map.values[row, column] == 255
+
+
+@given(
+    px=st.floats(-100, 20000, allow_nan=False),
+    block=st.integers(1, 64),
+)
+def test_cells_and_pixels_convert_both_ways(px, block):
+    frame_map = FrameMap(
+        values=np.zeros((8, 8), dtype=np.uint8), block=block, mode="fast", width_px=9, height_px=9
+    )
+    assert frame_map.to_px(frame_map.to_cells(px)) == pytest.approx(px, abs=1e-9)
+
+
+@given(x=st.integers(0, 5000), block=st.integers(1, 64))
+def test_a_pixels_centre_lies_in_the_cell_that_counts_it(x, block):
+    frame_map = FrameMap(
+        values=np.zeros((8, 8), dtype=np.uint8), block=block, mode="fast", width_px=9, height_px=9
+    )
+    assert int(frame_map.to_cells(x)) == x // block
+
+
+def test_the_rim_of_a_ragged_frame_is_no_brighter_than_the_rest():
+    values = make_map(_frame(509, 515), "fast", 8).values
+    a_sigma = CODES_PER_SIGMA
+    assert abs(float(values[-1].mean()) - float(values[:-1].mean())) < 0.5 * a_sigma
+    assert abs(float(values[:, -1].mean()) - float(values[:, :-1].mean())) < 0.5 * a_sigma
+
+
+def test_paper_map_is_black_and_white_and_mostly_black_on_an_empty_sky():
+    values = make_map(_frame(512, 512), "paper", 8).values
+    assert set(np.unique(values)) <= {0, 255}
+    assert (values == 255).mean() < 0.02
+
+
+def test_a_gradient_steeper_than_a_streak_leaves_both_maps_flat():
+    slope = np.linspace(0, 2000, 1024).astype(np.uint16)
+    pixels = _frame(512, 1024) + slope
+    for mode in ("fast", "paper"):
+        values = make_map(pixels, mode, 8).values.astype(float)
+        left, right = values[4:-4, 4:44].mean(), values[4:-4, -44:-4].mean()
+        assert abs(left - right) < 0.5 * CODES_PER_SIGMA
+
+
+def test_codes_are_clipped_at_both_ends():
+    codes = to_codes(np.array([-9.0, -2.0, 0.0, 14.0, 99.0], dtype=np.float32))
+    assert list(codes) == [0, 0, 32, 255, 255]
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "scale", "exposure", "block"),
+    [
+        (4656, 3520, 1.264, 10.0, 8),
+        (4656, 3520, None, None, 8),
+        (512, 512, 3.04, 60.0, 8),
+        (512, 512, None, None, 2),
+        (1024, 768, None, None, 2),
+        (700, 700, 10.3, 120.0, 8),
+        (64, 64, 1.264, 10.0, 2),
+    ],
+)
+def test_block_suits_the_streak_and_the_frame(width, height, scale, exposure, block):
+    assert choose_block(width, height, scale, exposure) == block
+
+
+@given(side=st.integers(800, 6000), scale=st.floats(0.3, 20.0), exposure=st.floats(0.5, 60.0))
+def test_a_geostationary_streak_is_12_to_40_cells_where_the_frame_allows(side, scale, exposure):
+    streak_px = 15.04 * exposure / scale
+    if 24 <= streak_px <= 0.3 * side:
+        block = choose_block(side, side, scale, exposure)
+        assert streak_px / block >= 12
+        assert streak_px / block <= 40 or block == 16 or side < 2 * block * 48
+
+
+def test_a_block_below_one_is_refused():
+    with pytest.raises(ValueError, match="1 or more"):
+        make_map(_frame(64, 64), "fast", 0)
