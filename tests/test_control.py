@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole import control_wire
 from rsoconsole.control import ControlClient, ControlServer, Intention, Outcome
-from rsoconsole.control_socket import EngineLock, address_of
+from rsoconsole.control import wire as control_wire
+from rsoconsole.control.place import EngineLock, address_of
 from rsoconsole.errors import ControlError
 
 
@@ -216,7 +216,7 @@ def test_a_forked_child_that_outlives_the_engine_does_not_hold_its_lock(path: Pa
     try:
         lock.release()
         program = (
-            "import sys; from pathlib import Path; from rsoconsole.control_socket import EngineLock"
+            "import sys; from pathlib import Path; from rsoconsole.control.place import EngineLock"
             "\nwith EngineLock(Path(sys.argv[1])): print('held')\n"
         )
         done = subprocess.run(

@@ -674,7 +674,7 @@ def test_the_documented_views_are_those_there_are_column_by_column(
     with sqlite3.connect(folder / "session.db") as connection:
         for name in VIEWS:
             columns = [row[1] for row in connection.execute(f"PRAGMA table_info({name})")]
-            assert ["seq", "t_utc_ns", "frame_id"] == columns[:3]
+            assert columns[:3] == ["seq", "t_utc_ns", "frame_id"]
             assert documented.pop(name).split(", ") == columns[3:], name
     connection.close()
     assert documented == {}

@@ -1,45 +1,28 @@
-"""The operator's wire: intentions go up to the engine as JSON lines, each is acknowledged.
+"""The engine's end of the operator's wire.
 
-The socket lies in a folder that only its owner can enter. ``stop`` and ``status`` are handled at
+``stop`` and ``status`` are handled at
 once, on the thread of the connection that brought them; all other intentions wait in one queue
 for one thread, and one that has waited past its sender's patience is not carried out any more.
 """
 
 import contextlib
-import json
 import queue
 import socket
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-from rsoconsole.config import runtime_dir
-from rsoconsole.control_socket import EngineLock, address_of, remove_socket
-from rsoconsole.control_wire import (
-    DEFAULT_TIMEOUT_S,
+from rsoconsole.control.place import EngineLock, address_of, remove_socket
+from rsoconsole.control.wire import (
     Connection,
     Intention,
     Order,
     Outcome,
     is_same_user,
     read_order,
-    read_outcome,
-    receive_line,
 )
 from rsoconsole.errors import ControlError
-
-__all__ = [
-    "FAST_VERBS",
-    "ControlClient",
-    "ControlServer",
-    "EngineLock",
-    "Handler",
-    "Intention",
-    "Outcome",
-    "default_socket_path",
-]
 
 FAST_VERBS = frozenset({"stop", "status"})
 MAX_CONNECTIONS = 32
@@ -47,11 +30,6 @@ MAX_WAITING = 64
 
 
 Handler = Callable[[Intention], Outcome]
-
-
-def default_socket_path() -> Path:
-    """Where the engine of this user listens."""
-    return runtime_dir() / "engine.sock"
 
 
 class ControlServer:
@@ -199,45 +177,3 @@ class ControlServer:
             return self._handler(intention)
         except Exception as error:  # whatever one intention breaks, the wire stays
             return Outcome(ok=False, message=f"{intention.verb}: {error or type(error).__name__}")
-
-
-class ControlClient:
-    """A console's or a command's end of the wire. One call at a time."""
-
-    def __init__(self, path: Path | None = None, by: str = "operator") -> None:
-        self._path = path if path is not None else default_socket_path()
-        self._by = by
-
-    def send(self, verb: str, *, timeout_s: float = DEFAULT_TIMEOUT_S, **arguments: Any) -> Outcome:
-        """Hand an intention to the engine and wait for what comes of it.
-
-        Raises ControlError when no engine runs or it does not answer within ``timeout_s``.
-        """
-        message = {
-            "id": 1,
-            "verb": verb,
-            "arguments": arguments,
-            "by": self._by,
-            "timeout_s": timeout_s,
-        }
-        try:
-            line = json.dumps(message, allow_nan=False).encode() + b"\n"
-        except (TypeError, ValueError) as error:
-            raise ControlError(f"{verb}: an argument cannot be sent: {error}") from error
-        deadline = time.monotonic() + timeout_s
-        try:
-            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as wire:
-                wire.settimeout(timeout_s)
-                wire.connect(str(address_of(self._path)))
-                wire.sendall(line)
-                reply = receive_line(wire, deadline)
-        except (FileNotFoundError, ConnectionRefusedError) as error:
-            raise ControlError("no engine is running: 'rsoconsole engine' starts one") from error
-        except TimeoutError as error:
-            raise ControlError(
-                f"the engine did not answer {verb!r} within {timeout_s:g} s: it may hang; "
-                "'rsoconsole stop' works without it"
-            ) from error
-        except OSError as error:
-            raise ControlError(f"the engine cannot be reached: {error}") from error
-        return read_outcome(reply)

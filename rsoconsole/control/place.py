@@ -8,6 +8,7 @@ import tempfile
 import threading
 from pathlib import Path
 
+from rsoconsole.config import runtime_dir
 from rsoconsole.errors import ControlError
 
 MAX_ADDRESS_BYTES = 100
@@ -15,6 +16,11 @@ MAX_ADDRESS_BYTES = 100
 
 _held: set[Path] = set()
 _held_guard = threading.Lock()
+
+
+def default_socket_path() -> Path:
+    """Where the engine of this user listens."""
+    return runtime_dir() / "engine.sock"
 
 
 def address_of(path: Path) -> Path:

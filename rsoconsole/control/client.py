@@ -1,0 +1,53 @@
+"""A console's or a command's end of the operator's wire."""
+
+import json
+import socket
+import time
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.control.place import address_of, default_socket_path
+from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, read_outcome, receive_line
+from rsoconsole.errors import ControlError
+
+
+class ControlClient:
+    """A console's or a command's end of the wire. One call at a time."""
+
+    def __init__(self, path: Path | None = None, by: str = "operator") -> None:
+        self._path = path if path is not None else default_socket_path()
+        self._by = by
+
+    def send(self, verb: str, *, timeout_s: float = DEFAULT_TIMEOUT_S, **arguments: Any) -> Outcome:
+        """Hand an intention to the engine and wait for what comes of it.
+
+        Raises ControlError when no engine runs or it does not answer within ``timeout_s``.
+        """
+        message = {
+            "id": 1,
+            "verb": verb,
+            "arguments": arguments,
+            "by": self._by,
+            "timeout_s": timeout_s,
+        }
+        try:
+            line = json.dumps(message, allow_nan=False).encode() + b"\n"
+        except (TypeError, ValueError) as error:
+            raise ControlError(f"{verb}: an argument cannot be sent: {error}") from error
+        deadline = time.monotonic() + timeout_s
+        try:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as wire:
+                wire.settimeout(timeout_s)
+                wire.connect(str(address_of(self._path)))
+                wire.sendall(line)
+                reply = receive_line(wire, deadline)
+        except (FileNotFoundError, ConnectionRefusedError) as error:
+            raise ControlError("no engine is running: 'rsoconsole engine' starts one") from error
+        except TimeoutError as error:
+            raise ControlError(
+                f"the engine did not answer {verb!r} within {timeout_s:g} s: it may hang; "
+                "'rsoconsole stop' works without it"
+            ) from error
+        except OSError as error:
+            raise ControlError(f"the engine cannot be reached: {error}") from error
+        return read_outcome(reply)
