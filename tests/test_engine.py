@@ -1,0 +1,364 @@
+"""The loop against instruments that live in this test: failures, STOP, tunables, pointing."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rsoconsole.config import Config
+from rsoconsole.control import Intention
+from rsoconsole.engine.desk import Desk
+from rsoconsole.engine.hands import Hands
+from rsoconsole.engine.intentions import Intentions, Wish, changed
+from rsoconsole.engine.loop import Engine
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.ports import Instruments, MountReport, StopResult
+from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.records import (
+    Detections,
+    Event,
+    Frame,
+    Measurement,
+    OperatorAction,
+    ParameterChange,
+    SlewCommand,
+    Solution,
+    StateChange,
+    Wcs,
+)
+from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky.frames import altaz_to_icrs
+from tests.makers import NS, T0_UTC_NS, geo_measurement
+
+CONFIG = Config()
+SITE = CONFIG.site.to_site()
+START_DEG = altaz_to_icrs(SITE, 55.0, 180.0, T0_UTC_NS)
+
+
+class StillClock:
+    """Time passes only when waited for."""
+
+    is_simulated = True
+
+    def __init__(self) -> None:
+        self.t_utc_ns = T0_UTC_NS
+
+    def now_utc_ns(self) -> int:
+        return self.t_utc_ns
+
+    def wait_until(self, t_utc_ns: int) -> bool:
+        self.t_utc_ns = max(self.t_utc_ns, t_utc_ns)
+        return True
+
+    def wake(self) -> None:
+        pass
+
+
+class PlainMount:
+    """Goes where it is told, unless told to be broken."""
+
+    def __init__(self, clock: StillClock) -> None:
+        self.clock = clock
+        self.at_deg = START_DEG
+        self.slews: list[tuple[float, float]] = []
+        self.aborts = 0
+        self.is_stuck = False
+
+    def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
+        self.slews.append((ra_icrs_deg, dec_icrs_deg))
+        if not self.is_stuck:
+            self.at_deg = (ra_icrs_deg, dec_icrs_deg)
+
+    def report(self, not_before_utc_ns: int | None = None, timeout_s: float = 10.0) -> MountReport:
+        return MountReport(
+            t_utc_ns=self.clock.t_utc_ns,
+            ra_icrs_deg=self.at_deg[0],
+            dec_icrs_deg=self.at_deg[1],
+            is_slewing=False,
+            is_parked=False,
+            is_tracking=True,
+            pier_side="west",
+        )
+
+    def abort(self, timeout_s: float = 2.0) -> StopResult:
+        self.aborts += 1
+        return StopResult(stopped=True, ms=1.0, path="mount")
+
+
+class PlainCamera:
+    """Gives black frames in time, unless told to be broken."""
+
+    def __init__(self, clock: StillClock) -> None:
+        self.clock = clock
+        self.broken_for = 0
+        self.aborts = 0
+
+    def start_exposure(self, exposure_s: float, frame_id: int) -> None:
+        self.taken = (frame_id, self.clock.t_utc_ns, exposure_s)
+
+    def wait_frame(self, timeout_s: float) -> Frame:
+        if self.broken_for > 0:
+            self.broken_for -= 1
+            raise InstrumentError("camera gave no frame in 30 s: check its USB power")
+        frame_id, t_start_ns, exposure_s = self.taken
+        return Frame(
+            frame_id=frame_id,
+            name=f"frame {frame_id}",
+            pixels=np.zeros((64, 64), np.uint16),
+            t_start_utc_ns=t_start_ns,
+            exposure_s=exposure_s,
+        )
+
+    def abort(self) -> None:
+        self.aborts += 1
+
+
+class ScriptedReducer:
+    """Sees a geostationary satellite in the frames it is told to, at its true place."""
+
+    def __init__(self, frames: set[int]) -> None:
+        self.frames = frames
+        self.config = CONFIG
+
+    def configure(self, config: Config) -> None:
+        self.config = config
+
+    def reduce(self, frame: Frame, *, always_solve: bool = False) -> Reduction:
+        found: tuple[Measurement, ...] = ()
+        if frame.frame_id in self.frames and frame.t_mid_utc_ns is not None:
+            since_s = (frame.t_mid_utc_ns - T0_UTC_NS) / NS
+            here = geo_measurement(2, ra_deg=START_DEG[0], dec_deg=START_DEG[1], cadence_s=since_s)
+            found = (
+                dataclasses.replace(here, frame_id=frame.frame_id, t_mid_utc_ns=frame.t_mid_utc_ns),
+            )
+        return Reduction(
+            detections=Detections(
+                frame_id=frame.frame_id, width_px=64, height_px=64, detections=()
+            ),
+            solution=None,
+            measurements=found,
+            star_count=100,
+            fwhm_px=2.5,
+            absence="no detection",
+        )
+
+
+class Memory:
+    """A recorder that only remembers."""
+
+    def __init__(self) -> None:
+        self.records: list[Any] = []
+
+    def append(self, record: Any, t_utc_ns: int) -> int:
+        self.records.append(record)
+        return len(self.records)
+
+    def save_frame(self, frame: Frame) -> bool:
+        return True
+
+    def save_preview(self, frame_id: int, picture: Any) -> bool:
+        return True
+
+    def of(self, kind: type[Any]) -> list[Any]:
+        return [record for record in self.records if isinstance(record, kind)]
+
+
+@dataclasses.dataclass
+class Rig:
+    engine: Engine
+    mount: PlainMount
+    camera: PlainCamera
+    clock: StillClock
+    memory: Memory
+    intentions: Intentions
+    reducer: ScriptedReducer
+
+
+def rig(frames: set[int], config: Config = CONFIG) -> Rig:
+    clock = StillClock()
+    mount, camera = PlainMount(clock), PlainCamera(clock)
+    instruments = Instruments(
+        clock=clock,
+        mount=mount,  # type: ignore[arg-type]
+        camera=camera,  # type: ignore[arg-type]
+        host="",
+        port=0,
+        mount_name="",
+        camera_name="",
+    )
+    intentions, memory, reducer = Intentions(), Memory(), ScriptedReducer(frames)
+    engine = Engine(
+        config=config,
+        hands=Hands(instruments, config, lambda: intentions.is_wanted),
+        reducer=reducer,  # type: ignore[arg-type]
+        record=memory,
+        intentions=intentions,
+    )
+    return Rig(engine, mount, camera, clock, memory, intentions, reducer)
+
+
+def test_it_searches_locks_follows_and_coasts():
+    r = rig({3, 4, 5, 6, 8})
+    r.engine.arm()
+    r.engine.run(frames=8)
+    states = [change.after for change in r.memory.of(StateChange)]
+    assert states == ["SEARCH", "ACQUIRE", "TRACK", "COAST", "TRACK"]
+
+
+def test_the_slew_meets_the_satellite_at_the_middle_of_the_exposure():
+    """The aim of a slew, against where the satellite is when the shutter is half way."""
+    config = Config.model_validate({"search": {"recentre": "every"}})
+    r = rig(set(range(1, 10)), config)
+    r.engine.arm()
+    r.engine.run(frames=9)
+    aims = [slew for slew in r.memory.of(SlewCommand) if slew.reason == "prediction"]
+    assert len(aims) >= 5
+    for aim in aims:
+        since_s = (aim.t_aim_utc_ns - T0_UTC_NS) / NS
+        true = geo_measurement(2, ra_deg=START_DEG[0], dec_deg=START_DEG[1], cadence_s=since_s)
+        off = separation_deg(aim.ra_icrs_deg, aim.dec_icrs_deg, true.ra_icrs_deg, START_DEG[1])
+        assert off * 3600.0 < 1.0
+
+
+def test_stop_is_heard_by_the_mount_first_and_disarms():
+    r = rig(set())
+    r.engine.arm()
+    desk = Desk(r.engine, r.mount, r.intentions)  # type: ignore[arg-type]
+    outcome = desk.handle(Intention(verb="stop"))
+    assert (outcome.ok, r.mount.aborts) == (True, 1)
+    r.intentions.put(Wish(verb="disarm"))
+    r.engine.run(frames=0)
+    with pytest.raises(StopIteration):
+        run_until_idle(r)
+    assert r.engine.status().state == "IDLE"
+    assert any("STOP" in event.text for event in r.memory.of(Event))
+
+
+def run_until_idle(r: Rig) -> None:
+    """Let the loop take one turn and leave it at its first idle second."""
+
+    def leave(t_utc_ns: int) -> bool:
+        raise StopIteration
+
+    r.clock.wait_until = leave  # type: ignore[method-assign]
+    r.engine.run()
+
+
+def test_one_lost_frame_is_a_miss_and_the_loop_goes_on():
+    r = rig(set())
+    r.camera.broken_for = 1
+    r.engine.arm()
+    r.engine.run(frames=3)
+    assert r.engine.status().state == "SEARCH"
+    assert [event.level for event in r.memory.of(Event)] == ["alarm"]
+
+
+def test_a_camera_that_stays_silent_is_a_fault_and_the_mount_is_stopped():
+    r = rig(set())
+    r.camera.broken_for = 99
+    r.engine.arm()
+    r.engine.run(frames=3)
+    assert r.engine.status().state == "FAULT"
+    assert r.mount.aborts >= 1
+    assert "USB" in r.engine.status().faults[0]
+
+
+def test_a_mount_that_never_arrives_is_told_with_how_far_it_is_off():
+    r = rig(set())
+    r.mount.is_stuck = True
+    r.mount.at_deg = (START_DEG[0], START_DEG[1] + 2.0)
+    r.engine.arm()
+    r.mount.at_deg = (START_DEG[0] + 3.0, START_DEG[1])
+    for _ in range(3):
+        with pytest.raises(StopIteration):
+            run_until_fault(r)
+    assert any("arcmin off" in event.text for event in r.memory.of(Event))
+
+
+def run_until_fault(r: Rig) -> None:
+    wait = r.clock.wait_until
+
+    def leave(t_utc_ns: int) -> bool:
+        if r.engine.status().state == "FAULT":
+            raise StopIteration
+        return wait(t_utc_ns)
+
+    r.clock.wait_until = leave  # type: ignore[method-assign]
+    r.engine.run(frames=1)
+
+
+def test_a_tunable_takes_effect_and_is_on_record_with_old_and_new():
+    r = rig(set())
+    r.engine.arm()
+    r.intentions.put(Wish(verb="set", name="detector.tau", value=0.25, by="console"))
+    r.engine.run(frames=1)
+    assert r.reducer.config.detector.tau == 0.25
+    (change,) = r.memory.of(ParameterChange)
+    assert (change.before, change.after, change.by) == (0.10, 0.25, "console")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "word"),
+    [("site.latitude_deg", 10.0, "tunable are"), ("detector.tau", 2.0, "less than 1")],
+)
+def test_what_cannot_be_set_is_refused_with_the_reason(name, value, word):
+    with pytest.raises(ValueError, match=word):
+        changed(CONFIG, name, value)
+
+
+def test_an_unknown_wish_is_on_record_as_refused():
+    r = rig(set())
+    r.engine.arm()
+    r.intentions.put(Wish(verb="dance"))
+    r.engine.run(frames=1)
+    (action,) = r.memory.of(OperatorAction)
+    assert action.outcome.startswith("refused")
+
+
+def test_shutdown_stops_the_mount():
+    r = rig(set())
+    r.engine.arm()
+    r.intentions.request_shutdown()
+    r.engine.run()
+    assert r.mount.aborts == 1
+    assert r.engine.status().state == "IDLE"
+
+
+def solution_at(ra_deg: float, dec_deg: float) -> Solution:
+    wcs = Wcs(
+        crpix_x_px=0.0,
+        crpix_y_px=0.0,
+        crval_ra_deg=ra_deg,
+        crval_dec_deg=dec_deg,
+        cd=(3.5e-4, 0.0, 0.0, 3.5e-4),
+    )
+    return Solution(
+        frame_id=1,
+        wcs=wcs,
+        ra_icrs_deg=ra_deg,
+        dec_icrs_deg=dec_deg,
+        scale_arcsec_px=1.26,
+        rotation_deg=0.0,
+        is_flipped=False,
+        matched=50,
+        rms_arcsec=0.5,
+        path="full",
+        ms=10.0,
+    )
+
+
+def test_a_mount_that_points_wrong_is_corrected_by_what_the_frames_show():
+    """It looks 5 arcmin north of where it is sent: from the second exposure on it is sent south."""
+    r = rig(set(), Config.model_validate({"search": {"pattern": "stay"}}))
+    plain = r.reducer.reduce
+
+    def reduce(frame: Frame, *, always_solve: bool = False) -> Reduction:
+        ra, dec = r.mount.at_deg
+        return dataclasses.replace(plain(frame), solution=solution_at(ra, dec + 5.0 / 60.0))
+
+    r.reducer.reduce = reduce  # type: ignore[method-assign]
+    r.engine.arm()
+    r.engine.run(frames=4)
+    wanted = r.memory.of(SlewCommand)
+    assert wanted[-1].dec_icrs_deg - r.mount.slews[-1][1] == pytest.approx(5.0 / 60.0, abs=1e-4)
