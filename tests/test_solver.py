@@ -159,6 +159,23 @@ def test_a_killed_process_is_replaced_before_the_next_frame(solver):
     assert off_arcsec(solver.solve(stars, hint=hint_at(40.0, 2.0), **ASK), 40.0, 2.0) < HALF_ARCSEC
 
 
+def test_a_short_deadline_right_after_a_restart_does_not_kill_the_newcomer(solver):
+    stars = belt_stars(belt_plate(40.0, 2.0))
+    os.kill(solver.process_id, signal.SIGKILL)
+    time.sleep(0.05)
+    # The process alone takes longer to start than this; the search takes some ten milliseconds.
+    found = solver.solve(stars, hint=hint_at(40.0, 2.0), **{**ASK, "deadline_s": 0.5})
+    assert off_arcsec(found, 40.0, 2.0) < HALF_ARCSEC
+
+
+def test_a_field_at_the_edge_of_the_belt_still_solves_and_beyond_it_says_so(solver):
+    edge = solver.solve(belt_stars(belt_plate(150.0, 11.5)), hint=hint_at(150.0, 11.5), **ASK)
+    assert off_arcsec(edge, 150.0, 11.5) < HALF_ARCSEC
+    beyond = solver.solve(belt_stars(belt_plate(150.0, 0.0)), hint=hint_at(150.0, 13.0), **ASK)
+    assert isinstance(beyond, NotSolved)
+    assert "cover Dec -12 to +12 only" in beyond.reason
+
+
 _ORPHAN = """
 import os, signal, threading, numpy as np
 from rsoconsole.instruments.solver import PlateSolver, SolveHint

@@ -148,7 +148,8 @@ def _fetch(scale: int, cache: Path, total: int, report: Progress) -> Path:
     except (requests.RequestException, OSError) as error:
         raise SolverError(
             f"{name} cannot be downloaded ({type(error).__name__}): check the network, or fetch "
-            "Debian's astrometry-data-tycho2-*-littleendian and use 'rsoconsole index install --from DIR'"
+            "Debian's astrometry-data-tycho2-*-littleendian packages, unpack them and use "
+            "'rsoconsole index install --from DIR'"
         ) from error
     finally:
         ended.set()

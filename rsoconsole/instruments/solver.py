@@ -321,8 +321,12 @@ def _searched(hint: SolveHint, files: tuple[IndexFile, ...]) -> str:
     where = f" at {low:.4g} to {high:.4g} arcsec/px with index {numbers}"
     if position := hint.position_deg:
         where += f" within {position[2]:g} deg of RA {position[0]:.3f} Dec {position[1]:+.3f}"
-    if hint.position_deg is None and not any(file.is_whole_sky for file in files):
-        dec_low, dec_high = min(f.dec_deg[0] for f in files), max(f.dec_deg[1] for f in files)
+    dec_low, dec_high = min(f.dec_deg[0] for f in files), max(f.dec_deg[1] for f in files)
+    is_beyond = hint.position_deg is None or not (
+        dec_low <= hint.position_deg[1] - hint.radius_deg
+        and hint.position_deg[1] + hint.radius_deg <= dec_high
+    )
+    if is_beyond and not any(file.is_whole_sky for file in files):
         where += f"; they cover Dec {dec_low:+.0f} to {dec_high:+.0f} only: {_INSTALL}"
     return where
 

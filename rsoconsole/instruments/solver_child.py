@@ -9,13 +9,14 @@ import time
 from multiprocessing.connection import Connection
 
 from rsoconsole.errors import SolverError
-from rsoconsole.instruments.solver_process import MatchReply, MatchRequest
+from rsoconsole.instruments.solver_process import MatchReply, MatchRequest, Ready
 
 _CODE = (
     "import sys; sys.path[:] = sys.argv[2:]; "
     "from rsoconsole.instruments.solver_process import main; main(int(sys.argv[1]))"
 )
 _GRACE_S = 1.0
+_START_S = 60.0
 
 
 class SolverDied(Exception):  # noqa: N818 - an outcome the solver turns into a value
@@ -33,6 +34,7 @@ class SolverChild:
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
+        self._is_ready = False
 
     @property
     def pid(self) -> int | None:
@@ -50,20 +52,16 @@ class SolverChild:
     def ask(self, request: MatchRequest, deadline_s: float) -> MatchReply:
         """The reply within ``deadline_s`` seconds of wall time.
 
-        Raises SolverTimeout or SolverDied, in both cases with a fresh process already starting.
+        The deadline runs from the moment the process is ready: one that is only just being
+        replaced is waited for, or short deadlines would kill it again and again. Raises
+        SolverTimeout or SolverDied, in both cases with a fresh process already starting, and
+        SolverError when no process can be brought to work.
         """
-        ends = time.monotonic() + deadline_s
         with self._lock:
             connection = self._send(request)
+            ends = time.monotonic() + deadline_s
             while True:
-                try:
-                    if not connection.poll(max(0.0, ends - time.monotonic())):
-                        self._restart()
-                        raise SolverTimeout
-                    reply = connection.recv()
-                except (EOFError, OSError) as error:
-                    self._restart()
-                    raise SolverDied from error
+                reply = self._receive(connection, ends)
                 if isinstance(reply, MatchReply) and reply.request_id == request.request_id:
                     return reply
 
@@ -73,15 +71,38 @@ class SolverChild:
             self._kill(_GRACE_S)
 
     def _send(self, request: MatchRequest) -> Connection:
-        """Hand the request over; a process that died idle is replaced first."""
+        """Hand the request over to a process that is ready; one that died idle is replaced."""
         for _ in range(2):
             connection = self._ensure()
             try:
+                if not self._is_ready:
+                    self._await_ready(connection)
                 connection.send(request)
                 return connection
-            except (BrokenPipeError, OSError):
+            except (EOFError, OSError):
                 self._kill(0.0)
-        raise SolverDied
+        raise SolverError("the solver process dies as soon as it starts: reinstall rsoconsole")
+
+    def _await_ready(self, connection: Connection) -> None:
+        if not connection.poll(_START_S):
+            self._kill(0.0)
+            raise SolverError(f"the solver process was not ready in {_START_S:g} s: try again")
+        word = connection.recv()
+        if not isinstance(word, Ready) or word.error:
+            self._kill(0.0)
+            why = word.error if isinstance(word, Ready) else "it speaks nonsense"
+            raise SolverError(f"the solver process cannot work ({why}): reinstall rsoconsole")
+        self._is_ready = True
+
+    def _receive(self, connection: Connection, ends: float) -> object:
+        try:
+            if connection.poll(max(0.0, ends - time.monotonic())):
+                return connection.recv()
+        except (EOFError, OSError) as error:
+            self._restart()
+            raise SolverDied from error
+        self._restart()
+        raise SolverTimeout
 
     def _ensure(self) -> Connection:
         if self._connection is not None and self._process is not None:
@@ -104,6 +125,7 @@ class SolverChild:
         finally:
             theirs.close()
         self._connection = Connection(ours.detach())
+        self._is_ready = False
         return self._connection
 
     def _restart(self) -> None:

@@ -20,6 +20,13 @@ MAX_SOLVERS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Ready:
+    """First word of the process: it can search, or why it never will."""
+
+    error: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MatchRequest:
     """One search."""
 
@@ -62,17 +69,30 @@ def main(socket_fd: int) -> None:
                 os._exit(0)
 
     threading.Thread(target=listen, daemon=True).start()
+    _say(connection, Ready(error=_why_useless()))
     searcher = Searcher()
     while True:
         request = requests.get()
         try:
             reply = searcher.search(request)
-        except (ValueError, RuntimeError, OSError, AssertionError, ImportError) as error:
+        except (ValueError, RuntimeError, OSError, AssertionError) as error:
             reply = MatchReply(request_id=request.request_id, error=str(error) or repr(error))
-        try:
-            connection.send(reply)
-        except (BrokenPipeError, OSError):
-            os._exit(0)
+        _say(connection, reply)
+
+
+def _why_useless() -> str:
+    try:
+        import astrometry  # noqa: F401 - loaded now, so that the first search does not wait
+    except ImportError as error:
+        return str(error)
+    return ""
+
+
+def _say(connection: Connection, word: Ready | MatchReply) -> None:
+    try:
+        connection.send(word)
+    except OSError:
+        os._exit(0)
 
 
 class Searcher:
