@@ -8,13 +8,8 @@ from hypothesis import strategies as st
 from rsoconsole.records import FloatArray, Wcs
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.wcs import describe, pixel_to_sky, tan_wcs, wcs_cards
-from rsoconsole.vision.plate_fit import (
-    PlateFit,
-    plate_sigma_arcsec,
-    refit,
-    refit_from,
-    solution_from,
-)
+from rsoconsole.vision.plate_fit import PlateFit, plate_sigma_arcsec, refit, solution_from
+from rsoconsole.vision.plate_move import refit_from
 
 WIDTH, HEIGHT, SCALE = 4656, 3520, 1.2642
 SIZE = {"width_px": WIDTH, "height_px": HEIGHT}

@@ -72,12 +72,17 @@ def shipped_index_dir() -> Path:
 
 def search_dirs(configured: Sequence[Path] = ()) -> tuple[Path, ...]:
     """Folders looked through, first served: configured, the user's, the system's, the shipped."""
-    return (*configured, user_index_dir(), SYSTEM_DIR, shipped_index_dir())
+    return (
+        *(d.expanduser() for d in configured),
+        user_index_dir(),
+        SYSTEM_DIR,
+        shipped_index_dir(),
+    )
 
 
 def config_search_dirs(config: SolverConfig) -> tuple[Path, ...]:
     """``search_dirs`` of a configuration."""
-    return search_dirs(tuple(Path(d).expanduser() for d in config.index_dirs))
+    return search_dirs(config.index_dirs)
 
 
 def list_index_files(dirs: Iterable[Path]) -> tuple[IndexFile, ...]:

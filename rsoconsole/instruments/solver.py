@@ -32,9 +32,9 @@ from rsoconsole.vision.plate_fit import (
     field_radius_deg,
     plate_sigma_arcsec,
     refit,
-    refit_from,
     solution_from,
 )
+from rsoconsole.vision.plate_move import refit_from
 from rsoconsole.vision.stars import StarList
 
 __all__ = ["PlateSolver", "SolveHint", "plate_sigma_arcsec"]

@@ -1,4 +1,4 @@
-"""Least-squares plate from matched stars: refined after a full solution, or moved from the last.
+"""Least-squares plate from matched stars: what every solution, full or moved, ends with.
 
 Pure: arrays in, a ``PlateFit`` out. Stars (N, 2) are pixels x, y and catalogue stars (M, 2) are
 RA, Dec in ICRS degrees, both **brightest first**. The plate is linear in its coefficients on the
@@ -21,13 +21,12 @@ IndexArray = npt.NDArray[np.intp]
 
 MIN_MATCHED = 6
 """Fewer matched stars than this never make a plate."""
-_MOST_STARS = 400
+MAX_STARS = 400
 _ROUNDS = 8
 _TIGHT_TOLERANCE_PX = 1.5
 _PRESS_GAIN = 0.9
 """A higher order must bring the leave-one-out residual below this share of the lower one's."""
 _STARS_PER_TERM = 3.0
-_VOTE_BIN_PX = 6.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,8 +61,8 @@ def refit(
     knows no distortion) and shrinks with the residuals. None when too few stars match for the
     match to be more than chance.
     """
-    stars = np.asarray(stars_xy_px, float)[:_MOST_STARS, :2]
-    shown = _in_field(
+    stars = np.asarray(stars_xy_px, float)[:MAX_STARS, :2]
+    shown = in_field(
         wcs_start, catalogue_deg, 2 * len(stars) + 20, width_px=width_px, height_px=height_px
     )
     if len(stars) < MIN_MATCHED or len(shown) < MIN_MATCHED:
@@ -91,67 +90,6 @@ def refit(
     if len(pairs[0]) < MIN_MATCHED + 2.0 * expected_by_chance:
         return None
     return _as_fit(stars, catalogue, pairs, wcs, shown=shown, unit_px=long_side / 2.0)
-
-
-def refit_from(
-    previous: Wcs,
-    stars_xy_px: FloatArray,
-    catalogue_deg: FloatArray,
-    *,
-    width_px: int,
-    height_px: int,
-    shift_deg: tuple[float, float] = (0.0, 0.0),
-    search_arcsec: float = 120.0,
-) -> PlateFit | None:
-    """Fit the plate of a field next to one that is solved; None when it does not fit.
-
-    ``shift_deg`` is how far the telescope was told to move since, as (RA, Dec) differences in
-    degrees; the camera keeps its angle to the pole. What is left, up to ``search_arcsec``, is found
-    by letting all star pairs vote for one offset. A wrong field gets no majority and is refused,
-    and so is a plate whose scale or angle differs from the previous one's.
-    """
-    predicted = _moved(previous, shift_deg)
-    scale = describe(predicted, width_px, height_px).scale_arcsec_px
-    reach_px = max(search_arcsec / scale, 2.0 * _VOTE_BIN_PX)
-    stars = np.asarray(stars_xy_px, float)[:_MOST_STARS, :2]
-    # Stars just outside the predicted field may be inside the true one.
-    shown = _in_field(
-        predicted,
-        catalogue_deg,
-        2 * len(stars) + 20,
-        width_px=width_px,
-        height_px=height_px,
-        margin_px=reach_px,
-    )
-    if len(stars) < MIN_MATCHED or len(shown) < MIN_MATCHED:
-        return None
-    catalogue = np.asarray(catalogue_deg, float)[shown]
-    x, y = sky_to_pixel(predicted, catalogue[:, 0], catalogue[:, 1])
-    offset = _voted_offset(stars[:150], np.stack([x, y], axis=1)[:300], reach_px)
-    if offset is None:
-        return None
-    start = _with_centre_at(predicted, offset)
-    fit = refit(
-        stars,
-        catalogue,
-        start,
-        width_px=width_px,
-        height_px=height_px,
-        tolerance_px=_VOTE_BIN_PX,
-        max_sip_order=max([1, *(p + q for p, q, _ in (*previous.sip_a, *previous.sip_b))]),
-    )
-    if fit is None or not _is_same_camera(previous, fit.wcs, width_px, height_px):
-        return None
-    if fit.matched < 0.3 * min(len(stars), len(shown)):
-        return None
-    return PlateFit(
-        wcs=fit.wcs,
-        matched=fit.matched,
-        rms_arcsec=fit.rms_arcsec,
-        sigma_at_centre_arcsec=fit.sigma_at_centre_arcsec,
-        star_indices=fit.star_indices,
-        catalogue_indices=shown[fit.catalogue_indices],
-    )
 
 
 def solution_from(
@@ -189,7 +127,7 @@ def plate_sigma_arcsec(
     return solution.rms_arcsec * math.sqrt(n / (n - 3)) * math.sqrt(leverage)
 
 
-def _in_field(
+def in_field(
     wcs: Wcs,
     catalogue_deg: FloatArray,
     most: int,
@@ -359,63 +297,6 @@ def _as_fit(
         sigma_at_centre_arcsec=spread * math.sqrt(leverage),
         star_indices=pairs[0],
         catalogue_indices=shown[pairs[1]],
-    )
-
-
-def _moved(wcs: Wcs, shift_deg: tuple[float, float]) -> Wcs:
-    """The plate after the mount turned by (RA, Dec): same pixels, tangent point moved."""
-    dec_deg = float(np.clip(wcs.crval_dec_deg + shift_deg[1], -90.0, 90.0))
-    return Wcs(
-        crpix_x_px=wcs.crpix_x_px,
-        crpix_y_px=wcs.crpix_y_px,
-        crval_ra_deg=(wcs.crval_ra_deg + shift_deg[0]) % 360.0,
-        crval_dec_deg=dec_deg,
-        cd=wcs.cd,
-        sip_a=wcs.sip_a,
-        sip_b=wcs.sip_b,
-    )
-
-
-def _with_centre_at(wcs: Wcs, offset_px: tuple[float, float]) -> Wcs:
-    """The plate whose stars lie ``offset_px`` further on the frame."""
-    ra, dec = pixel_to_sky(wcs, wcs.crpix_x_px - offset_px[0], wcs.crpix_y_px - offset_px[1])
-    shift = (float(ra) - wcs.crval_ra_deg, float(dec) - wcs.crval_dec_deg)
-    return _moved(wcs, shift)
-
-
-def _voted_offset(
-    stars: FloatArray, predicted: FloatArray, reach_px: float
-) -> tuple[float, float] | None:
-    """Offset (star minus prediction) that most pairs agree on; None without a clear majority."""
-    difference = (stars[:, None, :] - predicted[None, :, :]).reshape(-1, 2)
-    with np.errstate(invalid="ignore"):
-        near = difference[np.hypot(difference[:, 0], difference[:, 1]) <= reach_px]
-    if len(near) < MIN_MATCHED:
-        return None
-    half = math.ceil(reach_px / _VOTE_BIN_PX) + 1
-    cells = np.floor(near / _VOTE_BIN_PX).astype(int) + half
-    votes = np.zeros((2 * half + 2, 2 * half + 2))
-    np.add.at(votes, (cells[:, 0], cells[:, 1]), 1.0)
-    # A true offset may straddle cells: count 2 x 2 blocks.
-    blocks = votes[:-1, :-1] + votes[1:, :-1] + votes[:-1, 1:] + votes[1:, 1:]
-    at = np.unravel_index(int(blocks.argmax()), blocks.shape)
-    by_chance = 4.0 * len(near) / (math.pi * (reach_px / _VOTE_BIN_PX) ** 2)
-    if blocks[at] < MIN_MATCHED + by_chance + 4.0 * math.sqrt(by_chance):
-        return None
-    corner = (np.array(at) - half + 1) * _VOTE_BIN_PX
-    agreeing = near[np.max(np.abs(near - corner), axis=1) <= _VOTE_BIN_PX]
-    median = np.median(agreeing, axis=0)
-    return float(median[0]), float(median[1])
-
-
-def _is_same_camera(before: Wcs, after: Wcs, width_px: int, height_px: int) -> bool:
-    """Whether two plates share hand, scale (0.3 %) and angle to the pole (1 deg)."""
-    a, b = (describe(wcs, width_px, height_px) for wcs in (before, after))
-    turned = (b.rotation_deg - a.rotation_deg + 180.0) % 360.0 - 180.0
-    return (
-        a.is_flipped == b.is_flipped
-        and abs(b.scale_arcsec_px / a.scale_arcsec_px - 1.0) < 0.003
-        and abs(turned) < 1.0
     )
 
 
