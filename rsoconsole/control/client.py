@@ -1,5 +1,6 @@
 """A console's or a command's end of the operator's wire."""
 
+import contextlib
 import json
 import socket
 import time
@@ -9,6 +10,8 @@ from typing import Any
 from rsoconsole.control.place import address_of, default_socket_path
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, read_outcome, receive_line
 from rsoconsole.errors import ControlError
+
+GRACE_S = 0.5
 
 
 class ControlClient:
@@ -34,19 +37,23 @@ class ControlClient:
             line = json.dumps(message, allow_nan=False).encode() + b"\n"
         except (TypeError, ValueError) as error:
             raise ControlError(f"{verb}: an argument cannot be sent: {error}") from error
-        deadline = time.monotonic() + timeout_s
+        # The engine drops what has waited longer than timeout_s; it is outwaited, so that what
+        # the sender gave up while it waited is never carried out.
+        deadline = time.monotonic() + timeout_s + GRACE_S
         try:
             with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as wire:
-                wire.settimeout(timeout_s)
+                wire.settimeout(timeout_s + GRACE_S)
                 wire.connect(str(address_of(self._path)))
-                wire.sendall(line)
+                # An engine that turns this user away closes at once, its refusal unread.
+                with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+                    wire.sendall(line)
                 reply = receive_line(wire, deadline)
         except (FileNotFoundError, ConnectionRefusedError) as error:
             raise ControlError("no engine is running: 'rsoconsole engine' starts one") from error
         except TimeoutError as error:
             raise ControlError(
-                f"the engine did not answer {verb!r} within {timeout_s:g} s: it may hang; "
-                "'rsoconsole stop' works without it"
+                f"the engine did not answer {verb!r} within {timeout_s:g} s: it may hang, or "
+                "still be at it; 'rsoconsole stop' works without it"
             ) from error
         except OSError as error:
             raise ControlError(f"the engine cannot be reached: {error}") from error
