@@ -1,0 +1,174 @@
+"""The detector: what is taken, what is refused and why; the network stands in as a proposer."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsoconsole.config import DetectorConfig
+from rsoconsole.instruments.frame_files import read_frame
+from rsoconsole.records import Frame
+from rsoconsole.simulator.psf import add_points
+from rsoconsole.vision.detector import (
+    TRAILED_STREAKS,
+    FrameAnalysis,
+    StreakDetector,
+    is_same_streak,
+)
+from rsoconsole.vision.maps import FrameMap
+from rsoconsole.vision.network import NetworkBox
+
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+Point = tuple[float, float]
+
+
+class Proposals:
+    """Answers every map with the same candidates."""
+
+    def __init__(self, *boxes: NetworkBox) -> None:
+        self.boxes = boxes
+        self.maps: list[FrameMap] = []
+
+    def run(self, frame_map: FrameMap) -> tuple[NetworkBox, ...]:
+        self.maps.append(frame_map)
+        return self.boxes
+
+
+def candidate(a: Point, b: Point, confidence: float) -> NetworkBox:
+    (x0, x1), (y0, y1) = sorted((a[0], b[0])), sorted((a[1], b[1]))
+    return NetworkBox(
+        confidence=confidence,
+        x0_px=x0 - 4,
+        y0_px=y0 - 4,
+        x1_px=x1 + 4,
+        y1_px=y1 + 4,
+        x_a_px=a[0] + 2,
+        y_a_px=a[1] - 2,
+        x_b_px=b[0] + 2,
+        y_b_px=b[1] + 2,
+    )
+
+
+def frame_with(*streaks: tuple[Point, Point], size: int = 512) -> Frame:
+    light = np.zeros((size, size), dtype=np.float32)
+    for a, b in streaks:
+        t = (np.arange(500) + 0.5) / 500
+        flux = np.full(500, 600 * np.hypot(b[0] - a[0], b[1] - a[1]) / 500, dtype=np.float32)
+        x, y = a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t
+        add_points(light, x, y, flux, sigma_px=0.95, faintest_e=0.01)
+    noise = np.random.default_rng(1).normal(0, 38, light.shape)
+    pixels = np.clip(np.rint(730 + light + noise), 0, 65535).astype(np.uint16)
+    return Frame(frame_id=9, name="synthetic", pixels=pixels)
+
+
+A, B = (100.0, 200.0), (218.0, 215.0)
+C, D = (260.0, 300.0), (378.0, 315.0)
+
+
+def analyse(frame: Frame, *boxes: NetworkBox, **settings: object) -> FrameAnalysis:
+    return StreakDetector(Proposals(*boxes), DetectorConfig(**settings)).analyse(frame)  # type: ignore[arg-type]
+
+
+def test_midpoints_are_measured_and_the_most_confident_comes_first() -> None:
+    found = analyse(frame_with((A, B), (C, D)), candidate(C, D, 0.4), candidate(A, B, 0.8))
+    first, second = found.detections.detections
+    assert (first.confidence, second.confidence) == (0.8, 0.4)
+    assert first.method == "line"
+    assert first.frame_id == 9
+    half_a_pixel = 0.5
+    assert np.hypot(first.x_px - 159, first.y_px - 207.5) < half_a_pixel
+    assert np.hypot(second.x_px - 319, second.y_px - 307.5) < half_a_pixel
+    assert found.detections.rejected == ()
+
+
+def test_every_stage_is_timed_and_the_background_is_handed_on() -> None:
+    found = analyse(frame_with((A, B)), candidate(A, B, 0.8))
+    assert set(found.detections.stage_ms) == {"background", "stars", "map", "network", "fit"}
+    assert found.background.level.size > 0
+    assert len(found.stars) == 0
+
+
+def test_below_tau_is_rejected_with_both_numbers() -> None:
+    detector = StreakDetector(Proposals(candidate(A, B, 0.06)), DetectorConfig())
+    found = detector.detect(frame_with((A, B)))
+    assert found.detections == ()
+    assert [r.reason for r in found.rejected] == ["confidence 0.06 below tau 0.10"]
+    assert found.rejected[0].detection.length_px == pytest.approx(119, abs=1.5)
+    assert len(detector.detect(frame_with((A, B)), tau=0.05).detections) == 1
+
+
+def test_a_candidate_that_is_no_streak_is_rejected_with_the_reason() -> None:
+    found = analyse(frame_with((A, B)), candidate((300, 400), (418, 410), 0.9)).detections
+    assert found.detections == ()
+    assert "no ends found" in found.rejected[0].reason
+    assert found.rejected[0].detection.confidence == 0.9
+
+
+def test_two_candidates_on_one_streak_are_one_detection() -> None:
+    half = candidate(A, (159.0, 207.5), 0.3)
+    found = analyse(frame_with((A, B)), candidate(A, B, 0.8), half).detections
+    assert len(found.detections) == 1
+    assert [r.reason for r in found.rejected] == ["same streak as a more confident candidate"]
+
+
+def test_parallel_neighbours_stay_two() -> None:
+    up = 12.0
+    a, b = (A[0], A[1] + up), (B[0], B[1] + up)
+    found = analyse(frame_with((A, B), (a, b)), candidate(A, B, 0.8), candidate(a, b, 0.7))
+    assert len(found.detections.detections) == 2
+    one, two = found.detections.detections
+    assert not is_same_streak(one, two)
+    assert is_same_streak(one, replace(one, x_px=one.x_px + 20))
+
+
+def test_a_field_of_trailed_stars_gives_no_detection() -> None:
+    places = [(x, y) for x in (40.0, 200.0, 340.0) for y in range(60, 460, 90)]
+    streaks = [((x, float(y)), (x + 90, float(y) + 10)) for x, y in places]
+    assert len(streaks) >= TRAILED_STREAKS
+    boxes = [candidate(a, b, 0.5) for a, b in streaks]
+    found = analyse(frame_with(*streaks), *boxes).detections
+    assert found.detections == ()
+    assert all("the stars are trailed" in r.reason for r in found.rejected)
+    fewer = TRAILED_STREAKS - 1
+    kept = analyse(frame_with(*streaks[:fewer]), *boxes[:fewer]).detections
+    assert len(kept.detections) == fewer
+
+
+def test_box_mode_measures_as_the_paper_does() -> None:
+    found = analyse(frame_with((A, B)), candidate(A, B, 0.8), centroid="box").detections
+    (detection,) = found.detections
+    assert detection.method == "box"
+    assert (detection.x_px, detection.y_px) == (159.0, 207.5)
+    assert detection.sigma_along_px == detection.sigma_across_px == 3.0
+    edge = candidate((4.0, 50.0), (120.0, 60.0), 0.8)
+    assert analyse(frame_with(), edge, centroid="box").detections.detections[0].is_clipped
+
+
+def test_the_map_is_made_as_configured() -> None:
+    for mode in ("fast", "paper"):
+        proposals = Proposals()
+        settings = DetectorConfig(map_mode=mode)  # type: ignore[arg-type]
+        StreakDetector(proposals, settings).detect(frame_with((A, B)))
+        assert proposals.maps[0].mode == mode
+
+
+def test_an_empty_answer_is_no_detection() -> None:
+    found = analyse(frame_with()).detections
+    assert (found.detections, found.rejected) == ((), ())
+    assert (found.width_px, found.height_px) == (512, 512)
+
+
+@pytest.mark.shared_data
+@pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is not here")
+def test_an_independently_rendered_satellite_is_measured_within_a_pixel() -> None:
+    folder = SHARED / "simulated" / "geo_single"
+    truth = json.loads((folder / "truth.json").read_text())["frames"][0]["objects"][0]
+    a, b = (truth["x_start"], truth["y_start"]), (truth["x_end"], truth["y_end"])
+    frame = read_frame(folder / "geo_single_01.fits.bz2", 1)
+    found = analyse(frame, candidate(a, b, 0.9))
+    (detection,) = found.detections.detections
+    assert detection.x_px == pytest.approx((a[0] + b[0]) / 2, abs=1)
+    assert detection.y_px == pytest.approx((a[1] + b[1]) / 2, abs=1)
+    assert len(found.stars) > 100
