@@ -31,7 +31,7 @@ def doctor(config: ConfigOption = None, json_: JsonOption = False) -> None:
 
     failed = 0
     for check in run_checks(load_config(config)):
-        failed += not check.ok
+        failed += check.ok is False
         if json_:
             output.emit_json(
                 {
@@ -42,7 +42,8 @@ def doctor(config: ConfigOption = None, json_: JsonOption = False) -> None:
                 }
             )
             continue
-        output.say(f"{'ok  ' if check.ok else 'FAIL'} {check.check:12} {check.detail}")
+        mark = {True: "ok  ", False: "FAIL", None: "?   "}[check.ok]
+        output.say(f"{mark} {check.check:12} {check.detail}")
         if not check.ok and check.remedy:
             output.say(f"     {'':12} {check.remedy}")
     if failed:
@@ -70,7 +71,7 @@ def config_show(config: ConfigOption = None, json_: JsonOption = False) -> None:
             )
         else:
             value = "-" if setting.value is None else setting.value
-            output.say(f"{setting.name:30} {value!s:24} {setting.origin:8} {setting.description}")
+            output.say(f"{setting.name:30} {value!s:24} {setting.origin:12} {setting.description}")
 
 
 @config_app.command("init")

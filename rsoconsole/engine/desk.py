@@ -1,6 +1,7 @@
 """Answers the operator's wire: STOP and status at once, the rest through the loop."""
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 from rsoconsole.control import Intention, Outcome
@@ -13,10 +14,17 @@ from rsoconsole.sky.frames import icrs_to_altaz
 class Desk:
     """Handles intentions on the wire's threads; the loop is never waited for."""
 
-    def __init__(self, engine: Engine, mount: MountPort, intentions: Intentions) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        mount: MountPort,
+        intentions: Intentions,
+        record_faults: Callable[[], tuple[str, ...]] = tuple,
+    ) -> None:
         self._engine = engine
         self._mount = mount
         self._intentions = intentions
+        self._record_faults = record_faults
 
     def handle(self, intention: Intention) -> Outcome:
         """What came of it; a refusal says why."""
@@ -47,6 +55,7 @@ class Desk:
     def _status(self, _intention: Intention) -> Outcome:
         status = self._engine.status()
         data: dict[str, Any] = {**dataclasses.asdict(status), "target": None}
+        data["faults"] = [*status.faults, *self._record_faults()]
         data["alt"] = data["az"] = None
         if status.ra is not None and status.dec is not None and status.t_utc_ns is not None:
             site = self._engine.config.site.to_site()

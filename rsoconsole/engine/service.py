@@ -14,6 +14,7 @@ from typing import Any
 from rsoconsole.config import Config
 from rsoconsole.control import ControlServer, default_socket_path
 from rsoconsole.engine.desk import Desk
+from rsoconsole.engine.doctor_system import read_clock
 from rsoconsole.engine.hands import Hands
 from rsoconsole.engine.intentions import Intentions
 from rsoconsole.engine.loop import Engine
@@ -67,6 +68,7 @@ def run_engine(
             "t_started_utc_ns": now_ns,
             "is_simulated": instruments.clock.is_simulated,
             "model_sha256": model_sha256,
+            "clock_offset_s": None if instruments.clock.is_simulated else read_clock().offset_s,
             "versions": _versions(),
         }
         writer = SessionWriter.create(folder, config, about, on_fault=log.error)
@@ -81,7 +83,7 @@ def run_engine(
             on_cycle=on_cycle,
         )
         if settings.listens:
-            desk = Desk(engine, instruments.mount, intentions)
+            desk = Desk(engine, instruments.mount, intentions, lambda: writer.faults)
             path = settings.socket or default_socket_path()
             stack.enter_context(ControlServer(path, desk.handle))
         stack.enter_context(_signals(engine, intentions))

@@ -7,7 +7,6 @@ from rsoconsole.config import Config
 from rsoconsole.instruments.solver import PlateSolver
 from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.pipeline.reduce import FrameReducer
-from rsoconsole.vision.detector import StreakDetector
 from rsoconsole.vision.network import Network
 
 
@@ -18,6 +17,5 @@ def open_reducer(config: Config) -> Iterator[tuple[FrameReducer, str]]:
     Raises ModelError when the network cannot be loaded, SolverError without index files.
     """
     network = Network.load(config.detector.model, config.detector.threads)
-    detector = StreakDetector(network, config.detector)
     with PlateSolver(config.solver.index_dirs) as solver:
-        yield FrameReducer(detector, PlateFinder(solver, config), config), str(network.card["sha256"])
+        yield FrameReducer(network, PlateFinder(solver, config), config), str(network.card["sha256"])

@@ -10,7 +10,7 @@ from rsoconsole.pipeline.measure import measure
 from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
 from rsoconsole.tracking.follow import Seen
-from rsoconsole.vision.detector import StreakDetector
+from rsoconsole.vision.detector import Proposer, StreakDetector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,15 +44,16 @@ FEW_STARS = 8
 class FrameReducer:
     """Detector and plate finder in the order of Algorithm 1."""
 
-    def __init__(self, detector: StreakDetector, plate: PlateFinder, config: Config) -> None:
-        self._detector = detector
+    def __init__(self, network: Proposer, plate: PlateFinder, config: Config) -> None:
+        self._network = network
+        self._detector = StreakDetector(network, config.detector)
         self._plate = plate
         self._config = config
 
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next frame."""
         self._config = config
-        self._detector.configure(config.detector)
+        self._detector = StreakDetector(self._network, config.detector)
         self._plate.configure(config)
 
     def reduce(self, frame: Frame, *, always_solve: bool = False) -> Reduction:
