@@ -49,7 +49,7 @@ class CameraChild:
         client = self._ready()
         self._frame_id = int(order["frame_id"])
         before = client.send_numbers(_EXPOSURE, {"CCD_EXPOSURE_VALUE": float(order["exposure_s"])})
-        answer = client.wait(_EXPOSURE, lambda _: True, _ACK_S, before)
+        answer = client.wait(_EXPOSURE, lambda v: v.state != "Idle", _ACK_S, before)
         if answer is None:
             raise InstrumentError(
                 f"the camera did not start an exposure in {_ACK_S:.0f} s: check its USB power"
@@ -64,8 +64,12 @@ class CameraChild:
         """Give up the exposure under way."""
         client = self._ready()
         self._frame_id = 0
+        exposure = client.get(_EXPOSURE)
         before = client.send_switch("CCD_ABORT_EXPOSURE", "ABORT")
         answer = client.wait("CCD_ABORT_EXPOSURE", lambda _: True, _ACK_S, before)
+        if exposure is not None and exposure.state == "Busy":
+            # Or the end of this exposure would pass for the answer to the next order.
+            client.wait(_EXPOSURE, lambda v: v.state != "Busy", _ACK_S, before)
         return {"aborted": answer is not None}
 
     def _on_vector(self, vector: Vector) -> None:

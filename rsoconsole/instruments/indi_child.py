@@ -18,6 +18,7 @@ from typing import Any
 import PyIndi
 
 from rsoconsole.errors import InstrumentError, RsoconsoleError
+from rsoconsole.instruments.indi_process import SERVER_LOST
 
 _STATES = {
     PyIndi.IPS_IDLE: "Idle",
@@ -25,8 +26,7 @@ _STATES = {
     PyIndi.IPS_BUSY: "Busy",
     PyIndi.IPS_ALERT: "Alert",
 }
-SERVER_LOST = 3
-"""Exit status of a child whose INDI server went away."""
+_DEVICE_S = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +93,7 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
             raise InstrumentError(f"no INDI server answers at {host}:{port}: start indiserver")
         self._ready = True
         deadline_s = time.monotonic() + timeout_s
-        if self.wait("CONNECTION", lambda _: True, timeout_s) is None:
+        if self.wait("CONNECTION", lambda _: True, _DEVICE_S) is None:
             raise InstrumentError(
                 f"the INDI server at {host}:{port} has no device '{self.device}': "
                 "set indi.mount and indi.camera to what 'indi_getprop' lists"

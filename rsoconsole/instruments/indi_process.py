@@ -16,6 +16,8 @@ from typing import Any
 
 from rsoconsole.errors import InstrumentError
 
+SERVER_LOST = 3
+"""Exit status of a child whose INDI server went away."""
 _START_S = 20.0
 _END_S = 3.0
 
@@ -60,6 +62,8 @@ class IndiProcess:
                 return
             if self._is_closed:
                 raise InstrumentError(f"the {self.name} has been closed: connect again")
+            if self._process is not None:
+                self._end(self._process)
             self._log_path.parent.mkdir(parents=True, exist_ok=True)
             with self._log_path.open("ab") as log:
                 process = subprocess.Popen(
@@ -189,6 +193,10 @@ class IndiProcess:
             process.wait()
 
     def _died(self, process: "subprocess.Popen[bytes]") -> InstrumentError:
+        if process.poll() == SERVER_LOST:
+            return InstrumentError(
+                f"the INDI server went away under the {self.name}: start indiserver again"
+            )
         return InstrumentError(
             f"the {self.name}'s process ended (status {process.poll()}): it is started again "
             f"with the next order; its last words are in {self._log_path}"

@@ -18,6 +18,7 @@ _COORDINATES = "EQUATORIAL_EOD_COORD"
 _TELLING = (_COORDINATES, "TELESCOPE_PARK", "TELESCOPE_TRACK_STATE", "TELESCOPE_PIER_SIDE")
 _ACK_S = 5.0
 _ARRIVED_ALREADY_DEG = 0.05
+_SAME_SITE_DEG = 0.01
 
 
 class MountChild:
@@ -83,6 +84,7 @@ class MountChild:
             stands = client.wait(_COORDINATES, lambda v: v.state != "Busy", _ACK_S, before)
         else:
             stands = client.wait("TELESCOPE_ABORT_MOTION", lambda _: True, _ACK_S, before)
+            self._await_report(before)
         return {"stopped": stands is not None}
 
     def park(self, _order: dict[str, Any]) -> dict[str, Any]:
@@ -90,6 +92,7 @@ class MountChild:
         client = self._ready()
         before = client.send_switch("TELESCOPE_PARK", "PARK")
         self._expect(client.wait("TELESCOPE_PARK", lambda _: True, _ACK_S, before), "park")
+        self._await_report(before)
         return {}
 
     def unpark(self, _order: dict[str, Any]) -> dict[str, Any]:
@@ -101,26 +104,38 @@ class MountChild:
                 "TELESCOPE_PARK", lambda v: not v.values.get("PARK", False), _ACK_S, before
             )
             self._expect(released, "unpark")
+            self._await_report(before)
         return {}
 
     def set_tracking(self, order: dict[str, Any]) -> dict[str, Any]:
         """Sidereal tracking on or off."""
         self._refuse_if_parked()
-        self._switch("TELESCOPE_TRACK_STATE", "TRACK_ON" if order["is_on"] else "TRACK_OFF")
+        before = self._switch(
+            "TELESCOPE_TRACK_STATE", "TRACK_ON" if order["is_on"] else "TRACK_OFF"
+        )
+        self._await_report(before)
         return {}
 
     def set_site(self, order: dict[str, Any]) -> dict[str, Any]:
         """Tell the mount where it stands; INDI's longitude runs from 0 to 360 east."""
         client = self._ready()
+        latitude_deg = float(order["latitude_deg"])
         before = client.send_numbers(
             "GEOGRAPHIC_COORD",
             {
-                "LAT": order["latitude_deg"],
+                "LAT": latitude_deg,
                 "LONG": wrap_360(order["longitude_deg"]),
                 "ELEV": order["elevation_m"],
             },
         )
-        self._expect(client.wait("GEOGRAPHIC_COORD", lambda _: True, _ACK_S, before), "set site")
+
+        def is_answer(vector: Vector) -> bool:
+            told_deg = separation_deg(
+                vector.values["LONG"], vector.values["LAT"], order["longitude_deg"], latitude_deg
+            )
+            return vector.state == "Alert" or bool(told_deg < _SAME_SITE_DEG)
+
+        self._expect(client.wait("GEOGRAPHIC_COORD", is_answer, _ACK_S, before), "take its site")
         return {}
 
     def site(self, _order: dict[str, Any]) -> dict[str, Any]:
@@ -199,10 +214,16 @@ class MountChild:
         if self._is_parked():
             raise InstrumentError("the mount is parked and takes no orders: unpark it first")
 
-    def _switch(self, name: str, member: str) -> None:
+    def _switch(self, name: str, member: str) -> int:
         client = self._ready()
         before = client.send_switch(name, member)
         self._expect(client.wait(name, lambda _: True, _ACK_S, before), f"set {name}")
+        return before
+
+    def _await_report(self, before: int) -> None:
+        """The simulated mount reports after every order: wait, so that nobody sees it older."""
+        if self._is_simulated:
+            self._ready().wait(_COORDINATES, lambda _: True, _ACK_S, before)
 
     def _expect(self, answer: Vector | None, what: str) -> None:
         words = self._ready().last_message
