@@ -210,3 +210,16 @@ def test_the_real_streaks_ends_agree_with_the_eye() -> None:
     (x_a, y_a), (x_b, y_b) = sorted([(fit.x_a_px, fit.y_a_px), (fit.x_b_px, fit.y_b_px)])
     assert np.hypot(x_a - 22, y_a - 338) < two_pixels
     assert np.hypot(x_b - 340, y_b - 308) < two_pixels
+
+
+def test_a_star_just_beyond_an_end_is_not_part_of_the_streak() -> None:
+    rng = np.random.default_rng(12)
+    a, b = (100.0, 150.0), (219.0, 142.0)
+    d = np.array([b[0] - a[0], b[1] - a[1]]) / np.hypot(b[0] - a[0], b[1] - a[1])
+    for _ in range(8):
+        star = np.array(a) - 7.5 * d + np.array([d[1], -d[0]])
+        image = draw(rng, [(a, b, 3.5), (tuple(star), tuple(star + 0.5), 20.0)])
+        fit = fit_streak(image, local_background(image), box_of(a, b, rng), psf_fwhm_px=2.3)
+        assert isinstance(fit, StreakFit)
+        # Taken for part of the streak it would move the midpoint by 4 px.
+        assert np.hypot(fit.x_px - 159.5, fit.y_px - 146.0) < 1.5

@@ -4,7 +4,7 @@ The midpoint of the two ends is the satellite's place at mid-exposure whatever i
 meanwhile. A proposal's box says where to look; the fit says what is there, or why it is no streak.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from rsoconsole.vision.streak_model import (
     LineFit,
     Pixels,
     fit_line,
+    light_of,
     with_knots,
 )
 from rsoconsole.vision.streak_search import Box, Cutout, Ends, Guess, cut_out, find_ends, find_line
@@ -31,6 +32,8 @@ _CHI2_PER_KNOT = 8.0
 _OUTLIER_SIGMA = 4.5
 _ABOVE_STREAK = 2.5
 _SECOND_ORDER = 0.4
+_CHI2_OF_A_STAR = 12.0
+"""Price of a star's place and brightness."""
 _CLIPPED_SIGMA_PX = 100.0
 _NARROWEST, _WIDEST = 0.6, 2.2
 """Width relative to the stars'."""
@@ -107,6 +110,7 @@ def fit_streak(
     fitted = _fit_robustly(cutout, _axes(cutout, guess), start, stretch, psf_sigma)
     if fitted is None:
         return NoStreak(reason="no line fits the light in the box")
+    fitted = _or_star_beyond_an_end(cutout, _axes(cutout, guess), start, stretch, fitted)
     return _judge(_describe(cutout, guess, fitted, stretch), stretch, fitted, fwhm)
 
 
@@ -203,6 +207,51 @@ def _fit_robustly(
     spared = _CHI2_PER_KNOT * (len(line.amplitudes) - 1)
     is_steady = _chi2(data, steady, excess) - _chi2(data, best, excess) <= spared
     return steady if is_steady else best
+
+
+def _or_star_beyond_an_end(
+    cutout: Cutout,
+    axes: tuple[FloatArray, FloatArray],
+    start: Line,
+    stretch: Ends,
+    fit: LineFit,
+) -> LineFit:
+    """The fit, or the shorter one that leaves a star beyond a dark gap to itself, if likelier."""
+    for side, dark_u in enumerate(stretch.dark_u):
+        if dark_u is None or (start.u_a if side == 0 else start.u_b) is None:
+            continue
+        u, v = axes
+        beyond = u < dark_u if side == 0 else u > dark_u
+        inward = dark_u + 2.0 * start.sigma * (1.0 if side == 0 else -1.0)
+        shorter = replace(start, u_a=inward) if side == 0 else replace(start, u_b=inward)
+        rest = replace(cutout, is_good=cutout.is_good & ~beyond)
+        other = _fit_robustly(rest, axes, shorter, stretch, start.sigma)
+        if other is None:
+            continue
+        strip = (np.abs(v) < 5.0 * start.sigma + 2.0) & cutout.is_good
+        strip &= (np.abs(u - dark_u) < 20.0 + 4.0 * start.sigma) | beyond
+        strip &= (u > stretch.u_a - 12.0) & (u < stretch.u_b + 12.0)
+        data = _pixels(cutout, u, v, strip)
+        sigma = np.sqrt(data.noise**2 + fit.excess * np.maximum(light_of(data, fit.line), 0.0))
+        long, short = (
+            (data.value - one.line.sky - light_of(data, one.line)) / sigma for one in (fit, other)
+        )
+        star = _brightest_point(cutout, strip, short, start.sigma, beyond) ** 2
+        if float(short @ short) - star + _CHI2_OF_A_STAR < float(long @ long):
+            fit = other
+    return fit
+
+
+def _brightest_point(
+    cutout: Cutout, strip: BoolArray, deviation: FloatArray, sigma: float, where: BoolArray
+) -> float:
+    """Matched signal to noise of the brightest star-like spot among the residuals."""
+    import cv2
+
+    image = np.zeros(cutout.values.shape, dtype=np.float32)
+    image[strip] = deviation
+    smooth = cv2.GaussianBlur(image, (0, 0), sigma) * (2.0 * np.sqrt(np.pi) * sigma)
+    return float(np.max(smooth[strip & where], initial=0.0))
 
 
 def _knots(stretch: Ends, psf_sigma: float) -> int:

@@ -102,6 +102,12 @@ def fit_line(
     return _finish(pixels, parameters, start, normal=normal, free=free, weight=weight)
 
 
+def light_of(pixels: Pixels, line: Line) -> FloatArray:
+    """What the line sheds on every pixel, ADU, without its sky term."""
+    value, _ = _evaluate(pixels, _pack(line), line)
+    return value - line.sky
+
+
 def source_noise(pixels: Pixels, line: Line, model: FloatArray) -> float:
     """Variance per ADU of the source, from the residuals; never negative.
 

@@ -17,6 +17,8 @@ _BOX_ERROR_PX = 12.0
 _OFFSETS_PX = 10.0
 _WINDOW = 5
 _PARTS = 6
+_ISLAND = 14
+_FLICKER_SHARE = 0.06
 _CLIP = (-1.5, 4.0)
 """Of the smoothed signal to noise, so that a star in the way counts little."""
 
@@ -60,6 +62,8 @@ class Ends:
     """Of the stretch, roughly."""
     lit_share: float
     """Of the stretch's length, lit at more than a quarter of the amplitude."""
+    dark_u: tuple[float | None, float | None]
+    """A short dark gap near either end: what lies beyond may be a star and no part of it."""
     reaches_rim: bool
     """True when the stretch runs into the cutout's edge, not the frame's: look further out."""
 
@@ -257,6 +261,7 @@ def find_ends(cutout: Cutout, guess: Guess, psf_sigma: float) -> Ends | None:
         amplitudes=tuple(max(float(np.median(part)), 0.05 * level) for part in parts),
         matched_snr=float(np.sqrt(inside.size) * np.mean(inside) / noise),
         lit_share=float(np.mean(inside > 0.25 * level)),
+        dark_u=_gaps(np.where(is_known, profile, level)[a : b + 1], noise, first + a),
         reaches_rim=bool(a <= known[0] + 4 or b >= known[-1] - 4),
     )
 
@@ -266,6 +271,35 @@ def _smoothed(profile: FloatArray, is_known: BoolArray) -> FloatArray:
     window = np.ones(_WINDOW)
     count = np.convolve(is_known.astype(np.float64), window, mode="same")
     return np.asarray(np.convolve(profile, window, mode="same") / np.maximum(count, 1.0))
+
+
+def _gaps(profile: FloatArray, noise: float, first: int) -> tuple[float | None, float | None]:
+    """u of a dark gap within a few bins of either end of a stretch; None where there is none.
+
+    Where the light flickers all along, a gap near an end says nothing.
+    """
+    calm = np.convolve(profile, np.ones(3) / 3.0, mode="same")
+    if calm.size < 4 * _ISLAND:
+        return None, None
+    inside = calm[_ISLAND:-_ISLAND]
+    if float(np.mean(inside < 0.6 * np.median(inside))) > _FLICKER_SHARE:
+        return None, None
+    a, b = _gap(calm, noise), _gap(calm[::-1], noise)
+    return (
+        None if a is None else float(first + a),
+        None if b is None else float(first + calm.size - 1 - b),
+    )
+
+
+def _gap(calm: FloatArray, noise: float) -> int | None:
+    """The darkest bin of those near the start that have light on both sides."""
+    inner = float(np.median(calm[_ISLAND : 3 * _ISLAND]))
+    dark = []
+    for at in range(3, _ISLAND):
+        side = min(float(calm[1:at].max()), inner)
+        if calm[at] < 0.6 * side and side - calm[at] > 2.5 * noise / np.sqrt(3.0):
+            dark.append(at)
+    return min(dark, key=lambda at: float(calm[at])) if dark else None
 
 
 def _extended(is_lit: BoolArray, a: int, b: int) -> tuple[int, int]:
