@@ -56,11 +56,12 @@ def night(instruments: Instruments, config: Config) -> dict[str, Any]:
     facts: dict[str, Any] = {"site_ok": mount.check_site(site).is_consistent}
 
     now_utc_ns = clock.now_utc_ns()
-    ra_deg, dec_deg = (float(a) for a in icrs_of_hour_angle(site, -30.0, 10.0, now_utc_ns))
+    ra_deg, dec_deg = (float(a) for a in icrs_of_hour_angle(site, -30.0, 55.0, now_utc_ns))
     # The simulator loses the sky's motion during a long slew; a second, short one makes it good.
     for _ in range(2):
         mount.slew(ra_deg, dec_deg, clock.now_utc_ns())
         arrived = wait_for_arrival(instruments)
+    facts["t_utc_ns"] = now_utc_ns
     facts["target"] = [ra_deg, dec_deg]
     facts["arrived"] = [arrived.ra_icrs_deg, arrived.dec_icrs_deg]
     facts["is_tracking"] = arrived.is_tracking
@@ -78,7 +79,7 @@ def night(instruments: Instruments, config: Config) -> dict[str, Any]:
     }
 
     for path in ("mount", "indi"):
-        mount.slew(ra_deg + 60.0, dec_deg + 30.0, clock.now_utc_ns())
+        mount.slew(ra_deg + 60.0, dec_deg - 30.0, clock.now_utc_ns())
         time.sleep(0.5)
         was_slewing = mount.report().is_slewing
         result = mount.abort() if path == "mount" else stop_mount("127.0.0.1", PORT, MOUNT)
@@ -86,7 +87,7 @@ def night(instruments: Instruments, config: Config) -> dict[str, Any]:
             "was_slewing": was_slewing,
             "stopped": result.stopped,
             "ms": result.ms,
-            "is_slewing": mount.report().is_slewing,
+            "comes_to_rest": comes_to_rest(instruments),
         }
 
     mount.park()
@@ -118,6 +119,15 @@ def wait_for_arrival(instruments: Instruments) -> MountReport:
             return report
         time.sleep(0.1)
     raise AssertionError("the mount never arrived")
+
+
+def comes_to_rest(instruments: Instruments) -> bool:
+    """Whether the mount's own process hears of the end of motion within a second."""
+    for _ in range(20):
+        if not instruments.mount.report().is_slewing:
+            return True
+        time.sleep(0.05)
+    return False
 
 
 def coordinates_on_the_wire() -> list[float]:

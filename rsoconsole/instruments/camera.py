@@ -76,7 +76,13 @@ class IndiCamera:
         if outcome["event"] == "failed":
             raise InstrumentError(f"the camera gave no usable frame: {outcome['reason']}")
         pixels = self._ring.copy(outcome["slot"], outcome["dtype"], tuple(outcome["shape"]))
-        return Frame(pixels=pixels, **{field: outcome[field] for field in _FRAME_FIELDS})
+        facts = {field: outcome[field] for field in _FRAME_FIELDS}
+        # JSON knows no tuples.
+        facts["header"] = {
+            key: tuple(value) if isinstance(value, list) else value
+            for key, value in facts["header"].items()
+        }
+        return Frame(pixels=pixels, **facts)
 
     def abort(self) -> None:
         """Give up the exposure under way; its frame never comes."""

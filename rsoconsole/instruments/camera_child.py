@@ -42,6 +42,10 @@ class CameraChild:
             before = client.send_switch("UPLOAD_MODE", "UPLOAD_CLIENT")
             client.wait("UPLOAD_MODE", lambda _: True, _ACK_S, before)
         self._client = client
+        exposure = client.get(_EXPOSURE)
+        if exposure is not None and exposure.state == "Busy":
+            # Left behind by the process before this one; its frame must not pass for ours.
+            self.abort({})
         return {}
 
     def expose(self, order: dict[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from rsoconsole.instruments.indi_wire import IndiVector, IndiWire
 
 CLOCK_DEVICE = "Simulated Clock"
 _NS = 1_000_000_000
+_WAKE_EVERY_S = 0.05
 
 
 class SystemClock:
@@ -41,15 +42,13 @@ class SystemClock:
 class SimulatedClock:
     """The simulated observatory's clock: time passes there only while somebody waits here.
 
-    One thread waits, any thread may wake it. A paced wait of the observatory is interrupted by a
-    connection of its own, made in ``wake``.
+    One thread waits, any thread may wake it, which a paced wait notices within 50 ms.
     """
 
     is_simulated = True
 
     def __init__(self, host: str, port: int, *, silence_timeout_s: float = 20.0) -> None:
         """Connect. Raises InstrumentError when the server has no simulated clock."""
-        self._host, self._port = host, port
         self._silence_timeout_s = silence_timeout_s
         self._wire = IndiWire(host, port)
         self._wake = threading.Event()
@@ -83,7 +82,7 @@ class SimulatedClock:
             "Text", CLOCK_DEVICE, "SIM_ADVANCE", {"TO_UTC_NS": str(t_utc_ns), "TAG": tag}
         )
         pacing_s = (t_utc_ns - self._now_utc_ns) * self._wall_s_per_ns
-        answer = self._wire.wait(_advance_answer(tag), 2.0 * pacing_s + self._silence_timeout_s)
+        answer = self._answer(tag, 2.0 * pacing_s + self._silence_timeout_s)
         if answer is None:
             raise InstrumentError(
                 f"the simulated observatory let no time pass in {self._silence_timeout_s:.0f} s: "
@@ -98,17 +97,21 @@ class SimulatedClock:
     def wake(self) -> None:
         """End a wait that is in progress; without one, the next."""
         self._wake.set()
-        try:
-            wire = IndiWire(self._host, self._port, 1.0)
-            wire.new("Switch", CLOCK_DEVICE, "SIM_INTERRUPT", {"INTERRUPT": "On"})
-            wire.close()
-        except InstrumentError:
-            # Without a server there is no wait to interrupt; the waiter is told by its own line.
-            return
 
     def close(self) -> None:
         """Hang up; the observatory's time stands still from now on."""
         self._wire.close()
+
+    def _answer(self, tag: str, timeout_s: float) -> IndiVector | None:
+        deadline_s = time.monotonic() + timeout_s
+        is_answer = _advance_answer(tag)
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            answer = self._wire.wait(is_answer, min(left_s, _WAKE_EVERY_S))
+            if answer is not None:
+                return answer
+            if self._wake.is_set():
+                self._wire.new("Switch", CLOCK_DEVICE, "SIM_INTERRUPT", {"INTERRUPT": "On"})
+        return None
 
 
 def _advance_answer(tag: str) -> Callable[[IndiVector], bool]:
