@@ -87,4 +87,4 @@ def test_a_parked_mount_is_not_slewed_until_it_is_unparked(night):
 
 
 def test_a_dead_server_is_an_error_with_words(night):
-    assert "mount" in night["after_death"]
+    assert "start indiserver" in night["after_death"]
