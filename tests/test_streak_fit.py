@@ -223,3 +223,30 @@ def test_a_star_just_beyond_an_end_is_not_part_of_the_streak() -> None:
         assert isinstance(fit, StreakFit)
         # Taken for part of the streak it would move the midpoint by 4 px.
         assert np.hypot(fit.x_px - 159.5, fit.y_px - 146.0) < 1.5
+
+
+def test_stars_in_a_row_are_no_streak() -> None:
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        at = np.cumsum(rng.uniform(5, 12, 11)) + 95
+        row = [((x, 150.0), (x + 0.3, 150.0), rng.uniform(30, 90)) for x in at]
+        reason = reason_of(draw(rng, row), (at[0] - 4, 144, at[-1] + 4, 156))
+        assert "stars in a row" in reason
+
+
+def test_whatever_is_proposed_the_answer_is_finite_or_a_reason() -> None:
+    rng = np.random.default_rng(14)
+    image = draw(rng, [((40.0, 60.0), (200.0, 220.0), 40.0)], stars=400)
+    image[100:110, 200:230] = 65520
+    sky, stars = local_background(image), find_stars(image)
+    for _ in range(80):
+        x, y = rng.uniform(-20, SIZE - 10, 2)
+        w, h = rng.uniform(1, 150, 2)
+        fit = fit_streak(image, sky, (x, y, x + w, y + h), stars=stars)
+        if isinstance(fit, NoStreak):
+            assert fit.reason
+            continue
+        values = [fit.x_px, fit.y_px, fit.length_px, fit.snr]
+        assert np.all(np.isfinite([*values, fit.sigma_along_px, fit.sigma_across_px]))
+        assert fit.sigma_along_px > 0
+        assert fit.sigma_across_px > 0

@@ -4,36 +4,28 @@ The midpoint of the two ends is the satellite's place at mid-exposure whatever i
 meanwhile. A proposal's box says where to look; the fit says what is there, or why it is no streak.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
-from rsoconsole.vision.streak_model import (
-    BoolArray,
-    Line,
-    LineFit,
-    Pixels,
-    fit_line,
-    light_of,
-    with_knots,
+from rsoconsole.vision.streak_model import Line, LineFit
+from rsoconsole.vision.streak_robust import (
+    Axes,
+    fit_robustly,
+    or_star_beyond_an_end,
+    uneven_share,
 )
 from rsoconsole.vision.streak_search import Box, Cutout, Ends, Guess, cut_out, find_ends, find_line
 
 MIN_SNR = 7.0
 _MARGIN_PX = 16.0
 _LOOKS = 4
-_REFITS = 3
-_KNOTS = ((6, 30.0), (3, 15.0))
-"""Number of knots and the matched signal to noise from which they are used."""
-_CHI2_PER_KNOT = 8.0
-_OUTLIER_SIGMA = 4.5
-_ABOVE_STREAK = 2.5
+_LARGEST_CUTOUT_PX = 4_000_000
 _SECOND_ORDER = 0.4
-_CHI2_OF_A_STAR = 12.0
-"""Price of a star's place and brightness."""
+_HOPELESS = 1e3
 _CLIPPED_SIGMA_PX = 100.0
 _NARROWEST, _WIDEST = 0.6, 2.2
 """Width relative to the stars'."""
@@ -41,6 +33,7 @@ _SHORTEST = 2.0
 """Length relative to the stars' width."""
 _MAX_SIGMA_SHARE = 0.1
 _MIN_LIT_SHARE = 0.6
+_MAX_UNEVEN_SHARE = 0.35
 _FLOOR_PX = 0.005
 """What remains of a pixel's own shape in a perfect frame."""
 
@@ -107,11 +100,14 @@ def fit_streak(
         amplitudes=stretch.amplitudes,
         knot_range=(stretch.u_a, stretch.u_b),
     )
-    fitted = _fit_robustly(cutout, _axes(cutout, guess), start, stretch, psf_sigma)
+    axes = _axes(cutout, guess)
+    fitted = fit_robustly(cutout, axes, start, stretch, psf_sigma)
     if fitted is None:
         return NoStreak(reason="no line fits the light in the box")
-    fitted = _or_star_beyond_an_end(cutout, _axes(cutout, guess), start, stretch, fitted)
-    return _judge(_describe(cutout, guess, fitted, stretch), stretch, fitted, fwhm)
+    fitted = or_star_beyond_an_end(cutout, axes, start, stretch, fitted)
+    fit = _describe(cutout, guess, fitted, stretch)
+    reason = _fault(fit, stretch, fitted, fwhm, uneven_share(cutout, axes, fitted))
+    return fit if reason is None else NoStreak(reason=reason, fit=fit)
 
 
 def _look(
@@ -138,6 +134,8 @@ def _look(
         wider = cut_out(pixels, sky, _grown(box, stretch, guess), margin, stars)
         if not stretch.reaches_rim or wider.values.shape == cutout.values.shape:
             break
+        if wider.values.size > _LARGEST_CUTOUT_PX:
+            return NoStreak(reason="no ends found: the light runs on for thousands of pixels")
         cutout = wider
         box = _grown(box, stretch, guess)
         ends = _guess_ends(guess, stretch)
@@ -161,7 +159,7 @@ def _grown(box: Box, stretch: Ends, guess: Guess) -> Box:
     return min(box[0], *x), min(box[1], *y), max(box[2], *x), max(box[3], *y)
 
 
-def _axes(cutout: Cutout, guess: Guess) -> tuple[FloatArray, FloatArray]:
+def _axes(cutout: Cutout, guess: Guess) -> Axes:
     """u along and v across for every pixel of the cutout, (h, w) each."""
     height, width = cutout.values.shape
     x = np.arange(width) + (cutout.x0 - guess.x_px)
@@ -175,147 +173,6 @@ def _leaves_frame(cutout: Cutout, guess: Guess, u: float, reach_px: float) -> bo
     return not (reach_px - 0.5 < x < far_x and reach_px - 0.5 < y < far_y)
 
 
-def _fit_robustly(
-    cutout: Cutout,
-    axes: tuple[FloatArray, FloatArray],
-    start: Line,
-    stretch: Ends,
-    psf_sigma: float,
-) -> LineFit | None:
-    """The fit after what is in the way is masked; more knots only where the light needs them."""
-    u, v = axes
-    low, high = start.knot_range
-    reach = 6.0 * psf_sigma + 10.0
-    strip = (np.abs(v) < 5.0 * psf_sigma + 2.0) & (u > low - reach) & (u < high + reach)
-    is_used = strip & cutout.is_good & ~_in_the_way(cutout, axes, stretch, psf_sigma)
-    line, excess = with_knots(start, _knots(stretch, psf_sigma)), 0.0
-    for _ in range(_REFITS):
-        data = _pixels(cutout, u, v, is_used)
-        fit = fit_line(data, line, psf_sigma, excess=excess)
-        if fit is None:
-            return None
-        line, excess = fit.line, fit.excess
-        is_outlier = _outliers(cutout, is_used, data, fit) & is_used
-        if not is_outlier.any():
-            break
-        is_used &= ~is_outlier
-    data = _pixels(cutout, u, v, is_used)
-    best = fit_line(data, line, psf_sigma, excess=excess)
-    steady = fit_line(data, with_knots(line, 1), psf_sigma, excess=excess)
-    if best is None or steady is None:
-        return best or steady
-    spared = _CHI2_PER_KNOT * (len(line.amplitudes) - 1)
-    is_steady = _chi2(data, steady, excess) - _chi2(data, best, excess) <= spared
-    return steady if is_steady else best
-
-
-def _or_star_beyond_an_end(
-    cutout: Cutout,
-    axes: tuple[FloatArray, FloatArray],
-    start: Line,
-    stretch: Ends,
-    fit: LineFit,
-) -> LineFit:
-    """The fit, or the shorter one that leaves a star beyond a dark gap to itself, if likelier."""
-    for side, dark_u in enumerate(stretch.dark_u):
-        if dark_u is None or (start.u_a if side == 0 else start.u_b) is None:
-            continue
-        u, v = axes
-        beyond = u < dark_u if side == 0 else u > dark_u
-        inward = dark_u + 2.0 * start.sigma * (1.0 if side == 0 else -1.0)
-        shorter = replace(start, u_a=inward) if side == 0 else replace(start, u_b=inward)
-        rest = replace(cutout, is_good=cutout.is_good & ~beyond)
-        other = _fit_robustly(rest, axes, shorter, stretch, start.sigma)
-        if other is None:
-            continue
-        strip = (np.abs(v) < 5.0 * start.sigma + 2.0) & cutout.is_good
-        strip &= (np.abs(u - dark_u) < 20.0 + 4.0 * start.sigma) | beyond
-        strip &= (u > stretch.u_a - 12.0) & (u < stretch.u_b + 12.0)
-        data = _pixels(cutout, u, v, strip)
-        sigma = np.sqrt(data.noise**2 + fit.excess * np.maximum(light_of(data, fit.line), 0.0))
-        long, short = (
-            (data.value - one.line.sky - light_of(data, one.line)) / sigma for one in (fit, other)
-        )
-        star = _brightest_point(cutout, strip, short, start.sigma, beyond) ** 2
-        if float(short @ short) - star + _CHI2_OF_A_STAR < float(long @ long):
-            fit = other
-    return fit
-
-
-def _brightest_point(
-    cutout: Cutout, strip: BoolArray, deviation: FloatArray, sigma: float, where: BoolArray
-) -> float:
-    """Matched signal to noise of the brightest star-like spot among the residuals."""
-    import cv2
-
-    image = np.zeros(cutout.values.shape, dtype=np.float32)
-    image[strip] = deviation
-    smooth = cv2.GaussianBlur(image, (0, 0), sigma) * (2.0 * np.sqrt(np.pi) * sigma)
-    return float(np.max(smooth[strip & where], initial=0.0))
-
-
-def _knots(stretch: Ends, psf_sigma: float) -> int:
-    """How freely the light may change along the streak, by what its brightness can tell."""
-    length = stretch.u_b - stretch.u_a
-    for count, least_snr in _KNOTS:
-        if stretch.matched_snr > least_snr and length > 4.0 * count * FWHM_PER_SIGMA * psf_sigma:
-            return count
-    return 1
-
-
-def _pixels(cutout: Cutout, u: FloatArray, v: FloatArray, is_used: BoolArray) -> Pixels:
-    return Pixels(
-        u=u[is_used], v=v[is_used], value=cutout.values[is_used], noise=max(cutout.noise, 1e-9)
-    )
-
-
-def _chi2(data: Pixels, fit: LineFit, excess: float) -> float:
-    variance = data.noise**2 + excess * np.maximum(fit.model, 0.0)
-    return float(np.sum((data.value - fit.line.sky - fit.model) ** 2 / variance))
-
-
-def _in_the_way(
-    cutout: Cutout, axes: tuple[FloatArray, FloatArray], stretch: Ends, psf_sigma: float
-) -> BoolArray:
-    """Pixels near light far above what the streak can give there; (h, w)."""
-    import cv2
-
-    u, v = axes
-    gain = 2.0 * np.sqrt(np.pi) * psf_sigma / max(cutout.noise, 1e-9)
-    values = (cutout.values * cutout.is_good).astype(np.float32)
-    smooth = cv2.GaussianBlur(values, (0, 0), psf_sigma) * gain
-    places = np.linspace(stretch.u_a, stretch.u_b, len(stretch.amplitudes))
-    level = np.interp(u, places, _calm(stretch.amplitudes))
-    beyond = 4.0 * psf_sigma + 2.0
-    level[(u < stretch.u_a - beyond) | (u > stretch.u_b + beyond)] = 0.0
-    # Smoothed once more, the streak is sqrt(2) wider; half a pixel for the guess's own error.
-    off = np.maximum(np.abs(v) - 0.75, 0.0) / (1.15 * psf_sigma)
-    expected = level * np.exp(-0.25 * off**2) / (2.0 * np.sqrt(np.pi) * psf_sigma) * gain
-    found = smooth > _OUTLIER_SIGMA + _ABOVE_STREAK * expected
-    size = 2 * int(np.ceil(1.5 * psf_sigma)) + 1
-    return np.asarray(cv2.dilate(found.astype(np.uint8), np.ones((size, size))) > 0)
-
-
-def _calm(amplitudes: tuple[float, ...]) -> FloatArray:
-    """Running median of three: one part brightened by a star does not count."""
-    padded = np.array([amplitudes[0], *amplitudes, amplitudes[-1]])
-    return np.asarray(np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0))
-
-
-def _outliers(cutout: Cutout, is_used: BoolArray, data: Pixels, fit: LineFit) -> BoolArray:
-    """Pixels near light that the line does not explain: stars, cosmic rays, hot pixels; (h, w)."""
-    import cv2
-
-    deviation = np.zeros(cutout.values.shape, dtype=np.float32)
-    variance = data.noise**2 + fit.excess * np.maximum(fit.model, 0.0)
-    deviation[is_used] = (data.value - fit.line.sky - fit.model) / np.sqrt(variance)
-    sigma = fit.line.sigma
-    smooth = cv2.GaussianBlur(deviation, (0, 0), sigma) * (2.0 * np.sqrt(np.pi) * sigma)
-    found = (smooth > _OUTLIER_SIGMA) | (deviation > _OUTLIER_SIGMA + 1.0)
-    size = 2 * int(np.ceil(sigma)) + 1
-    return np.asarray(cv2.dilate(found.astype(np.uint8), np.ones((size, size))) > 0)
-
-
 def _describe(cutout: Cutout, guess: Guess, fit: LineFit, stretch: Ends) -> StreakFit:
     """The fit in raw pixels; a clipped end stands where the line leaves the frame."""
     line = fit.line
@@ -325,8 +182,8 @@ def _describe(cutout: Cutout, guess: Guess, fit: LineFit, stretch: Ends) -> Stre
     middle = 0.5 * (u_a + u_b)
     to_across = np.array([0.5 * line.slope, 0.5 * line.slope, 1.0, middle])
     to_along = np.array([0.5, 0.5, 0.0, 0.0])
-    along = float(to_along @ fit.covariance @ to_along) * _beyond_parabola(fit)
-    across = float(to_across @ fit.covariance @ to_across)
+    along = max(float(to_along @ fit.covariance @ to_along), 0.0) * _beyond_parabola(fit)
+    across = max(float(to_across @ fit.covariance @ to_across), 0.0)
     length = float(np.hypot(u_b - u_a, line.slope * (u_b - u_a)))
     xs, ys = _to_raw(guess, line, np.array([u_a, middle, u_b]))
     return StreakFit(
@@ -353,7 +210,7 @@ def _beyond_parabola(fit: LineFit) -> float:
     The coefficient was measured on synthetic streaks with a peak of 1 to 3 sigma.
     """
     worst = max(fit.covariance[0, 0], fit.covariance[1, 1]) / fit.line.sigma**2
-    return float(1.0 + _SECOND_ORDER * worst) ** 2
+    return float(1.0 + _SECOND_ORDER * min(worst, _HOPELESS)) ** 2
 
 
 def _to_raw(guess: Guess, line: Line, u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -372,10 +229,10 @@ def _rim(cutout: Cutout, guess: Guess, line: Line, u: float) -> float:
     return min(candidates, key=lambda at: abs(at - u))
 
 
-def _judge(
-    fit: StreakFit, stretch: Ends, line_fit: LineFit, psf_fwhm: float
-) -> StreakFit | NoStreak:
-    """The fit, or the first gate that it does not pass."""
+def _fault(
+    fit: StreakFit, stretch: Ends, line_fit: LineFit, psf_fwhm: float, uneven: float
+) -> str | None:
+    """The first gate that the fit does not pass, in words; None where it passes all."""
     ratio = fit.width_px / psf_fwhm
     reason = None
     if min(line_fit.line.amplitudes) <= 0 and max(line_fit.line.amplitudes) <= 0:
@@ -391,7 +248,9 @@ def _judge(
     elif fit.length_px < _SHORTEST * psf_fwhm:
         reason = f"too short: {fit.length_px:.1f} px, hardly longer than a star is wide"
     elif not fit.is_clipped and fit.sigma_along_px > _MAX_SIGMA_SHARE * fit.length_px:
-        reason = "no ends found: they fade into the sky"
+        reason = "no ends found: they fade into the sky or lie behind a star"
     elif stretch.lit_share < _MIN_LIT_SHARE:
         reason = f"only {100 * stretch.lit_share:.0f} % of its length is lit: not one streak"
-    return fit if reason is None else NoStreak(reason=reason, fit=fit)
+    elif uneven > _MAX_UNEVEN_SHARE:
+        reason = f"uneven over {100 * uneven:.0f} % of its length: stars in a row"
+    return reason

@@ -248,6 +248,8 @@ def _finish(
         inverse = np.linalg.inv(normal[np.ix_(free, free)])
     except np.linalg.LinAlgError:
         return None
+    if not np.all(np.isfinite(inverse)) or np.any(np.diag(inverse) < 0):
+        return None
     covariance = np.zeros((p.size, p.size))
     covariance[np.ix_(free, free)] = inverse
     value, _ = _evaluate(pixels, p, start)
