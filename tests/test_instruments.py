@@ -315,10 +315,15 @@ def test_a_camera_without_a_frame_is_an_error_that_names_the_cable(instruments):
     assert take_frame(instruments, 2).frame_id == 2
 
 
-def test_a_killed_camera_process_is_an_error_and_then_works_again(instruments):
+@pytest.mark.parametrize("is_noticed", [False, True])
+def test_a_killed_camera_process_is_an_error_and_then_works_again(instruments, is_noticed):
     take_frame(instruments, 1)
     instruments.camera.start_exposure(10.0, 2)
-    os.kill(instruments.camera.process.pid, signal.SIGKILL)
+    pid = instruments.camera.process.pid
+    os.kill(pid, signal.SIGKILL)
+    if is_noticed:
+        while instruments.camera.process.pid is not None:
+            time.sleep(0.01)
     with pytest.raises(InstrumentError, match="process ended"):
         instruments.camera.wait_frame(5.0)
     assert take_frame(instruments, 3).frame_id == 3

@@ -62,7 +62,9 @@ class IndiCamera:
         if self._awaited is None:
             raise InstrumentError("no exposure is under way: start one first")
         try:
-            has_come = self.process.wait(lambda: self._outcome is not None, timeout_s)
+            has_come = self.process.wait(
+                lambda: self._outcome is not None, timeout_s, starts_again=False
+            )
         finally:
             self._awaited = None
         if not has_come:

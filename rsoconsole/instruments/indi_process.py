@@ -105,15 +105,19 @@ class IndiProcess:
         assert process is not None
         return self._ask(process, verb, timeout_s, arguments)
 
-    def wait(self, is_done: Callable[[], bool], timeout_s: float) -> bool:
+    def wait(
+        self, is_done: Callable[[], bool], timeout_s: float, *, starts_again: bool = True
+    ) -> bool:
         """Wait for something that ``on_event`` brings about; False when it did not.
 
+        A child that is dead already is started again, unless what is waited for died with it.
         Raises InstrumentError when the child dies meanwhile.
         """
-        if self.pid is None:
+        if starts_again and self.pid is None:
             self.start()
         process = self._process
-        assert process is not None
+        if process is None:
+            raise InstrumentError(f"the {self.name} is not connected: start it first")
         deadline_s = time.monotonic() + timeout_s
         with self._changed:
             while not is_done():
