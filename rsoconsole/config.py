@@ -89,7 +89,9 @@ class ExposureConfig(_Section):
     header_latency_s: float = Field(
         0.0, ge=-10, le=10, description="true shutter opening minus DATE-OBS"
     )
-    timing_sigma_s: float = Field(0.005, ge=0, le=10)
+    timing_sigma_s: float = Field(
+        0.015, ge=0, le=10, description="how well the shutter's opening is known"
+    )
     readout_s: float = Field(1.0, ge=0, le=60, description="shutter to the end of the read-out")
     frame_timeout_s: float = Field(
         30.0, gt=0, le=600, description="wall clock, beyond the exposure"

@@ -211,6 +211,8 @@ class TrackState:
     """sqrt of the diagonal of S = C P- C' + R, on the sky."""
     misses: int = 0
     """Exposures since the last measurement."""
+    q_scale: float = 1.0
+    """What the track's own innovations have made of the process noise; preset ``tuned`` only."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

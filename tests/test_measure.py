@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import ExposureConfig
-from rsoconsole.pipeline.measure import CATALOGUE_FLOOR_ARCSEC, measure
+from rsoconsole.pipeline.measure import AIR_ARCSEC_ROOT_S, measure
 from rsoconsole.records import Frame, Solution
 from rsoconsole.sky.wcs import describe, pixel_to_sky, tan_wcs
 from tests.makers import T0_UTC_NS, straight_detection
@@ -78,7 +78,7 @@ def test_the_covariance_is_long_along_the_streak_on_the_sky(angle_deg, rotation_
     assert found is not None
     ee, en, nn = found.cov_sky_arcsec2
     values, vectors = np.linalg.eigh(np.array([[ee, en], [en, nn]]))
-    floor = CATALOGUE_FLOOR_ARCSEC**2
+    floor = AIR_ARCSEC_ROOT_S**2 / 10.0
     assert values - floor == pytest.approx(
         [(0.2 * SCALE_ARCSEC_PX) ** 2, (0.6 * SCALE_ARCSEC_PX) ** 2], rel=1e-3
     )

@@ -11,6 +11,7 @@ from rsoconsole.config import OpticsConfig
 from rsoconsole.simulator import scene as scene_module
 from rsoconsole.simulator.clouds import CloudDeck
 from rsoconsole.simulator.faint_stars import faint_stars, galactic_latitude_deg
+from rsoconsole.simulator.imperfections import catalogue_errors_arcsec
 from rsoconsole.simulator.scenarios import CLEAR, scenario_named
 from rsoconsole.simulator.scene import Scene
 from rsoconsole.simulator.truth import truth_from_json
@@ -91,11 +92,13 @@ def test_catalogue_stars_lie_where_the_plate_of_the_truth_says():
     assert np.all(np.abs(np.median(residuals, axis=0)) < a_fifth_of_a_pixel)
 
 
-def test_the_plate_agrees_with_astropy(night):
+def test_the_plate_agrees_with_astropy(monkeypatch):
     from astropy.io.fits import Header
     from astropy.wcs import WCS
 
-    _, _, truth = night
+    monkeypatch.setattr(scene_module, "SHUTTER_SIGMA_S", 0.0)
+    monkeypatch.setattr(scene_module, "air_sigma_arcsec", lambda _exposure_s: 0.0)
+    _, _, truth = exposed("intelsat-14")
     theirs = WCS(Header(truth.wcs_cards))
     for satellite in truth.satellites:
         x, y = theirs.all_world2pix(satellite.ra_icrs_deg, satellite.dec_icrs_deg, 0)
@@ -185,7 +188,35 @@ def test_another_seed_changes_the_noise_and_not_the_sky(night):
     _, other, other_truth = exposed("intelsat-14", seed=2)
     assert not np.array_equal(pixels, other)
     assert other_truth.stars == truth.stars
-    assert other_truth.satellites[0].x_px == truth.satellites[0].x_px
+    assert other_truth.satellites[0].ra_icrs_deg == truth.satellites[0].ra_icrs_deg
+
+
+def test_air_and_shutter_move_the_streak_by_what_they_are_said_to():
+    """Against its place on the plate: 0.125 arcsec of air on each axis, 0.23 of shutter along."""
+    offsets_arcsec = []
+    for second in range(60):
+        (ra, dec), t = aim("intelsat-14", float(second))
+        tiny = OpticsConfig(width_px=64, height_px=64)
+        _, truth = Scene(scenario_named("intelsat-14"), 3, optics=tiny).expose(
+            ra, dec, 0.0, False, t, 10.0
+        )
+        plate = wcs_from_cards(truth.wcs_cards)
+        for satellite in truth.satellites:
+            x, y = sky_to_pixel(plate, satellite.ra_icrs_deg, satellite.dec_icrs_deg)
+            offsets_arcsec.append((satellite.x_px - float(x), satellite.y_px - float(y)))
+    along, across = np.std(offsets_arcsec, axis=0) * 1.264
+    assert len(offsets_arcsec) == 60
+    assert along == pytest.approx(np.hypot(0.125, 0.225), rel=0.3)
+    assert across == pytest.approx(0.125, rel=0.3)
+
+
+def test_index_stars_have_moved_since_1991_always_by_the_same():
+    stars = Scene(scenario_named("intelsat-14"), 1).catalogue.cone(150.0, -5.0, 1.5)
+    east, north = catalogue_errors_arcsec(stars.ra_icrs_deg, stars.dec_icrs_deg)
+    again, _ = catalogue_errors_arcsec(stars.ra_icrs_deg[::-1], stars.dec_icrs_deg[::-1])
+    assert np.array_equal(again[::-1], east)
+    assert [np.std(east), np.std(north)] == pytest.approx([0.45, 0.45], rel=0.1)
+    assert abs(np.corrcoef(east, north)[0, 1]) < 0.15
 
 
 def test_truth_travels_as_one_line_of_json(night):

@@ -8,8 +8,11 @@ from rsoconsole.config import ExposureConfig
 from rsoconsole.records import Detection, Frame, Measurement, Solution, Source
 from rsoconsole.sky.wcs import jacobian_arcsec_px, pixel_to_sky
 
-CATALOGUE_FLOOR_ARCSEC = 0.3
-"""Tycho-2 places of epoch ~1991 without proper motion, averaged over a field."""
+AIR_ARCSEC_ROOT_S = 0.40
+"""Wander of the satellite against stars half a degree off, times the root of the exposure.
+
+1.3 arcsec theta^0.25 T^-0.5, theta in radians. Source: Lindegren 1980.
+"""
 
 
 def measure(
@@ -22,8 +25,9 @@ def measure(
     """The streak's midpoint on the sky at mid-exposure; None when the frame has no time.
 
     The covariance is that of the midpoint along and across the streak, turned to the sky, plus
-    (rate x timing sigma)^2 along it, plus the plate solution's own error and the catalogue's
-    floor in every direction.
+    (rate x timing sigma)^2 along it, plus the air's wander and the plate solution's own error
+    in every direction. The part of the catalogue's error that all stars of a field share is the
+    same in the next frame: it biases a track and hides from its innovations.
     """
     if frame.t_mid_utc_ns is None or frame.exposure_s is None:
         return None
@@ -69,5 +73,6 @@ def _covariance(
     cov = variance_along * np.outer(along, along)
     cov += detection.sigma_across_px**2 * np.outer(across, across)
     plate_arcsec2 = solution.rms_arcsec**2 / max(solution.matched, 1)
-    cov += np.eye(2) * (plate_arcsec2 + CATALOGUE_FLOOR_ARCSEC**2)
+    air_arcsec2 = AIR_ARCSEC_ROOT_S**2 / max(exposure_s, 0.01)
+    cov += np.eye(2) * (plate_arcsec2 + air_arcsec2)
     return float(cov[0, 0]), float(cov[0, 1]), float(cov[1, 1])

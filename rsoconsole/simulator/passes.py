@@ -43,14 +43,26 @@ def satellite_passes(
     wcs: Wcs,
     t_start_utc_ns: int,
     exposure_s: float,
+    shutter_error_s: float = 0.0,
+    wander_px: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[SatellitePass, ...]:
-    """Those whose streak comes near the sensor, sampled along the exposure."""
+    """Those whose streak comes near the sensor, sampled along the exposure.
+
+    The shutter opens ``shutter_error_s`` later than ``t_start_utc_ns``, and the air moves the
+    streak by ``wander_px``; directions are those of the instants a perfect clock would tell.
+    """
     offsets = np.rint(np.linspace(0.0, exposure_s, _NODES) * NS).astype(np.int64)
     t_utc_ns = np.int64(t_start_utc_ns) + offsets
     found = []
     for satellite in satellites:
         places = satellite.astrometric_place(site, t_utc_ns)
-        x, y = sky_to_pixel(wcs, places.ra_icrs_deg, places.dec_icrs_deg)
+        # Over a few hundredths of a second the rates of the instant serve.
+        x, y = sky_to_pixel(
+            wcs,
+            places.ra_icrs_deg + places.ra_rate_deg_s * shutter_error_s,
+            places.dec_icrs_deg + places.dec_rate_deg_s * shutter_error_s,
+        )
+        x, y = x + wander_px[0], y + wander_px[1]
         if not np.all(np.isfinite(x)) or not _is_near(sensor, x, y):
             continue
         per_second = sensor.electrons(satellite.magnitude(places), 1.0)

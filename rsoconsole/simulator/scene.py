@@ -14,6 +14,11 @@ from rsoconsole.config import OpticsConfig
 from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.records import FloatArray, Site, Wcs
 from rsoconsole.simulator.faint_stars import faint_stars
+from rsoconsole.simulator.imperfections import (
+    SHUTTER_SIGMA_S,
+    air_sigma_arcsec,
+    catalogue_errors_arcsec,
+)
 from rsoconsole.simulator.passes import MARGIN_PX, dimmed, satellite_passes, satellite_truth
 from rsoconsole.simulator.render import FieldContent, FramePixels, frame_rng, render
 from rsoconsole.simulator.scenarios import Scenario
@@ -30,7 +35,7 @@ FAINTEST_STAR_MAG = 19.0
 EXTINCTION_MAG_AIRMASS = 0.15
 REFERENCE_SCALE_ARCSEC_PX = 206.264806 * 3.8 / 620.0
 _CLOUD_GRID = (33, 44)
-_NOISE, _SEEING = 0, 1
+_NOISE, _SEEING, _AIR = 0, 1, 2
 _ALTITUDE_FLOOR_DEG = 5.0
 
 
@@ -99,7 +104,10 @@ class Scene:
             height_px=self.sensor.height_px,
         )
         content = self._empty_field(wcs, t_start_utc_ns, exposure_s)
+        air = frame_rng(self.seed, t_start_utc_ns, _AIR)
+        wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
         x_px, y_px, magnitude = self._stars(wcs)
+        x_px, y_px = (at + air.normal(0.0, wander_px, at.shape) for at in (x_px, y_px))
         passes = satellite_passes(
             self.satellites,
             site=self.site,
@@ -107,6 +115,8 @@ class Scene:
             wcs=wcs,
             t_start_utc_ns=t_start_utc_ns,
             exposure_s=exposure_s,
+            shutter_error_s=float(air.normal(0.0, SHUTTER_SIGMA_S)),
+            wander_px=(float(air.normal(0.0, wander_px)), float(air.normal(0.0, wander_px))),
         )
         dimming = self._air_transmission(wcs, t_start_utc_ns)
         content = replace(
@@ -186,8 +196,11 @@ class Scene:
         is_covered = (faint.dec_icrs_deg >= self.catalogue.dec_min_deg) & (
             faint.dec_icrs_deg <= self.catalogue.dec_max_deg
         )
-        ras = np.concatenate([bright.ra_icrs_deg, faint.ra_icrs_deg[is_covered]])
-        decs = np.concatenate([bright.dec_icrs_deg, faint.dec_icrs_deg[is_covered]])
+        east, north = catalogue_errors_arcsec(bright.ra_icrs_deg, bright.dec_icrs_deg)
+        bright_dec = bright.dec_icrs_deg + north / 3600.0
+        bright_ra = bright.ra_icrs_deg + east / 3600.0 / np.cos(np.radians(bright_dec))
+        ras = np.concatenate([bright_ra, faint.ra_icrs_deg[is_covered]])
+        decs = np.concatenate([bright_dec, faint.dec_icrs_deg[is_covered]])
         magnitudes = np.concatenate([bright.magnitude, faint.magnitude[is_covered]])
         x, y = sky_to_pixel(wcs, ras, decs)
         near = (x > -MARGIN_PX) & (x < self.sensor.width_px + MARGIN_PX)

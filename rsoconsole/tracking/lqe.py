@@ -18,9 +18,14 @@ from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.sky.angles import wrap_180, wrap_360
 
 ARCSEC_PER_DEG = 3600.0
-SIGMA_FLOOR_ARCSEC = 0.3
-"""Catalogue positions are no better: epoch 1991 without proper motion."""
+SIGMA_FLOOR_ARCSEC = 0.15
+"""No measurement is trusted beyond this, whatever its own covariance says."""
 _MIN_COS_DEC = 1e-3
+ADAPTED_SPAN_S = 60.0
+NIS_AIM = 1.8
+_ADAPT_GAIN = 0.6
+_LARGEST_NIS = 6.0
+Q_SCALE_MIN, Q_SCALE_MAX = 0.003, 100.0
 
 C = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
@@ -52,8 +57,20 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
     """
     kalman = _kalman(state)
     dt_s = (t_utc_ns - state.t_utc_ns) / 1e9
-    kalman.predict(F=transition(dt_s), Q=process_noise(dt_s, state.x[2], settings))
-    return _state("predicted", frame_id, t_utc_ns, kalman.x, kalman.P, misses=state.misses + 1)
+    # Innovations speak of the next frame only: over a coast or a look ahead a calm target may
+    # turn, and the full noise holds again.
+    is_next_frame = state.misses == 0 and abs(dt_s) <= ADAPTED_SPAN_S
+    q_scale = state.q_scale if is_next_frame else max(state.q_scale, 1.0)
+    kalman.predict(F=transition(dt_s), Q=q_scale * process_noise(dt_s, state.x[2], settings))
+    return _state(
+        "predicted",
+        frame_id,
+        t_utc_ns,
+        kalman.x,
+        kalman.P,
+        misses=state.misses + 1,
+        q_scale=state.q_scale,
+    )
 
 
 def update(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:
@@ -71,16 +88,32 @@ def update(predicted: TrackState, measurement: Measurement, settings: FilterConf
     cos_dec = _cos_dec(predicted.x[2])
     to_sky = np.array([cos_dec, 1.0]) * ARCSEC_PER_DEG
     innovation, sigma = kalman.y * to_sky, np.sqrt(np.diag(kalman.S)) * to_sky
+    nis = float(kalman.y @ kalman.SI @ kalman.y)
     return _state(
         "updated",
         measurement.frame_id,
         measurement.t_mid_utc_ns,
         kalman.x,
         kalman.P,
-        nis=float(kalman.y @ kalman.SI @ kalman.y),
+        nis=nis,
         innovation_arcsec=(float(innovation[0]), float(innovation[1])),
         sigma_innovation_arcsec=(float(sigma[0]), float(sigma[1])),
+        q_scale=_adapted(predicted.q_scale, nis, settings),
     )
+
+
+def _adapted(q_scale: float, nis: float, settings: FilterConfig) -> float:
+    """Process noise moved towards that for which the innovations are as large as they claim.
+
+    One number q cannot fit a station-keeping satellite measured to 0.2 arcsec and a navigation
+    satellite that turns ten times as fast. A stochastic approximation of covariance matching
+    (Mehra 1972): each NIS moves the logarithm of the scale by its excess over the aim, which lies
+    a little below 2 so that bounds rather hold too often.
+    """
+    if settings.preset == "paper":
+        return q_scale
+    excess = min(nis, _LARGEST_NIS) / NIS_AIM - 1.0
+    return float(min(max(q_scale * np.exp(_ADAPT_GAIN * excess), Q_SCALE_MIN), Q_SCALE_MAX))
 
 
 def is_gated_out(nis: float, settings: FilterConfig) -> bool:
