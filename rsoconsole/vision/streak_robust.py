@@ -27,6 +27,7 @@ _CHI2_PER_KNOT = 8.0
 _OUTLIER_SIGMA = 4.5
 _ABOVE_STREAK = 2.5
 _EVEN_PX = 3.0
+_LONGEST_HIDDEN_PX = 40
 _CHI2_OF_A_STAR = 12.0
 """Price of a star's place and brightness."""
 
@@ -58,11 +59,43 @@ def fit_robustly(
     data = _pixels(cutout, u, v, is_used)
     best = fit_line(data, line, psf_sigma, excess=excess)
     steady = fit_line(data, with_knots(line, 1), psf_sigma, excess=excess)
-    if best is None or steady is None:
-        return best or steady
-    spared = _CHI2_PER_KNOT * (len(line.amplitudes) - 1)
-    is_steady = _chi2(data, steady, excess) - _chi2(data, best, excess) <= spared
-    return steady if is_steady else best
+    if best is not None and steady is not None:
+        spared = _CHI2_PER_KNOT * (len(line.amplitudes) - 1)
+        is_steady = _chi2(data, steady, excess) - _chi2(data, best, excess) <= spared
+        best = steady if is_steady else best
+    chosen = best or steady
+    return None if chosen is None else _with_hidden_ends(chosen, axes, is_used)
+
+
+def _with_hidden_ends(fit: LineFit, axes: Axes, is_used: BoolArray) -> LineFit:
+    """An end that lies where pixels are masked may be anywhere there: its middle, and so sure."""
+    u, v = axes
+    line, covariance = fit.line, fit.covariance.copy()
+    core = np.abs(v - line.offset - line.slope * u) < max(line.sigma, 0.8)
+    if not core.any():
+        return fit
+    bins = np.rint(u[core]).astype(int)
+    first = int(bins.min())
+    count = np.bincount(bins - first)
+    is_hidden = 2 * np.bincount(bins - first, is_used[core]) < count
+    ends = [line.u_a, line.u_b]
+    for side, end in enumerate(ends):
+        if end is None:
+            continue
+        near = np.arange(is_hidden.size) + first
+        touched = np.flatnonzero(is_hidden & (np.abs(near - end) <= 2.0))
+        if touched.size == 0:
+            continue
+        low, high = int(touched[0]), int(touched[-1])
+        while low > 0 and is_hidden[low - 1]:
+            low -= 1
+        while high < is_hidden.size - 1 and is_hidden[high + 1]:
+            high += 1
+        if high - low >= 2 and high - low < _LONGEST_HIDDEN_PX:
+            ends[side] = first + 0.5 * (low + high)
+            covariance[side, side] += (high - low + 1) ** 2 / 12.0
+    hidden = replace(line, u_a=ends[0], u_b=ends[1])
+    return replace(fit, line=hidden, covariance=covariance)
 
 
 def uneven_share(cutout: Cutout, axes: Axes, fit: LineFit) -> float:
