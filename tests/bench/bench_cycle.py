@@ -1,0 +1,88 @@
+"""From the last byte of a 16-megapixel frame to the slew command, by stage.
+
+    .venv/bin/python -m tests.bench.bench_cycle [FRAMES]
+
+Frames of the simulated camera, the whole reducer (network, line fit, solver process, filter) and
+the planning of the next exposure. Prints the median and the 95 % point of each stage.
+"""
+
+import statistics
+import sys
+import time
+from dataclasses import replace
+
+from rsoconsole.config import load_config
+from rsoconsole.engine.plan import Planner
+from rsoconsole.instruments.ports import MountReport
+from rsoconsole.pipeline.open import open_reducer
+from rsoconsole.records import Frame
+from rsoconsole.simulator.scenarios import scenario_named
+from rsoconsole.simulator.scene import Scene
+from rsoconsole.sky.frames import icrs_of_hour_angle
+from rsoconsole.tracking.follow import Following, FollowSettings, follow
+
+NS = 1_000_000_000
+TARGET_HOUR_ANGLE_DEG = -41.0
+
+
+def main() -> None:
+    """Measure and print."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+    scenario = scenario_named("intelsat-14")
+    scene = Scene(scenario, 1)
+    config = load_config()
+    settings = FollowSettings(filter=config.filter, half_field_deg=0.6)
+    rows: dict[str, list[float]] = {}
+    following = Following()
+    planner = Planner(config)
+    with open_reducer(config) as (reducer, _):
+        for number in range(1, count + 1):
+            t_ns = scenario.t_start_utc_ns + number * 30 * NS
+            ra, dec = icrs_of_hour_angle(
+                scenario.site, TARGET_HOUR_ANGLE_DEG, scenario.start_declination_deg, t_ns
+            )
+            pixels, _ = scene.expose(ra, dec, 1.0, False, t_ns, 10.0)
+            frame = Frame(
+                frame_id=number,
+                name=str(number),
+                pixels=pixels,
+                t_start_utc_ns=t_ns,
+                exposure_s=10.0,
+                scale_arcsec_px=config.optics.scale_arcsec_px,
+                pointing_ra_icrs_deg=ra,
+                pointing_dec_icrs_deg=dec,
+            )
+            if number == 1:
+                report = MountReport(
+                    t_utc_ns=t_ns,
+                    ra_icrs_deg=ra,
+                    dec_icrs_deg=dec,
+                    is_slewing=False,
+                    is_parked=False,
+                    is_tracking=True,
+                    pier_side="west",
+                )
+                planner.start_search(report, t_ns)
+            began_s = time.perf_counter()
+            reduction = reducer.reduce(frame, always_solve=True)
+            reduced_s = time.perf_counter()
+            seen = reduction.seen(frame, t_ns + 5 * NS, 10.0)
+            following, _ = follow(following, seen, settings)
+            planner.plan(replace(following), t_ns + 12 * NS)
+            ended_s = time.perf_counter()
+            stages = {
+                **reduction.stage_ms,
+                "filter": (ended_s - reduced_s) * 1e3,
+                "total": (ended_s - began_s) * 1e3,
+            }
+            for stage, value in stages.items():
+                rows.setdefault(stage, []).append(value)
+    print(f"{'stage':10} {'median ms':>10} {'95 % ms':>10}   ({count} frames, {following.state})")
+    for stage, values in rows.items():
+        ordered = sorted(values)
+        tail = ordered[min(len(ordered) - 1, round(0.95 * (len(ordered) - 1)))]
+        print(f"{stage:10} {statistics.median(values):10.1f} {tail:10.1f}")
+
+
+if __name__ == "__main__":
+    main()
