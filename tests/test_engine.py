@@ -288,6 +288,23 @@ def run_until_fault(r: Rig) -> None:
     r.engine.run(frames=1)
 
 
+def test_a_mount_that_stops_beside_the_place_is_sent_again():
+    """Debian's simulator loses the sky's motion on a long slew: 3.4 arcmin after 14 s."""
+    r = rig(set())
+    go = r.mount.slew
+
+    def short_of_it(ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
+        go(ra_icrs_deg, dec_icrs_deg, now_utc_ns)
+        if len(r.mount.slews) == 1:
+            r.mount.at_deg = (ra_icrs_deg + 3.4 / 60.0, dec_icrs_deg)
+
+    r.mount.slew = short_of_it  # type: ignore[method-assign]
+    r.engine.arm()
+    r.engine.run(frames=1)
+    assert r.mount.slews[0] == r.mount.slews[1]
+    assert r.engine.frame_id == 1
+
+
 def test_a_tunable_takes_effect_and_is_on_record_with_old_and_new():
     r = rig(set())
     r.engine.arm()

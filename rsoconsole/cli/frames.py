@@ -151,7 +151,7 @@ def solve(
         finder = PlateFinder(solver, settings)
 
         def work(path: Path, number: int) -> dict[str, Any]:
-            frame = read_frame(path, number, allow_8bit=True)
+            frame = read_frame(path, number, allow_8bit=True, max_nonfinite_fraction=0.2)
             stars = find_stars(frame.pixels, saturation_adu=frame.saturation_adu)
             hint = overridden(finder.hint_of(frame), ra, dec, radius, scale)
             solution = finder.solve_in_full(frame, stars, hint)

@@ -54,17 +54,16 @@ class Hands:
         return SLEW_OVERHEAD_S + distance_deg / SLEW_RATE_DEG_S + self.config.mount.settle_s
 
     def slew(self, ra_icrs_deg: float, dec_icrs_deg: float) -> MountReport:
-        """Send the mount there and wait for its arrival by read-back, then for it to settle.
+        """Send the mount there, wait for its arrival by read-back, then for it to settle.
 
-        Raises InstrumentError when it has not arrived in time, Interrupted on STOP.
+        A mount that stops beside the place is sent again: some lose the sky's motion on a long
+        way. Raises InstrumentError when it has not arrived in time, Interrupted on STOP.
         """
         mount = self.instruments.mount
-        started_ns = self.now_utc_ns()
-        mount.slew(ra_icrs_deg, dec_icrs_deg, started_ns)
-        limit_ns = started_ns + round(self.config.mount.slew_timeout_s * NS)
+        limit_ns = self.now_utc_ns() + round(self.config.mount.slew_timeout_s * NS)
         while True:
-            self.wait_until(self.now_utc_ns() + POLL_NS)
-            report = self.mount_report()
+            mount.slew(ra_icrs_deg, dec_icrs_deg, self.now_utc_ns())
+            report = self._wait_for_rest(limit_ns)
             off_deg = separation_deg(
                 report.ra_icrs_deg, report.dec_icrs_deg, ra_icrs_deg, dec_icrs_deg
             )
@@ -77,6 +76,14 @@ class Hands:
                 )
         self.wait_until(self.now_utc_ns() + round(self.config.mount.settle_s * NS))
         return report
+
+    def _wait_for_rest(self, limit_utc_ns: int) -> MountReport:
+        """The first report of a mount that does not slew any more, or the last before the limit."""
+        while True:
+            self.wait_until(self.now_utc_ns() + POLL_NS)
+            report = self.mount_report()
+            if not report.is_slewing or self.now_utc_ns() > limit_utc_ns:
+                return report
 
     def expose(self, t_start_utc_ns: int, frame_id: int) -> Frame:
         """Open the shutter at the instant and bring the frame.

@@ -21,7 +21,8 @@ from rsoconsole.instruments.frame_header import NOTES_KEY, exposure_s, pointing_
 from rsoconsole.records import Frame, PixelArray
 
 MIN_SIDE_PX = 64
-MAX_NONFINITE_FRACTION = 0.20
+MAX_NONFINITE_FRACTION = 0.0
+"""A camera gives numbers: a frame with anything else is not what it saw."""
 _FILL_BLOCK_PX = 64
 _IMAGE_MAGIC = (b"\x89PNG", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 # What astropy raises for a damaged file; AttributeError where a header breaks off half-way.
@@ -41,8 +42,8 @@ def read_frame(
     Pixels come as uint16 or float32, native order, (height, width). ``expected_size`` is (width,
     height). Pixels that are NaN or infinite are errors when they are more than
     ``max_nonfinite_fraction`` of the frame; fewer are masked bad pixels, are filled with the
-    median of their neighbourhood, and ``header["NOTES"]`` says how many. A start time that
-    cannot be understood is None, and a note says so; it never becomes another time.
+    median of their neighbourhood, and ``header["NOTES"]`` says how many. By default none may be.
+    A start time that cannot be understood is None, and a note says so; it never becomes another.
     Raises FrameError, one sentence with the remedy.
     """
     path = Path(path)
@@ -241,6 +242,9 @@ def _to_pixels(
         unsigned = raw.view(raw.dtype.str.replace("i", "u")).astype(np.uint16)
         unsigned ^= np.uint16(0x8000)
         return unsigned
+    shift_bits = _shift_bits(raw, bzero, bscale)
+    if shift_bits is not None:
+        return raw.astype(np.uint16) << np.uint16(shift_bits)
     if raw.dtype.kind not in "iuf":
         raise FrameError(f"{name} holds {raw.dtype} pixels: give integers or real numbers")
     with np.errstate(over="ignore", invalid="ignore"):
@@ -253,6 +257,20 @@ def _to_pixels(
     if masked is not None:
         pixels[masked] = np.nan
     return pixels
+
+
+def _shift_bits(raw: npt.NDArray[Any], bzero: float, bscale: float) -> int | None:
+    """By how much a camera's values were shifted down before coding; None when they were not.
+
+    Sessions keep 12 bits in 16 that way, and say so with BSCALE: the same frame comes back.
+    """
+    if raw.dtype.kind != "i" or raw.dtype.itemsize != 2 or bzero != 0.0:
+        return None
+    bits = math.log2(bscale) if bscale > 1.0 else 0.0
+    if not (1.0 <= bits <= 8.0 and bits.is_integer()):
+        return None
+    highest = 0xFFFF >> int(bits)
+    return int(bits) if int(raw.min()) >= 0 and int(raw.max()) <= highest else None
 
 
 def _fill_nonfinite(pixels: npt.NDArray[Any], name: str, max_fraction: float) -> str | None:

@@ -18,4 +18,7 @@ def open_reducer(config: Config) -> Iterator[tuple[FrameReducer, str]]:
     """
     network = Network.load(config.detector.model, config.detector.threads)
     with PlateSolver(config.solver.index_dirs) as solver:
-        yield FrameReducer(network, PlateFinder(solver, config), config), str(network.card["sha256"])
+        yield (
+            FrameReducer(network, PlateFinder(solver, config), config),
+            str(network.card["sha256"]),
+        )

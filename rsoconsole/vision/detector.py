@@ -21,7 +21,7 @@ from rsoconsole.vision.stars import StarList, find_stars
 from rsoconsole.vision.streak_fit import NoStreak, StreakFit, fit_streak
 
 BOX_SIGMA_PX = 3.0
-"""One sigma of a box's centre against the streak's midpoint, measured on synthetic frames."""
+"""One sigma of a box's centre against the streak's midpoint, of boxes about streaks of 119 px."""
 MOST_FITS = 24
 TRAILED_STREAKS = 12
 """So many streaks of one length and direction are stars; no satellite cluster is as large."""
