@@ -36,9 +36,12 @@ def draw_shard(seed: int, split: str, number: int) -> list[Field]:
 def write_shard(folder: Path, seed: int, split: str, number: int) -> None:
     """Draw one shard unless it is there already."""
     path = shard_path(folder, split, number)
-    if path.exists():
-        return
-    fields = draw_shard(seed, split, number)
+    if not path.exists():
+        write_fields(path, draw_shard(seed, split, number))
+
+
+def write_fields(path: Path, fields: list[Field]) -> None:
+    """Keep fields on disk; a crash meanwhile leaves no half file."""
     rows = [
         (i, s.x_a, s.y_a, s.x_b, s.y_b, s.peak_snr, float(s.is_asked))
         for i, field in enumerate(fields)

@@ -9,6 +9,7 @@ import json
 import math
 import time
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,41 +17,25 @@ import numpy as np
 
 from models.batches import read_fields
 from models.dataset import FIELDS_PER_SHARD
-from models.export import FRAME_CELLS, TAU, TEST_NIGHTS, ordinary_nights
-from models.fields import Conditions, Field, draw_field, draw_sensor
+from models.fields import Field
+from models.nights import (
+    FRAME_CELLS,
+    GEO_CELLS,
+    TAU,
+    TEST_NIGHTS,
+    geostationary,
+    ordinary_nights,
+)
 from models.scoring import Score, score
 from rsoconsole.records import MapMode, PixelArray
-from rsoconsole.simulator.render import frame_rng
 from rsoconsole.vision.maps import choose_block, make_map
 from rsoconsole.vision.network import Network
 
 SNR_BANDS = ((1.2, 1.7), (1.7, 2.5), (2.5, 4.0), (4.0, 8.0), (8.0, 30.0))
-GEO_CELLS = 14.8
-"""A geostationary streak of 10 s at 1.264 arcsec/px and a block of 8."""
-_GEO_SPLIT = 6
-
-
-def geostationary(
-    seed: int, band: tuple[float, float], mode: MapMode, *, fields: int = 50, is_hard: bool = False
-) -> list[Field]:
-    """Fields with three geostationary streaks each, in one band of peak signal to noise."""
-    rng = frame_rng(seed, _GEO_SPLIT, int(band[0] * 100), int(mode == "paper"), int(is_hard))
-    sensor = draw_sensor(8, rng, is_hard=is_hard)
-    wanted = Conditions(
-        kind="ordinary",
-        mode=mode,
-        peak_snr=band,
-        streak_cells=(GEO_CELLS, GEO_CELLS + 0.1),
-        streaks=(3, 3),
-        is_hard=is_hard,
-    )
-    return [draw_field(sensor, 8, wanted, rng) for _ in range(fields)]
 
 
 def recall_of_all(fields: list[Field], network: Network, logit: float) -> float:
     """Share of all streaks found, those counted that nobody could be asked for."""
-    from dataclasses import replace
-
     asked = [
         replace(
             f, streaks=tuple(replace(s, is_asked=s.length > 0.9 * GEO_CELLS) for s in f.streaks)
@@ -91,8 +76,11 @@ def read_image(path: Path) -> tuple[PixelArray, float | None, float | None]:
     with fits.open(path) as hdus:
         hdu = next(h for h in hdus if h.data is not None and np.ndim(h.data) == 2)
         pixels = np.nan_to_num(np.asarray(hdu.data), nan=float(np.nanmedian(hdu.data)))
-        header = hdus[0].header | hdu.header if hdu is not hdus[0] else hdu.header
-        exposure, focal, pitch = (header.get(k) for k in ("EXPTIME", "FOCALLEN", "XPIXSZ"))
+        headers = (hdu.header, hdus[0].header)
+        exposure, focal, pitch = (
+            next((h[key] for h in headers if key in h), None)
+            for key in ("EXPTIME", "FOCALLEN", "XPIXSZ")
+        )
     scale = 206.264806 * float(pitch) / float(focal) if focal and pitch else None
     kind = np.uint16 if pixels.dtype == np.uint16 else np.float32
     return pixels.astype(kind), float(exposure) if exposure else None, scale
@@ -140,7 +128,7 @@ def main() -> None:
         for mode in ("fast", "paper"):
             chosen = [field for field in fields if field.mode == mode]
             report[f"hard_{mode}"] = figures(score(chosen, network.answer, logit), logit)
-            nights = ordinary_nights(args.seed, TEST_NIGHTS, args.frames, mode)
+            nights = ordinary_nights(args.run / "data", args.seed, TEST_NIGHTS, args.frames, mode)
             report[f"nights_{mode}"] = figures(score(nights, network.answer, logit), logit)
             report[f"geo_{mode}"] = {
                 f"{band[0]}-{band[1]}": recall_of_all(

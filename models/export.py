@@ -11,11 +11,9 @@ import torch
 
 from models.batches import read_fields
 from models.dataset import FIELDS_PER_SHARD
-from models.fields import Conditions, Field, draw_field, draw_sensor
-from models.scoring import Score, fit_platt, score
+from models.nights import CALIBRATION_NIGHTS, FRAME_CELLS, ORDINARY_FRAMES, TAU, ordinary_nights
+from models.scoring import Score, fit_platt, logit_for_rate, score
 from models.streak_net import StreakNet
-from rsoconsole.records import MapMode
-from rsoconsole.simulator.render import frame_rng
 from rsoconsole.vision.maps import (
     CODES_PER_SIGMA,
     LOWEST_SIGMA,
@@ -25,45 +23,28 @@ from rsoconsole.vision.maps import (
 from rsoconsole.vision.network import LENGTH_UNIT_CELLS, MODEL_NAME, STRIDE_CELLS
 
 VERSION = "1"
-TAU = 0.10
-FRAME_CELLS = 582 * 440
-ORDINARY_FRAMES = 200
-CALIBRATION_NIGHTS = 4
-TEST_NIGHTS = 5
-"""Beside ``dataset.SPLITS``: which seeds the nights without satellites are drawn from."""
-_HARD_FRAMES_PER_FALSE = 20
-"""In the hard set every frame has a fault of the sky: a false candidate in 20 is allowed."""
-
-
-def ordinary_nights(seed: int, split: int, frames: int, mode: MapMode = "fast") -> list[Field]:
-    """Fields of the paper's telescope on ordinary nights without satellites, ``frames`` in area."""
-    count = math.ceil(frames * FRAME_CELLS / 192**2)
-    fields = []
-    for number in range(math.ceil(count / FIELDS_PER_SHARD)):
-        rng = frame_rng(seed, split, number)
-        sensor = draw_sensor(8, rng, is_hard=False)
-        wanted = Conditions(kind="empty", mode=mode, is_hard=False)
-        fields += [draw_field(sensor, 8, wanted, rng) for _ in range(FIELDS_PER_SHARD)]
-    return fields[:count]
+_FRAMES_PER_FALSE = 400
 
 
 def calibration(hard: Score, ordinary: Score) -> dict[str, float]:
     """Slope and offset that make ``TAU`` the point of rare false candidates.
 
-    The slope is that of Platt's curve on the hard set. The offset puts TAU where the ordinary
-    nights give no false candidate and the hard set one in 20 frames, or where Platt's own
-    curve has it if that is higher.
+    The slope is that of Platt's curve on the hard set. The offset puts TAU where ordinary nights
+    give one false candidate in 400 frames, or where Platt's own curve has it if that is higher.
     """
     slope, offset = fit_platt(hard.true_logits, hard.false_logits)
     at_tau = math.log(TAU / (1.0 - TAU))
-    allowed = int(hard.cells / FRAME_CELLS / _HARD_FRAMES_PER_FALSE)
-    candidates = (
-        (at_tau - offset) / slope,
-        ordinary.logit_for_false(0) + 0.25,
-        hard.logit_for_false(allowed),
-    )
-    logit = max(candidates)
-    return {"slope": slope, "offset": at_tau - slope * logit, "logit_at_tau": logit}
+    wanted = ordinary.cells / FRAME_CELLS / _FRAMES_PER_FALSE
+    by_platt = (at_tau - offset) / slope
+    by_rate = logit_for_rate(ordinary.false_logits, wanted)
+    logit = max(by_platt, by_rate)
+    return {
+        "slope": slope,
+        "offset": at_tau - slope * logit,
+        "logit_at_tau": logit,
+        "logit_by_platt": by_platt,
+        "logit_by_rate": by_rate,
+    }
 
 
 def convert(net: StreakNet, path: Path) -> float:
@@ -102,7 +83,9 @@ def export(run: Path, seed: int, threads: int, folder: Path | None = None) -> No
     net, step = load_average(run)
     answer = answer_with(net.to(memory_format=torch.channels_last))
     hard = score(read_fields(run / "data", "calibrate", SHARDS["calibrate"]), answer)
-    ordinary = score(ordinary_nights(seed, CALIBRATION_NIGHTS, ORDINARY_FRAMES), answer)
+    ordinary = score(
+        ordinary_nights(run / "data", seed, CALIBRATION_NIGHTS, ORDINARY_FRAMES), answer
+    )
     curve = calibration(hard, ordinary)
     path = folder / MODEL_NAME
     difference = convert(net, path)

@@ -155,7 +155,7 @@ def is_asked_for(peak_snr: float, visible_cells: float, mode: MapMode, block: in
         return peak_snr >= 3.0
     # Binning 2 x 2 raises a line's signal to noise by 1.75 at such seeing.
     bin_snr = peak_snr * (1.75 if binning_of(block) == 2 else 1.0)
-    return bin_snr >= 1.6 and bin_snr * np.sqrt(visible_cells) >= 7.5
+    return bin_snr >= 2.2 and bin_snr * float(np.sqrt(visible_cells)) >= 10.0
 
 
 class _Scene:

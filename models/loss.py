@@ -3,18 +3,20 @@
 import torch
 from torch.nn import functional
 
-_REGRESSED_ABOVE = 0.4
+_REGRESSED_ABOVE = 0.5
 
 
 def loss_of(answer: torch.Tensor, target: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """Confidence and regression loss of (n, 6, h, w) answers, each per true streak.
 
-    Confidence: quality focal loss (Li et al. 2020, beta 2) towards the heat.
+    Confidence: quality focal loss (Li et al. 2020) towards the heat; beta 2, but 0 where a
+    streak is, so that a clear one is pushed well above what resembles one.
     """
     heat, weight = target[:, 0], target[:, 6]
     positives = (heat == 1.0).sum().clamp(min=1)
     logit = answer[:, 0]
-    hardness = (torch.sigmoid(logit) - heat).abs() ** 2
+    away = (torch.sigmoid(logit) - heat).abs()
+    hardness = torch.where(heat == 1.0, torch.ones_like(away), away**2)
     cross = functional.binary_cross_entropy_with_logits(logit, heat, reduction="none")
     confidence = (weight * hardness * cross).sum() / positives
     share = torch.where(heat > _REGRESSED_ABOVE, heat, torch.zeros_like(heat))

@@ -42,6 +42,20 @@ class Score:
         return float(ordered[count]) if count < len(ordered) else -np.inf
 
 
+def logit_for_rate(false_logits: FloatArray, wanted: float, tail: int = 20) -> float:
+    """Logit above which ``wanted`` false candidates are to be expected, by an exponential tail.
+
+    The tail is fitted to the ``tail`` highest, so that one freak does not decide.
+    """
+    ordered = np.sort(false_logits)[::-1]
+    count = min(tail, len(ordered) - 1)
+    if count < 2:
+        return -np.inf
+    foot = ordered[count]
+    scale = float(np.mean(ordered[:count] - foot))
+    return float(foot + scale * np.log(count / wanted))
+
+
 def fits(candidate: MapStreak, true: TrueStreak) -> bool:
     """Whether a candidate is this streak: near it across, overlapping along, alike in direction."""
     length = max(true.length, 1e-6)
@@ -55,7 +69,7 @@ def fits(candidate: MapStreak, true: TrueStreak) -> bool:
     return across < 3.0 and along < max(4.0, 0.3 * length) and is_parallel
 
 
-def score(fields: Iterable[Field], answer: Answer, lowest_logit: float = -5.0) -> Score:
+def score(fields: Iterable[Field], answer: Answer, lowest_logit: float = -2.0) -> Score:
     """Judge a detector's answers on fields; streaks not asked for count neither way."""
     true_logits, snrs, lengths, errors = [], [], [], []
     false_logits, kinds, cells = [], [], 0

@@ -17,6 +17,8 @@ TARGET_CHANNELS = 7
 """Heat, two offsets, log length, cos, sin, weight of the confidence's loss."""
 _SIGMA_ACROSS = 2.4
 _SIGMA_ALONG_SHARE = 0.08
+_FLAT_TOP = 1.6
+"""All locations within a sigma of the midpoint are as good: the offsets say where it is."""
 
 
 def targets_of(
@@ -42,8 +44,8 @@ def targets_of(
             continue
         sigma_along = max(_SIGMA_ACROSS, _SIGMA_ALONG_SHARE * length)
         heat = np.exp(-0.5 * ((along / sigma_along) ** 2 + (across / _SIGMA_ACROSS) ** 2))
-        heat /= heat.max()
-        heat[heat < 0.02] = 0.0
+        heat = np.minimum(_FLAT_TOP * heat / heat.max(), 1.0)
+        heat[heat < 0.05] = 0.0
         is_best = heat > target[0]
         values = (
             heat,

@@ -52,8 +52,9 @@ def answer_with(net: StreakNet) -> Any:
 class Training:
     """The network on its way, and what is needed to go on from any checkpoint."""
 
-    def __init__(self, run: Path, seed: int, steps: int) -> None:
+    def __init__(self, run: Path, seed: int, steps: int, *, is_bfloat16: bool = False) -> None:
         torch.manual_seed(seed)
+        self.is_bfloat16 = is_bfloat16
         self.run, self.seed, self.steps, self.step = run, seed, steps, 0
         self.net = StreakNet().to(memory_format=torch.channels_last)
         self.average = deepcopy(self.net).eval()
@@ -96,7 +97,9 @@ class Training:
             group["lr"] = rate_at(self.step, self.steps)
         inputs, targets = batch(fields, BATCH, self.seed, self.step)
         x = torch.from_numpy(inputs).to(memory_format=torch.channels_last)
-        confidence, regression = loss_of(self.net(x), torch.from_numpy(targets))
+        with torch.autocast("cpu", dtype=torch.bfloat16, enabled=self.is_bfloat16):
+            answer = self.net(x)
+        confidence, regression = loss_of(answer.float(), torch.from_numpy(targets))
         self.optimiser.zero_grad(set_to_none=True)
         (confidence + regression).backward()
         torch.nn.utils.clip_grad_norm_(self.net.parameters(), 5.0)
@@ -146,7 +149,7 @@ def train(training: Training, fields: list[Field], judged: list[Field], every: i
                     "confidence_loss": round(sums[0] / since, 5),
                     "regression_loss": round(sums[1] / since, 5),
                     "crops_per_s": round(BATCH * since / (time.monotonic() - started), 1),
-                } | summary(score(judged, answer_with(training.average), lowest_logit=-3.0))
+                } | summary(score(judged, answer_with(training.average)))
                 print(json.dumps(line), file=log, flush=True)
                 print(json.dumps(line), flush=True)
                 sums, since, started = np.zeros(2), 0, time.monotonic()
@@ -161,6 +164,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--shards", type=int, default=SHARDS["train"], help="of 50 fields")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--every", type=int, default=400, help="steps between checkpoints")
+    parser.add_argument("--bfloat16", action="store_true", help="half the digits, faster")
     parser.add_argument("--no-export", action="store_true", help="stop after training")
     return parser.parse_args()
 
@@ -177,7 +181,8 @@ def main() -> None:
         print(f"\rdrawn {done} of {missing} shards", end="", file=sys.stderr, flush=True)
     fields = read_fields(data, "train", args.shards)
     judged = read_fields(data, "calibrate", SHARDS["calibrate"])[::2]
-    train(Training(args.run, args.seed, args.steps), fields, judged, args.every)
+    training = Training(args.run, args.seed, args.steps, is_bfloat16=args.bfloat16)
+    train(training, fields, judged, args.every)
     if not args.no_export:
         from models.export import export
 

@@ -47,7 +47,7 @@ def local_background(
 ) -> Background:
     """Sky level and noise of ``pixels`` (height, width), uint16 or finite float32, >= 64 px a side.
 
-    16 ms for 4656 x 3520 at most on one core of 2020; see tests/bench for the present figure.
+    About 20 ms for 4656 x 3520 on one core of a desktop.
     """
     height, width = pixels.shape
     level = _median_5x5(_cell_means(pixels, cell_px))

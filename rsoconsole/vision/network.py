@@ -37,7 +37,7 @@ LOWEST_CONFIDENCE = 0.02
 _SAME_LINE_CELLS = 4.0
 _LONGEST_CELLS = 160.0
 _TILE_OVERLAP_CELLS = 128
-_MOST_CANDIDATES = 2000
+_MOST_CANDIDATES = 600
 _REINSTALL = "reinstall rsoconsole, or name another network in detector.model"
 
 
@@ -123,21 +123,38 @@ def keep_distinct(candidates: list[MapStreak]) -> list[MapStreak]:
     Two lie on one another when the midpoint of either is within 4 cells of the other's line and
     between the other's ends. Parallel neighbours further apart than that both stay.
     """
+    ordered = sorted(candidates, key=lambda c: -c.logit)
+    lines = np.array([_as_line(c) for c in ordered], dtype=np.float64).reshape(-1, 5)
+    is_open = np.ones(len(ordered), dtype=bool)
     kept: list[MapStreak] = []
-    for candidate in sorted(candidates, key=lambda c: -c.logit):
-        if not any(_lies_on(candidate, k) or _lies_on(k, candidate) for k in kept):
+    for index, candidate in enumerate(ordered):
+        if is_open[index]:
             kept.append(candidate)
+            line = lines[index]
+            is_open &= ~(_lies_on(lines, line) | _lies_on(line, lines))
     return kept
 
 
-def _lies_on(one: MapStreak, other: MapStreak) -> bool:
-    x, y = one.middle
-    mx, my = other.middle
-    length = max(other.length, 1e-6)
-    cos, sin = (other.x_b - other.x_a) / length, (other.y_b - other.y_a) / length
-    along = abs((x - mx) * cos + (y - my) * sin)
-    across = abs((y - my) * cos - (x - mx) * sin)
-    return across < _SAME_LINE_CELLS and along < length / 2 + 1.0
+def _as_line(streak: MapStreak) -> tuple[float, float, float, float, float]:
+    """Midpoint x, y, half length, and the unit vector along it."""
+    x, y = streak.middle
+    length = max(streak.length, 1e-6)
+    return (
+        x,
+        y,
+        length / 2,
+        (streak.x_b - streak.x_a) / length,
+        (streak.y_b - streak.y_a) / length,
+    )
+
+
+def _lies_on(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    """Whether the midpoint of ``one`` lies on ``other``; lines (..., 5) of ``_as_line``."""
+    dx, dy = one[..., 0] - other[..., 0], one[..., 1] - other[..., 1]
+    cos, sin = other[..., 3], other[..., 4]
+    is_near = np.abs(dy * cos - dx * sin) < _SAME_LINE_CELLS
+    result: npt.NDArray[np.bool_] = is_near & (np.abs(dx * cos + dy * sin) < other[..., 2] + 1.0)
+    return result
 
 
 class Network:

@@ -1,0 +1,57 @@
+"""Ordinary nights of the paper's telescope: what tau is set on, and what the figures are from."""
+
+import math
+from pathlib import Path
+
+from models.dataset import FIELDS_PER_SHARD, read_shard, write_fields
+from models.fields import FIELD_CELLS, Conditions, Field, draw_field, draw_sensor
+from rsoconsole.records import MapMode
+from rsoconsole.simulator.render import frame_rng
+
+TAU = 0.10
+FRAME_CELLS = 582 * 440
+ORDINARY_FRAMES = 200
+GEO_CELLS = 14.8
+"""A geostationary streak of 10 s at 1.264 arcsec/px and a block of 8."""
+CALIBRATION_NIGHTS = 4
+TEST_NIGHTS = 5
+_GEO_NIGHTS = 6
+"""Beside ``dataset.SPLITS``: which seeds each set is drawn from."""
+
+
+def ordinary_nights(
+    folder: Path, seed: int, split: int, frames: int, mode: MapMode = "fast"
+) -> list[Field]:
+    """Fields without satellites, ``frames`` frames in area, kept in ``folder``."""
+    count = math.ceil(frames * FRAME_CELLS / FIELD_CELLS**2)
+    fields: list[Field] = []
+    for number in range(math.ceil(count / FIELDS_PER_SHARD)):
+        path = folder / f"nights-{split}-{mode}-{number:04d}.npz"
+        if not path.exists():
+            write_fields(path, _draw_nights(seed, split, number, mode))
+        fields += read_shard(path)
+    return fields[:count]
+
+
+def _draw_nights(seed: int, split: int, number: int, mode: MapMode) -> list[Field]:
+    rng = frame_rng(seed, split, number)
+    sensor = draw_sensor(8, rng, is_hard=False)
+    wanted = Conditions(kind="empty", mode=mode, is_hard=False)
+    return [draw_field(sensor, 8, wanted, rng) for _ in range(FIELDS_PER_SHARD)]
+
+
+def geostationary(
+    seed: int, band: tuple[float, float], mode: MapMode, *, fields: int = 100, is_hard: bool = False
+) -> list[Field]:
+    """Fields with one geostationary streak each, in one band of peak signal to noise."""
+    rng = frame_rng(seed, _GEO_NIGHTS, int(band[0] * 100), int(mode == "paper"), int(is_hard))
+    sensor = draw_sensor(8, rng, is_hard=is_hard)
+    wanted = Conditions(
+        kind="ordinary",
+        mode=mode,
+        peak_snr=band,
+        streak_cells=(GEO_CELLS, GEO_CELLS + 0.1),
+        streaks=(1, 1),
+        is_hard=is_hard,
+    )
+    return [draw_field(sensor, 8, wanted, rng) for _ in range(fields)]
