@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from astropy.io import fits
@@ -411,8 +412,6 @@ def test_empty_low_bits_are_not_paid_for(writer: SessionWriter, folder: Path) ->
 
 
 def test_previews_are_pictures(writer: SessionWriter, folder: Path) -> None:
-    import cv2
-
     grey = np.arange(60 * 80, dtype=np.uint32).reshape(60, 80).astype(np.uint8)
     colour = np.zeros((4, 5, 3), np.uint8)
     colour[..., 0] = 200
@@ -447,6 +446,55 @@ def test_frames_that_come_too_fast_are_given_up_and_said_so(
     assert [reader.frame_path(i) is not None for i in range(1, 6)] == taken
     reasons = _files(folder, "SELECT frame_id, reason FROM files WHERE path IS NULL")
     assert [frame_id for frame_id, _ in reasons] == [4, 5]
+
+
+@pytest.mark.parametrize(
+    "error",
+    [cv2.error("no coder"), fits.VerifyError("a bad card"), MemoryError(), SystemExit("odd")],
+    ids=lambda error: type(error).__name__,
+)
+def test_whatever_a_frame_raises_is_its_reason_and_the_next_one_is_kept(
+    writer: SessionWriter, folder: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    def fails(*_arguments: object) -> bytes:
+        raise error
+
+    compress, encode = writer_module.compress_frame, writer_module.encode_preview
+    monkeypatch.setattr(writer_module, "compress_frame", fails)
+    monkeypatch.setattr(writer_module, "encode_preview", fails)
+    # As many as may wait, and once more: a thread that ended would take no more.
+    for frame_id in range(1, 13):
+        writer.save_frame(small_frame(frame_id))
+        writer.save_preview(frame_id, np.zeros((4, 5), np.uint8))
+        assert writer._frames.drain(10)
+        assert writer._previews.drain(10)
+    assert len(writer.faults) == 2
+    assert all(type(error).__name__ in fault for fault in writer.faults)
+    monkeypatch.setattr(writer_module, "compress_frame", compress)
+    monkeypatch.setattr(writer_module, "encode_preview", encode)
+    writer.save_frame(small_frame(13))
+    writer.save_preview(13, np.zeros((4, 5), np.uint8))
+    writer.close()
+    assert writer.faults == ()
+    lost = _files(folder, "SELECT frame_id, role, reason FROM files WHERE path IS NULL")
+    assert len(lost) == 24
+    assert {str(reason).split(":", maxsplit=1)[0] for _, _, reason in lost} == {
+        type(error).__name__
+    }
+    assert SessionReader(folder).frame_path(13) is not None
+    assert SessionReader(folder).preview_path(13) is not None
+
+
+def test_a_card_that_fits_cannot_carry_costs_no_pixel(writer: SessionWriter, folder: Path) -> None:
+    header = {"NO GOOD": 1.0, "GAIN": 2.5, "ARRIVED_MONOTONIC_S": 3.0, "NOTES": ("a", "b")}
+    writer.save_frame(replace(small_frame(), header=header))
+    writer.close()
+    path = SessionReader(folder).frame_path(1)
+    assert path is not None
+    pixels, kept = read_back(path)
+    assert np.array_equal(pixels, small_frame().pixels)
+    assert kept["GAIN"] == 2.5
+    assert not {"NO GOOD", "NOTES", "ARRIVED_MONOTONIC_S"} & set(kept)
 
 
 def test_when_disk_is_short_frames_go_first_and_the_log_goes_on(folder: Path) -> None:

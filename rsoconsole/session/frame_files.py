@@ -8,6 +8,7 @@ the camera's values back. Source of the coding: Pence et al. 2010, FITS tiled im
 import io
 import math
 import os
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ _STRUCTURE = {
     *("ZIMAGE", "ZCMPTYPE", "ZBITPIX", "ZNAXIS", "ZNAXIS1", "ZNAXIS2", "COMMENT", "HISTORY", "END"),
 }
 """Cards that describe the file, not the exposure."""
+_KEYWORD = re.compile("[A-Z0-9_-]{1,8}")
 
 
 def compress_frame(frame: Frame, fits: bytes | None = None) -> bytes:
@@ -79,7 +81,7 @@ def encode_preview(picture: npt.NDArray[np.uint8]) -> bytes:
 def write_beside_and_rename(path: Path, content: bytes, *, must_last: bool) -> None:
     """Put a whole file in place or none; ``must_last`` waits until the disk has it.
 
-    Raises OSError; what was begun is removed.
+    Raises OSError; whatever happens, what was begun is removed.
     """
     beside = path.with_name(path.name + ".part")
     try:
@@ -89,7 +91,7 @@ def write_beside_and_rename(path: Path, content: bytes, *, must_last: bool) -> N
                 stream.flush()
                 os.fsync(stream.fileno())
         beside.replace(path)
-    except OSError:
+    except BaseException:
         beside.unlink(missing_ok=True)
         raise
 
@@ -117,7 +119,7 @@ def _without_structure(header: Any) -> Any:
 def _cards(header: Mapping[str, Any]) -> Iterator[tuple[str, bool | int | float | str]]:
     """The cards that FITS can carry as they are."""
     for key, value in header.items():
-        if key in _STRUCTURE or not key or len(key) > 8 or not key.isascii() or key != key.upper():
+        if key in _STRUCTURE or not _KEYWORD.fullmatch(key):
             continue
         if isinstance(value, float) and not math.isfinite(value):
             continue

@@ -1,8 +1,15 @@
 """Slow work on a thread of its own, with a bound on what may wait for it."""
 
+import logging
 import threading
 from collections import deque
 from collections.abc import Callable
+from typing import TypeAlias
+
+log = logging.getLogger(__name__)
+
+Job: TypeAlias = Callable[[], None]
+OnError: TypeAlias = Callable[[BaseException], None]
 
 
 class BoundedWorker:
@@ -10,19 +17,23 @@ class BoundedWorker:
 
     def __init__(self, name: str, most: int) -> None:
         self._most = most
-        self._jobs: deque[Callable[[], None]] = deque()
+        self._jobs: deque[tuple[Job, OnError]] = deque()
         self._is_running_job = False
         self._is_closing = False
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def submit(self, job: Callable[[], None]) -> bool:
-        """Take a job, which must not raise; False when there is no room for it."""
+    def submit(self, job: Job, on_error: OnError) -> bool:
+        """Take a job; False when there is no room for it.
+
+        ``on_error`` is given, on the worker's thread, whatever the job raises; the next job
+        follows in any case.
+        """
         with self._changed:
             if self._is_closing or len(self._jobs) + self._is_running_job >= self._most:
                 return False
-            self._jobs.append(job)
+            self._jobs.append((job, on_error))
             self._changed.notify_all()
         return True
 
@@ -47,11 +58,22 @@ class BoundedWorker:
                 self._changed.wait_for(lambda: bool(self._jobs) or self._is_closing)
                 if not self._jobs:
                     return
-                job = self._jobs.popleft()
+                job, on_error = self._jobs.popleft()
                 self._is_running_job = True
             try:
-                job()
+                _do(job, on_error)
             finally:
                 with self._changed:
                     self._is_running_job = False
                     self._changed.notify_all()
+
+
+def _do(job: Job, on_error: OnError) -> None:
+    """Nothing that a job raises may end the thread: all later jobs would wait for ever."""
+    try:
+        job()
+    except BaseException as error:
+        try:
+            on_error(error)
+        except Exception:
+            log.exception("a failed job could not be reported")

@@ -109,14 +109,20 @@ class SessionWriter:
         ``fits`` is the file as the camera gave it. The pixels must not be changed afterwards.
         False when the frame is given up because too many wait; the session says so too.
         """
-        is_taken = self._frames.submit(lambda: self._keep_frame(frame, fits))
+        is_taken = self._frames.submit(
+            lambda: self._keep_frame(frame, fits),
+            lambda error: self._give_up(frame.frame_id, "frame", _reason(error)),
+        )
         if not is_taken:
             self._give_up(frame.frame_id, "frame", "frames come faster than the disk takes them")
         return is_taken
 
     def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
         """Keep a small picture of the frame, (height, width) or (height, width, 3), as PNG."""
-        is_taken = self._previews.submit(lambda: self._keep_preview(frame_id, picture))
+        is_taken = self._previews.submit(
+            lambda: self._keep_preview(frame_id, picture),
+            lambda error: self._give_up(frame_id, "preview", _reason(error)),
+        )
         if not is_taken:
             self._give_up(frame_id, "preview", "previews come faster than the disk takes them")
         return is_taken
@@ -144,28 +150,20 @@ class SessionWriter:
 
     def _keep_frame(self, frame: Frame, fits: bytes | None) -> None:
         path = self.folder / FRAMES / f"{frame.frame_id:06d}.fits.fz"
-        try:
-            free_bytes = shutil.disk_usage(self.folder).free
-            if free_bytes < self._reserve_bytes:
-                raise OSError(f"only {free_bytes / 1e6:.0f} MB of disk are free")
-            began = time.perf_counter()
-            content = compress_frame(frame, fits)
-            write_beside_and_rename(path, content, must_last=True)
-        except (OSError, ValueError, TypeError) as error:
-            self._give_up(frame.frame_id, "frame", str(error))
-            return
+        free_bytes = shutil.disk_usage(self.folder).free
+        if free_bytes < self._reserve_bytes:
+            raise OSError(f"only {free_bytes / 1e6:.0f} MB of disk are free")
+        began = time.perf_counter()
+        content = compress_frame(frame, fits)
+        write_beside_and_rename(path, content, must_last=True)
         self._faults.clear("frame")
         self._kept(frame.frame_id, "frame", path, len(content), began)
 
     def _keep_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> None:
         path = self.folder / PREVIEWS / f"{frame_id:06d}.png"
-        try:
-            began = time.perf_counter()
-            content = encode_preview(picture)
-            write_beside_and_rename(path, content, must_last=False)
-        except (OSError, ValueError, TypeError) as error:
-            self._give_up(frame_id, "preview", str(error))
-            return
+        began = time.perf_counter()
+        content = encode_preview(picture)
+        write_beside_and_rename(path, content, must_last=False)
         self._faults.clear("preview")
         self._kept(frame_id, "preview", path, len(content), began)
 
@@ -186,6 +184,13 @@ class SessionWriter:
         self._log.put_file(
             KeptFile(frame_id=frame_id, role=role, path=None, bytes=None, ms=None, reason=reason)
         )
+
+
+def _reason(error: BaseException) -> str:
+    """What happened, in words; a failed disk speaks for itself, other errors by their kind too."""
+    if isinstance(error, OSError):
+        return str(error)
+    return f"{type(error).__name__}: {error}".removesuffix(": ")
 
 
 def _connect(path: Path) -> sqlite3.Connection:
