@@ -233,6 +233,8 @@ class NotFollowed:
     frame_id: int
     measurement: Measurement
     reason: str
+    nis: float | None = None
+    """Its normalised innovation squared, where there was a prediction to compare with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

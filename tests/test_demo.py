@@ -5,9 +5,10 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.pipeline.cycle import follow_settings
 from rsoconsole.records import FrameTaken, Measurement, TrackState
 from rsoconsole.session.reader import SessionReader
-from rsoconsole.tracking.follow import Following, FollowSettings, Seen, follow
+from rsoconsole.tracking.follow import Following, Seen, follow
 from tests.test_cli_frames import rsoconsole
 
 FRAMES = 14
@@ -38,6 +39,7 @@ def test_it_finds_the_satellite_without_a_prior_and_follows_it(first_night):
     assert first_night["measured_rms_arcsec"] <= 1.5
     assert first_night["prediction_rms_arcsec"] <= 6.0
     assert first_night["inside_3sigma"] >= 0.9
+    assert first_night["false_measurements"] == 0
 
 
 def test_the_same_seed_gives_the_same_night_at_another_speed(first_night, tmp_path):
@@ -51,11 +53,6 @@ def test_the_track_is_a_fold_over_the_session_bit_for_bit(first_night):
     """A replay of the recorded measurements alone gives every state of the filter again."""
     reader = SessionReader(first_night["session"])
     config = reader.config()
-    settings = FollowSettings(
-        filter=config.filter,
-        half_field_deg=min(config.optics.field_deg) / 2.0,
-        choice=config.search.follow,
-    )
     recorded = [record for _, _, record in reader.records()]
     following = Following()
     replayed: list[TrackState] = []
@@ -68,7 +65,7 @@ def test_the_track_is_a_fold_over_the_session_bit_for_bit(first_night):
                 r for r in recorded if isinstance(r, Measurement) and r.frame_id == taken.frame_id
             ),
         )
-        following, records = follow(following, seen, settings)
+        following, records = follow(following, seen, follow_settings(config, taken))
         replayed.extend(r for r in records if isinstance(r, TrackState))
     assert replayed == [r for r in recorded if isinstance(r, TrackState)]
     assert len(replayed) >= FRAMES // 2

@@ -19,6 +19,7 @@ from rsoconsole.records import (
     Detections,
     Event,
     Frame,
+    FrameTaken,
     Measurement,
     OperatorAction,
     ParameterChange,
@@ -28,7 +29,7 @@ from rsoconsole.records import (
     Wcs,
 )
 from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.frames import altaz_to_icrs
+from rsoconsole.sky.frames import altaz_to_icrs, hour_angle_icrs_deg
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 
 CONFIG = Config()
@@ -124,7 +125,10 @@ class ScriptedReducer:
     def configure(self, config: Config) -> None:
         self.config = config
 
-    def reduce(self, frame: Frame, *, always_solve: bool = False) -> Reduction:
+    def forget_plate(self) -> None:
+        pass
+
+    def reduce(self, frame: Frame) -> Reduction:
         found: tuple[Measurement, ...] = ()
         if frame.frame_id in self.frames and frame.t_mid_utc_ns is not None:
             since_s = (frame.t_mid_utc_ns - T0_UTC_NS) / NS
@@ -221,28 +225,95 @@ def test_the_slew_meets_the_satellite_at_the_middle_of_the_exposure():
         assert off * 3600.0 < 1.0
 
 
-def test_stop_is_heard_by_the_mount_first_and_disarms():
+STOP_MOMENTS = ["reduce", "expose", "slew", "arrival"]
+
+
+@pytest.mark.parametrize("moment", STOP_MOMENTS)
+def test_after_stop_no_order_reaches_the_mount_any_more(moment):
+    """STOP in the middle of anything: the last thing the mount hears is the abort."""
     r = rig(set())
-    r.engine.arm()
     desk = Desk(r.engine, r.mount, r.intentions)  # type: ignore[arg-type]
-    outcome = desk.handle(Intention(verb="stop"))
-    assert (outcome.ok, r.mount.aborts) == (True, 1)
-    r.intentions.put(Wish(verb="disarm"))
-    r.engine.run(frames=0)
-    with pytest.raises(StopIteration):
-        run_until_idle(r)
-    assert r.engine.status().state == "IDLE"
-    assert any("STOP" in event.text for event in r.memory.of(Event))
+    heard: list[str] = []
+    slew, abort, report = r.mount.slew, r.mount.abort, r.mount.report
+
+    def stop_now() -> None:
+        if not any(word == "abort" for word in heard):
+            assert desk.handle(Intention(verb="stop", by="console")).ok
+
+    def heard_slew(*where: Any) -> None:
+        heard.append("slew")
+        slew(*where)
+        if moment == "slew":
+            stop_now()
+
+    def heard_abort(timeout_s: float = 2.0) -> StopResult:
+        heard.append("abort")
+        return abort(timeout_s)
+
+    def heard_report(*asked: Any) -> MountReport:
+        if moment == "arrival" and heard:
+            stop_now()
+        return report(*asked)
+
+    r.mount.slew, r.mount.abort, r.mount.report = heard_slew, heard_abort, heard_report
+    reduce, expose = r.reducer.reduce, r.camera.start_exposure
+
+    def stopped_reduce(frame: Frame) -> Reduction:
+        if moment == "reduce":
+            stop_now()
+        return reduce(frame)
+
+    def stopped_expose(exposure_s: float, frame_id: int) -> None:
+        expose(exposure_s, frame_id)
+        if moment == "expose":
+            stop_now()
+
+    r.reducer.reduce, r.camera.start_exposure = stopped_reduce, stopped_expose
+    r.engine.arm()
+    end_when_idle(r)
+    r.engine.run()
+    assert heard[-1] == "abort"
+    assert "slew" not in heard[heard.index("abort") :]
+    assert r.engine.following.state == "IDLE"
+    (action,) = r.memory.of(OperatorAction)
+    assert (action.verb, action.by) == ("stop", "console")
 
 
-def run_until_idle(r: Rig) -> None:
-    """Let the loop take one turn and leave it at its first idle second."""
+def end_when_idle(r: Rig) -> None:
+    """Shut the engine down at its first idle second after the arming."""
+    wait = r.clock.wait_until
 
     def leave(t_utc_ns: int) -> bool:
-        raise StopIteration
+        if r.engine.following.state in ("IDLE", "FAULT"):
+            r.intentions.request_shutdown()
+        return wait(t_utc_ns)
 
     r.clock.wait_until = leave  # type: ignore[method-assign]
+
+
+def test_stop_undoes_an_arming_that_still_waits():
+    r = rig(set())
+    desk = Desk(r.engine, r.mount, r.intentions)  # type: ignore[arg-type]
+    desk.handle(Intention(verb="arm"))
+    desk.handle(Intention(verb="stop"))
+    end_when_idle(r)
     r.engine.run()
+    assert r.mount.slews == []
+    outcomes = [action.outcome for action in r.memory.of(OperatorAction)]
+    assert outcomes[-1] == "dropped by STOP"
+
+
+def test_a_stop_that_the_mount_does_not_confirm_is_an_alarm():
+    r = rig(set())
+    r.mount.abort = lambda **_: StopResult(  # type: ignore[method-assign]
+        stopped=False, ms=2000.0, path="indi", detail="still moving"
+    )
+    desk = Desk(r.engine, r.mount, r.intentions)  # type: ignore[arg-type]
+    r.engine.arm()
+    assert not desk.handle(Intention(verb="stop")).ok
+    end_when_idle(r)
+    r.engine.run()
+    assert any("not confirmed" in event.text for event in r.memory.of(Event))
 
 
 def test_one_lost_frame_is_a_miss_and_the_loop_goes_on():
@@ -258,34 +329,55 @@ def test_a_camera_that_stays_silent_is_a_fault_and_the_mount_is_stopped():
     r = rig(set())
     r.camera.broken_for = 99
     r.engine.arm()
-    r.engine.run(frames=3)
-    assert r.engine.status().state == "FAULT"
+    end_when_idle(r)
+    r.engine.run()
     assert r.mount.aborts >= 1
     assert "USB" in r.engine.status().faults[0]
+    assert "FAULT" in [change.after for change in r.memory.of(StateChange)]
+
+
+def test_a_run_of_so_many_frames_ends_with_the_fault_it_cannot_pass():
+    r = rig(set())
+    r.camera.broken_for = 99
+    r.engine.arm()
+    with pytest.raises(InstrumentError, match="USB"):
+        r.engine.run(frames=10)
+
+
+def test_an_observatory_that_is_gone_ends_the_run_and_not_the_memory():
+    r = rig(set())
+    r.engine.arm()
+
+    def gone(t_utc_ns: int) -> bool:
+        raise InstrumentError("the simulated observatory does not answer")
+
+    r.clock.wait_until = gone  # type: ignore[method-assign]
+    with pytest.raises(InstrumentError, match="does not answer"):
+        r.engine.run()
+    assert len(r.memory.records) < 50
+
+
+def test_what_nobody_foresaw_stops_the_mount_and_is_a_fault():
+    r = rig(set())
+
+    def broken(frame: Frame) -> Reduction:
+        raise ZeroDivisionError("nobody foresaw this")
+
+    r.reducer.reduce = broken  # type: ignore[method-assign]
+    r.engine.arm()
+    end_when_idle(r)
+    r.engine.run()
+    assert r.mount.aborts >= 1
+    assert "nobody foresaw this" in r.engine.status().faults[0]
 
 
 def test_a_mount_that_never_arrives_is_told_with_how_far_it_is_off():
     r = rig(set())
-    r.mount.is_stuck = True
-    r.mount.at_deg = (START_DEG[0], START_DEG[1] + 2.0)
     r.engine.arm()
+    r.mount.is_stuck = True
     r.mount.at_deg = (START_DEG[0] + 3.0, START_DEG[1])
-    for _ in range(3):
-        with pytest.raises(StopIteration):
-            run_until_fault(r)
-    assert any("arcmin off" in event.text for event in r.memory.of(Event))
-
-
-def run_until_fault(r: Rig) -> None:
-    wait = r.clock.wait_until
-
-    def leave(t_utc_ns: int) -> bool:
-        if r.engine.status().state == "FAULT":
-            raise StopIteration
-        return wait(t_utc_ns)
-
-    r.clock.wait_until = leave  # type: ignore[method-assign]
-    r.engine.run(frames=1)
+    with pytest.raises(InstrumentError, match="arcmin off"):
+        r.engine.run(frames=5)
 
 
 def test_a_mount_that_stops_beside_the_place_is_sent_again():
@@ -313,6 +405,39 @@ def test_a_tunable_takes_effect_and_is_on_record_with_old_and_new():
     assert r.reducer.config.detector.tau == 0.25
     (change,) = r.memory.of(ParameterChange)
     assert (change.before, change.after, change.by) == (0.10, 0.25, "console")
+
+
+def test_another_exposure_reaches_the_camera_and_the_aim():
+    r = rig(set())
+    r.engine.arm()
+    r.intentions.put(Wish(verb="set", name="exposure.exposure_s", value=2.0))
+    r.engine.run(frames=2)
+    assert r.camera.taken[2] == 2.0
+    slew = r.memory.of(SlewCommand)[-2]
+    taken = r.memory.of(FrameTaken)[-1]
+    middle_ns = taken.t_start_utc_ns + NS + round(CONFIG.exposure.start_latency_s * NS)
+    assert slew.t_aim_utc_ns == pytest.approx(middle_ns, abs=NS)
+
+
+def test_the_same_false_streak_in_every_frame_does_not_hold_the_search():
+    r = rig(set())
+    plain = r.reducer.reduce
+
+    def junk(frame: Frame) -> Reduction:
+        hour = geo_measurement(1, ra_deg=10.0 + 7.0 * frame.frame_id)
+        measurement = dataclasses.replace(
+            hour, frame_id=frame.frame_id, t_mid_utc_ns=frame.t_mid_utc_ns
+        )
+        return dataclasses.replace(plain(frame), measurements=(measurement,))
+
+    r.reducer.reduce = junk  # type: ignore[method-assign]
+    r.engine.arm()
+    r.engine.run(frames=8)
+    hour_angles = {
+        round(hour_angle_icrs_deg(SITE, s.ra_icrs_deg, s.dec_icrs_deg, s.t_aim_utc_ns), 1)
+        for s in r.memory.of(SlewCommand)
+    }
+    assert len(hour_angles) >= 4
 
 
 @pytest.mark.parametrize(
@@ -370,7 +495,7 @@ def test_a_mount_that_points_wrong_is_corrected_by_what_the_frames_show():
     r = rig(set(), Config.model_validate({"search": {"pattern": "stay"}}))
     plain = r.reducer.reduce
 
-    def reduce(frame: Frame, *, always_solve: bool = False) -> Reduction:
+    def reduce(frame: Frame) -> Reduction:
         ra, dec = r.mount.at_deg
         return dataclasses.replace(plain(frame), solution=solution_at(ra, dec + 5.0 / 60.0))
 

@@ -80,10 +80,8 @@ def process(
                     failures += 1
                     _report_error(*result, json_)
                     continue
-                recording.append(result.records, result.frame.t_mid_utc_ns)
-                found = process_report(
-                    str(result.path), result.frame, result.reduction, result.after, result.records
-                )
+                recording.append(result.records, result.t_mid_utc_ns)
+                found = process_report(str(result.path), result)
                 output.emit_json(found) if json_ else output.say(_process_words(found))
         finally:
             recording.close()

@@ -44,10 +44,9 @@ class Desk:
             )
         return handler(intention)
 
-    def _stop(self, _intention: Intention) -> Outcome:
-        # The mount first; whatever else STOP means comes after it.
-        result = self._mount.abort()
-        self._intentions.request_stop()
+    def _stop(self, intention: Intention) -> Outcome:
+        # The flag and the mount first; whatever else STOP means comes after them.
+        result = self._intentions.stop(intention.by, self._mount.abort)
         self._engine.wake()
         data: dict[str, Any] = dataclasses.asdict(result)
         return Outcome(ok=result.stopped, message=result.detail or "stopped", data=data)
@@ -73,11 +72,13 @@ class Desk:
         try:
             changed(self._engine.config, name, value)
         except ValueError as error:
+            self._intentions.put(Wish(verb="set", name=name, value=value, by=intention.by))
             return Outcome(ok=False, message=str(error))
         self._intentions.put(Wish(verb="set", name=name, value=value, by=intention.by))
         return Outcome(ok=True, message="in force from the next cycle")
 
-    def _shutdown(self, _intention: Intention) -> Outcome:
+    def _shutdown(self, intention: Intention) -> Outcome:
+        self._intentions.put(Wish(verb="shutdown", by=intention.by))
         self._intentions.request_shutdown()
         self._engine.wake()
         return Outcome(ok=True, message="the engine stops the mount and ends")

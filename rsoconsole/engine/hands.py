@@ -1,8 +1,8 @@
 """Moves the mount and opens the shutter, each with a deadline; knows nothing of targets."""
 
+import contextlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
@@ -12,22 +12,31 @@ from rsoconsole.sky.angles import separation_deg
 
 NS = 1_000_000_000
 POLL_NS = NS // 2
-SLEW_RATE_DEG_S = 2.0
-SLEW_OVERHEAD_S = 3.0
 
 
 class Interrupted(Exception):  # noqa: N818 -- a signal, not an error
     """Somebody wants the loop's attention now (STOP, shutdown); never reaches an operator."""
 
 
-@dataclass(frozen=True, slots=True)
 class Hands:
-    """The loop's way to the instruments."""
+    """The loop's way to the instruments; gives no order once somebody wants the loop."""
 
-    instruments: Instruments
-    config: Config
-    is_wanted: Callable[[], bool]
-    """True when the loop is to drop what it does."""
+    def __init__(
+        self, instruments: Instruments, config: Config, is_wanted: Callable[[], bool]
+    ) -> None:
+        """``is_wanted``: True when the loop is to drop what it does."""
+        self.instruments = instruments
+        self._config = config
+        self._is_wanted = is_wanted
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self._config = config
+
+    def heed(self) -> None:
+        """Raise Interrupted when somebody wants the loop."""
+        if self._is_wanted():
+            raise Interrupted
 
     def now_utc_ns(self) -> int:
         """The clock's present."""
@@ -37,8 +46,7 @@ class Hands:
         """Let time pass in steps of at most a second. Raises Interrupted."""
         clock = self.instruments.clock
         while True:
-            if self.is_wanted():
-                raise Interrupted
+            self.heed()
             now_ns = clock.now_utc_ns()
             if now_ns >= t_utc_ns:
                 return
@@ -49,32 +57,32 @@ class Hands:
         not_before = self.now_utc_ns() if self.instruments.clock.is_simulated else None
         return self.instruments.mount.report(not_before)
 
-    def slew_estimate_s(self, distance_deg: float) -> float:
-        """Time to allow from the command to the settled mount."""
-        return SLEW_OVERHEAD_S + distance_deg / SLEW_RATE_DEG_S + self.config.mount.settle_s
+    def order_slew(self, ra_icrs_deg: float, dec_icrs_deg: float) -> None:
+        """Send the mount there and return at once. Raises Interrupted instead of moving it."""
+        self.heed()
+        self.instruments.mount.slew(ra_icrs_deg, dec_icrs_deg, self.now_utc_ns())
 
-    def slew(self, ra_icrs_deg: float, dec_icrs_deg: float) -> MountReport:
-        """Send the mount there, wait for its arrival by read-back, then for it to settle.
+    def wait_for_arrival(self, ra_icrs_deg: float, dec_icrs_deg: float) -> MountReport:
+        """Wait for the mount's arrival by read-back, then for it to settle.
 
         A mount that stops beside the place is sent again: some lose the sky's motion on a long
         way. Raises InstrumentError when it has not arrived in time, Interrupted on STOP.
         """
-        mount = self.instruments.mount
-        limit_ns = self.now_utc_ns() + round(self.config.mount.slew_timeout_s * NS)
+        limit_ns = self.now_utc_ns() + round(self._config.mount.slew_timeout_s * NS)
         while True:
-            mount.slew(ra_icrs_deg, dec_icrs_deg, self.now_utc_ns())
             report = self._wait_for_rest(limit_ns)
             off_deg = separation_deg(
                 report.ra_icrs_deg, report.dec_icrs_deg, ra_icrs_deg, dec_icrs_deg
             )
-            if not report.is_slewing and off_deg * 60.0 <= self.config.mount.arrival_arcmin:
+            if not report.is_slewing and off_deg * 60.0 <= self._config.mount.arrival_arcmin:
                 break
             if self.now_utc_ns() > limit_ns:
                 raise InstrumentError(
-                    f"the mount has not arrived after {self.config.mount.slew_timeout_s:.0f} s,"
+                    f"the mount has not arrived after {self._config.mount.slew_timeout_s:.0f} s,"
                     f" it is {off_deg * 60:.1f} arcmin off: look at it, then arm again"
                 )
-        self.wait_until(self.now_utc_ns() + round(self.config.mount.settle_s * NS))
+            self.order_slew(ra_icrs_deg, dec_icrs_deg)
+        self.wait_until(self.now_utc_ns() + round(self._config.mount.settle_s * NS))
         return report
 
     def _wait_for_rest(self, limit_utc_ns: int) -> MountReport:
@@ -90,7 +98,7 @@ class Hands:
 
         Raises InstrumentError when no frame comes, Interrupted on STOP (the exposure is given up).
         """
-        exposure = self.config.exposure
+        exposure = self._config.exposure
         camera = self.instruments.camera
         self.wait_until(t_start_utc_ns)
         opened_ns = self.now_utc_ns()
@@ -102,5 +110,6 @@ class Hands:
             self.wait_until(opened_ns + math.ceil(length_s * NS))
             return camera.wait_frame(exposure.frame_timeout_s)
         except Interrupted:
-            camera.abort()
+            with contextlib.suppress(InstrumentError):
+                camera.abort()
             raise

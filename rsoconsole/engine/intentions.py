@@ -2,11 +2,13 @@
 
 import threading
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from pydantic import ValidationError
 
 from rsoconsole.config import Config
+from rsoconsole.instruments.ports import StopResult
 from rsoconsole.records import OperatorAction, ParameterChange
 
 TUNABLE = {
@@ -38,14 +40,28 @@ class Wish:
     by: str = "operator"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopOrder:
+    """A STOP that was given, and what the mount answered."""
+
+    by: str
+    result: StopResult
+    dropped: tuple[Wish, ...]
+    """Wishes that waited when it came: STOP undoes them."""
+
+
 class Intentions:
-    """A queue of wishes, and the two flags that cut everything short."""
+    """A queue of wishes, and the two flags that cut everything short.
+
+    The flags are plain attributes: a signal handler may set one at any instant.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._wishes: deque[Wish] = deque()
-        self._stop = threading.Event()
-        self._shutdown = threading.Event()
+        self._stops: deque[StopOrder] = deque()
+        self._stops_under_way = 0
+        self._is_shutdown = False
 
     def put(self, wish: Wish) -> None:
         """Queue a wish for the next cycle (any thread)."""
@@ -59,29 +75,49 @@ class Intentions:
             self._wishes.clear()
         return wishes
 
-    def request_stop(self) -> None:
-        """STOP was given; the mount has been told already."""
-        self._stop.set()
+    def stop(self, by: str, abort: Callable[[], StopResult]) -> StopResult:
+        """Raise the flag, then stop the mount, then keep what came of it for the record.
+
+        From the first instant on the loop gives no order to the mount any more.
+        """
+        with self._lock:
+            self._stops_under_way += 1
+            dropped = tuple(self._wishes)
+            self._wishes.clear()
+        try:
+            result = abort()
+            with self._lock:
+                self._stops.append(StopOrder(by=by, result=result, dropped=dropped))
+        finally:
+            with self._lock:
+                self._stops_under_way -= 1
+        return result
+
+    def take_stops(self) -> tuple[StopOrder, ...]:
+        """STOPs that were given since last asked."""
+        with self._lock:
+            stops = tuple(self._stops)
+            self._stops.clear()
+        return stops
+
+    @property
+    def is_stopping(self) -> bool:
+        """Whether a STOP is under way or has not been taken notice of."""
+        return self._stops_under_way > 0 or bool(self._stops)
 
     def request_shutdown(self) -> None:
         """The engine is to end after a safe stop."""
-        self._shutdown.set()
-
-    def take_stop(self) -> bool:
-        """Whether STOP was given since last asked."""
-        was_set = self._stop.is_set()
-        self._stop.clear()
-        return was_set
+        self._is_shutdown = True
 
     @property
     def is_shutdown(self) -> bool:
         """Whether the engine is to end."""
-        return self._shutdown.is_set()
+        return self._is_shutdown
 
     @property
     def is_wanted(self) -> bool:
         """Whether the loop is to drop what it does and look here."""
-        return self._stop.is_set() or self._shutdown.is_set()
+        return self._is_shutdown or self.is_stopping
 
 
 def changed(config: Config, name: str, value: float | str) -> Config:

@@ -18,7 +18,9 @@ from rsoconsole.engine.doctor_system import read_clock
 from rsoconsole.engine.hands import Hands
 from rsoconsole.engine.intentions import Intentions
 from rsoconsole.engine.loop import Engine
+from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.connect import connect_instruments
+from rsoconsole.instruments.ports import MountPort
 from rsoconsole.pipeline.open import open_reducer
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.session.store import new_session_folder
@@ -60,7 +62,7 @@ def run_engine(
     with contextlib.ExitStack() as stack:
         reducer, model_sha256 = stack.enter_context(open_reducer(config))
         instruments = stack.enter_context(connect_instruments(config))
-        instruments.mount.set_site(config.site.to_site())
+        _agree_on_site(instruments.mount, config)
         now_ns = instruments.clock.now_utc_ns()
         folder = settings.session or new_session_folder(config.session.root, settings.title, now_ns)
         about = {
@@ -86,7 +88,7 @@ def run_engine(
             desk = Desk(engine, instruments.mount, intentions, lambda: writer.faults)
             path = settings.socket or default_socket_path()
             stack.enter_context(ControlServer(path, desk.handle))
-        stack.enter_context(_signals(engine, intentions))
+        stack.enter_context(_signals(intentions))
         if on_start is not None:
             on_start(folder)
         if settings.is_armed:
@@ -95,19 +97,37 @@ def run_engine(
     return folder
 
 
+def _agree_on_site(mount: MountPort, config: Config) -> None:
+    """Tell the mount its site where it knows none; never overwrite another one unasked."""
+    site = config.site.to_site()
+    check = mount.check_site(site)
+    if check.reported is None:
+        mount.set_site(site)
+    elif not check.is_consistent:
+        raise InstrumentError(check.detail)
+
+
 @contextlib.contextmanager
-def _signals(engine: Engine, intentions: Intentions) -> Iterator[None]:
-    """SIGTERM and SIGINT end the engine safely; only the main thread may listen to them."""
+def _signals(intentions: Intentions) -> Iterator[None]:
+    """SIGTERM and SIGINT end the engine safely, a lost line (SIGHUP) means nothing to it.
+
+    Only the main thread may listen to signals. The handler sets a plain flag, which the loop
+    sees within a second.
+    """
 
     def end(_number: int, _frame: FrameType | None) -> None:
         intentions.request_shutdown()
-        engine.wake()
 
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    wanted: dict[int, Any] = {
+        signal.SIGTERM: end,
+        signal.SIGINT: end,
+        signal.SIGHUP: signal.SIG_IGN,
+    }
     before: dict[int, Any] = {
-        number: signal.signal(number, end) for number in (signal.SIGTERM, signal.SIGINT)
+        number: signal.signal(number, handler) for number, handler in wanted.items()
     }
     try:
         yield

@@ -20,7 +20,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky.angles import wrap_180
 
 SAME_OBJECT_ARCSEC = 60.0
 SAME_FRAME_NS = 1_000_000_000
@@ -35,7 +35,7 @@ class _Frame:
     measurements: list[Measurement] = field(default_factory=list)
     predicted: TrackState | None = None
     updated: TrackState | None = None
-    gated: list[Measurement] = field(default_factory=list)
+    refused_nis: list[tuple[Measurement, float]] = field(default_factory=list)
 
 
 class _Tally:
@@ -75,8 +75,8 @@ class _Tally:
 
     @take.register
     def _(self, record: NotFollowed) -> None:
-        if record.reason.startswith("NIS"):
-            self.frames[record.frame_id].gated.append(record.measurement)
+        if record.nis is not None:
+            self.frames[record.frame_id].refused_nis.append((record.measurement, record.nis))
 
     @take.register
     def _(self, _record: Miss) -> None:
@@ -111,7 +111,6 @@ def summarise(records: Iterable[Any], truth: Sequence[Mapping[str, Any]]) -> dic
         "states": dict(Counter(frame.state for frame in tally.frames.values())),
         "locked_after_frames": tally.locked_after,
         **_against_truth(tally.frames, truth),
-        **_consistency(tally.frames),
         "latency_ms": _latency(tally.timings),
     }
 
@@ -134,68 +133,107 @@ def _satellites(truth: Sequence[Mapping[str, Any]], t_mid_utc_ns: int) -> list[M
 def _against_truth(
     frames: Mapping[int, _Frame], truth: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
-    followed: Counter[str] = Counter()
+    """Figures against what really was there; those of the track against one named satellite."""
+    views = [(frame, _satellites(truth, frame.t_mid_utc_ns)) for frame in frames.values()]
+    target, share = _followed(views)
     measured: list[float] = []
-    predicted: list[float] = []
-    for frame in frames.values():
-        satellites = _satellites(truth, frame.t_mid_utc_ns)
-        if not satellites:
-            continue
+    chi2: list[float] = []
+    false_measurements = 0
+    for frame, satellites in views:
         for measurement in frame.measurements:
-            off, _ = _nearest(satellites, measurement.ra_icrs_deg, measurement.dec_icrs_deg)
-            if off <= SAME_OBJECT_ARCSEC:
-                measured.append(off)
-        if frame.updated is not None:
-            off, name = _nearest(satellites, frame.updated.x[0], frame.updated.x[2])
-            followed[name if off <= SAME_OBJECT_ARCSEC else "nothing real"] += 1
-        if frame.predicted is not None and frame.updated is not None:
-            off, _ = _nearest(satellites, frame.predicted.x[0], frame.predicted.x[2])
-            predicted.append(off)
-    total = sum(followed.values())
-    target, times = followed.most_common(1)[0] if followed else (None, 0)
+            off = [_offset_arcsec(s, *_place(measurement)) for s in satellites]
+            east, north = min(off, key=lambda pair: math.hypot(*pair), default=(math.inf, 0.0))
+            if math.hypot(east, north) > SAME_OBJECT_ARCSEC:
+                false_measurements += 1
+                continue
+            measured.append(math.hypot(east, north))
+            chi2.append(_chi2(measurement, east, north))
+    predicted, outside, nis = _track_figures(views, target)
     return {
         "target": target,
-        "target_share": times / total if total else None,
+        "target_share": share,
+        "false_measurements": false_measurements,
         "measured_rms_arcsec": _rms(measured),
+        "measured_chi2_mean": statistics.fmean(chi2) if chi2 else None,
         "prediction_rms_arcsec": _rms(predicted),
+        "nis_mean": statistics.fmean(nis) if nis else None,
+        "inside_3sigma": None if not outside else 1.0 - sum(outside) / len(outside),
     }
 
 
-def _nearest(
-    satellites: Sequence[Mapping[str, Any]], ra_deg: float, dec_deg: float
-) -> tuple[float, str]:
-    """Distance in arcsec to the nearest satellite's true place, and its name."""
-    return min(
-        (
-            separation_deg(s["ra_icrs_deg"], s["dec_icrs_deg"], ra_deg % 360.0, dec_deg) * 3600.0,
-            str(s["name"]),
-        )
-        for s in satellites
+def _followed(views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]]) -> tuple[str | None, Any]:
+    """The satellite most updates lie on, and the share of updates that do."""
+    names: Counter[str] = Counter()
+    for frame, satellites in views:
+        if frame.updated is None:
+            continue
+        at = frame.updated.x[0], frame.updated.x[2]
+        near = [(math.hypot(*_offset_arcsec(s, *at)), str(s["name"])) for s in satellites]
+        off, name = min(near, default=(math.inf, ""))
+        names[name if off <= SAME_OBJECT_ARCSEC else "nothing real"] += 1
+    if not names:
+        return None, None
+    target, times = names.most_common(1)[0]
+    return target, times / sum(names.values())
+
+
+def _track_figures(
+    views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]], target: str | None
+) -> tuple[list[float], list[bool], list[float]]:
+    """Every one-step prediction of the target in the frame, also those that nothing met.
+
+    Errors in arcsec; whether a measurement of the target fell outside 3 sqrt(S), refused ones
+    included; NIS of all of them.
+    """
+    errors: list[float] = []
+    outside: list[bool] = []
+    nis: list[float] = []
+    for frame, satellites in views:
+        true = next((s for s in satellites if s["name"] == target and s["is_in_frame"]), None)
+        predicted, updated = frame.predicted, frame.updated
+        if true is None or predicted is None:
+            continue
+        if predicted.misses <= 1:
+            errors.append(math.hypot(*_offset_arcsec(true, predicted.x[0], predicted.x[2])))
+        if updated is not None and updated.nis is not None:
+            nis.append(updated.nis)
+            innovation = updated.innovation_arcsec or (0.0, 0.0)
+            bounds = updated.sigma_innovation_arcsec or (0.0, 0.0)
+            pairs = zip(innovation, bounds, strict=True)
+            outside.append(any(abs(value) > 3.0 * bound for value, bound in pairs))
+            continue
+        for measurement, value in frame.refused_nis:
+            if math.hypot(*_offset_arcsec(true, *_place(measurement))) <= SAME_OBJECT_ARCSEC:
+                nis.append(value)
+                outside.append(True)
+    return errors, outside, nis
+
+
+def _place(measurement: Measurement) -> tuple[float, float]:
+    return measurement.ra_icrs_deg, measurement.dec_icrs_deg
+
+
+def _offset_arcsec(
+    satellite: Mapping[str, Any], ra_deg: float, dec_deg: float
+) -> tuple[float, float]:
+    """(east, north) of a direction from a satellite's true place."""
+    true_dec_deg = float(satellite["dec_icrs_deg"])
+    dra_deg = wrap_180(ra_deg - float(satellite["ra_icrs_deg"]))
+    return (
+        dra_deg * math.cos(math.radians(true_dec_deg)) * 3600.0,
+        (dec_deg - true_dec_deg) * 3600.0,
     )
 
 
-def _consistency(frames: Mapping[int, _Frame]) -> dict[str, float | None]:
-    nis: list[float] = []
-    inside: list[bool] = []
-    for frame in frames.values():
-        updated = frame.updated
-        if updated is None or updated.nis is None or frame.predicted is None:
-            inside.extend(False for _ in frame.gated)
-            continue
-        nis.append(updated.nis)
-        innovation, sigma = updated.innovation_arcsec, updated.sigma_innovation_arcsec
-        if innovation is not None and sigma is not None:
-            pairs = zip(innovation, sigma, strict=True)
-            inside.append(all(abs(value) <= 3.0 * bound for value, bound in pairs))
-    return {
-        "nis_mean": statistics.fmean(nis) if nis else None,
-        "inside_3sigma": sum(inside) / len(inside) if inside else None,
-    }
+def _chi2(measurement: Measurement, east: float, north: float) -> float:
+    """Squared error in units of the measurement's own covariance; 2 when that is honest."""
+    ee, en, nn = measurement.cov_sky_arcsec2
+    return (nn * east**2 - 2.0 * en * east * north + ee * north**2) / (ee * nn - en**2)
 
 
 def _latency(timings: Sequence[CycleTiming]) -> dict[str, dict[str, float]]:
     stages: dict[str, dict[str, float]] = {}
-    for stage in ("process", "detect", "solve", "filter", "total"):
+    for stage in ("read", "process", "detect", "solve", "filter", "order", "total"):
         values = sorted(t.stage_ms[stage] for t in timings if stage in t.stage_ms)
         if values:
             stages[stage] = {

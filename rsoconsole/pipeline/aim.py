@@ -24,14 +24,26 @@ def search_base(
     search: SearchConfig, site: Site, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int
 ) -> SearchBase:
     """As configured; where the configuration is silent, where the telescope points now."""
-    ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(ra_icrs_deg, dec_icrs_deg, t_utc_ns)
+    here = search_base_at(site, ra_icrs_deg, dec_icrs_deg, t_utc_ns)
     hour_angle_deg = search.hour_angle_deg
-    if hour_angle_deg is None:
-        hour_angle_deg = hour_angle_jnow_deg(site, ra_jnow_deg, t_utc_ns)
     declination_deg = search.declination_deg
     if declination_deg is None and search.pattern == "stay":
-        declination_deg = dec_jnow_deg
-    return SearchBase(hour_angle_deg=hour_angle_deg, declination_deg=declination_deg)
+        declination_deg = here.declination_deg
+    return SearchBase(
+        hour_angle_deg=here.hour_angle_deg if hour_angle_deg is None else hour_angle_deg,
+        declination_deg=declination_deg,
+    )
+
+
+def search_base_at(
+    site: Site, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int
+) -> SearchBase:
+    """Around this direction, on its own declination: where something was lost."""
+    ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(ra_icrs_deg, dec_icrs_deg, t_utc_ns)
+    return SearchBase(
+        hour_angle_deg=hour_angle_jnow_deg(site, ra_jnow_deg, t_utc_ns),
+        declination_deg=dec_jnow_deg,
+    )
 
 
 def search_direction(

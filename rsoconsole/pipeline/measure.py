@@ -15,6 +15,13 @@ AIR_ARCSEC_ROOT_S = 0.40
 """
 
 
+def shutter_mid_utc_ns(frame: Frame, exposure: ExposureConfig) -> int | None:
+    """Middle of the exposure by the shutter: the header's plus the camera's known latency."""
+    if frame.t_mid_utc_ns is None:
+        return None
+    return frame.t_mid_utc_ns + round(exposure.header_latency_s * 1e9)
+
+
 def measure(
     detection: Detection,
     solution: Solution,
@@ -29,7 +36,8 @@ def measure(
     in every direction. The part of the catalogue's error that all stars of a field share is the
     same in the next frame: it biases a track and hides from its innovations.
     """
-    if frame.t_mid_utc_ns is None or frame.exposure_s is None:
+    t_mid_ns = shutter_mid_utc_ns(frame, exposure)
+    if t_mid_ns is None or frame.exposure_s is None:
         return None
     wcs = solution.wcs
     x, y = detection.x_px, detection.y_px
@@ -41,7 +49,7 @@ def measure(
     )
     return Measurement(
         frame_id=frame.frame_id,
-        t_mid_utc_ns=frame.t_mid_utc_ns + round(exposure.header_latency_s * 1e9),
+        t_mid_utc_ns=t_mid_ns,
         ra_icrs_deg=float(ra),
         dec_icrs_deg=float(dec),
         cov_sky_arcsec2=_covariance(detection, solution, frame.exposure_s, exposure),

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from rsoconsole.config import Config
+from rsoconsole.errors import SolverError
 from rsoconsole.instruments.solver import PlateSolver, SolveHint
 from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.sky.angles import wrap_180
@@ -52,14 +53,18 @@ class PlateFinder:
         """A solution from the hint alone; without a position the longer deadline holds."""
         settings = self._config.solver
         is_blind = hint.position_deg is None
-        return self._solver.solve(
-            stars,
-            frame_id=frame.frame_id,
-            width_px=frame.width_px,
-            height_px=frame.height_px,
-            hint=hint,
-            deadline_s=settings.blind_deadline_s if is_blind else settings.deadline_s,
-        )
+        try:
+            return self._solver.solve(
+                stars,
+                frame_id=frame.frame_id,
+                width_px=frame.width_px,
+                height_px=frame.height_px,
+                hint=hint,
+                deadline_s=settings.blind_deadline_s if is_blind else settings.deadline_s,
+            )
+        except SolverError as error:
+            # A solver that cannot be started now may be again at the next frame.
+            return NotSolved(frame_id=frame.frame_id, reason=str(error), ms=0.0)
 
     def _refit(self, frame: Frame, stars: StarList) -> Solution | None:
         last, before = self._last, self._last_frame

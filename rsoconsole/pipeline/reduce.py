@@ -9,7 +9,6 @@ from rsoconsole.config import Config
 from rsoconsole.pipeline.measure import measure
 from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
-from rsoconsole.tracking.follow import Seen
 from rsoconsole.vision.detector import Proposer, StreakDetector
 
 
@@ -26,16 +25,6 @@ class Reduction:
     absence: str
     """Why there is no measurement, when there is none."""
     stage_ms: dict[str, float] = field(default_factory=dict)
-
-    def seen(self, frame: Frame, t_mid_utc_ns: int, exposure_s: float) -> Seen:
-        """What the track's fold is fed."""
-        return Seen(
-            frame_id=frame.frame_id,
-            t_mid_utc_ns=t_mid_utc_ns,
-            exposure_s=exposure_s,
-            measurements=self.measurements,
-            absence=self.absence,
-        )
 
 
 FEW_STARS = 8
@@ -56,12 +45,17 @@ class FrameReducer:
         self._detector = StreakDetector(self._network, config.detector)
         self._plate.configure(config)
 
-    def reduce(self, frame: Frame, *, always_solve: bool = False) -> Reduction:
+    def forget_plate(self) -> None:
+        """The camera has turned: the next frame is solved in full."""
+        self._plate.forget()
+
+    def reduce(self, frame: Frame) -> Reduction:
         """Detections, solution and measurements of one frame.
 
-        The plate is solved where something was detected, or always where the caller needs the
-        telescope's true direction. A detection whose frame cannot be solved makes no
-        measurement: the mount's word never poses as one. Raises FrameError, ModelError.
+        The plate is solved where something was detected, and also without it where the header
+        tells the direction: that costs little and shows where the telescope really points. A
+        detection whose frame cannot be solved makes no measurement: the mount's word never poses
+        as one.
         """
         stage_ms: dict[str, float] = {}
         with _timed(stage_ms, "detect"):
@@ -71,7 +65,7 @@ class FrameReducer:
         stage_ms["process"] = stage_ms["detect"] - network_ms
         stage_ms["detect"] = network_ms
         solution: Solution | NotSolved | None = None
-        if found.detections or always_solve:
+        if found.detections or frame.pointing_ra_icrs_deg is not None:
             with _timed(stage_ms, "solve"):
                 solution = self._plate.solve(frame, analysis.stars)
         measurements: tuple[Measurement, ...] = ()

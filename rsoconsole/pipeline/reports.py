@@ -6,11 +6,11 @@ Keys may be added, never renamed. Angles in degrees, ICRS; missing is None.
 import math
 from typing import Any
 
+from rsoconsole.pipeline.batch import Processed
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.records import (
     Detection,
     Detections,
-    Frame,
     Measurement,
     NotSolved,
     Solution,
@@ -109,17 +109,16 @@ def prediction_report(track: TrackState) -> dict[str, Any]:
     }
 
 
-def process_report(
-    name: str, frame: Frame, reduction: Reduction, after: Following, records: tuple[Any, ...]
-) -> dict[str, Any]:
+def process_report(name: str, processed: Processed) -> dict[str, Any]:
     """The object of ``rsoconsole process``: one cycle of Algorithm 1."""
+    frame, reduction, after = processed.frame, processed.reduction, processed.after
     found = detections_report(name, reduction.detections)
-    states = [r for r in records if isinstance(r, TrackState)]
+    states = [r for r in processed.records if isinstance(r, TrackState)]
     predicted = next((s for s in states if s.kind == "predicted"), None)
     updated = next((s for s in states if s.kind != "predicted"), None)
     followed = _followed(reduction, after)
     solution = reduction.solution
-    t_mid_ns = frame.t_mid_utc_ns
+    t_mid_ns = processed.t_mid_utc_ns
     return {
         "frame": name,
         "t_mid_utc": None if t_mid_ns is None else utc_ns_to_iso(t_mid_ns),

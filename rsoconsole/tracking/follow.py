@@ -129,14 +129,18 @@ def _follow_track(
     fitting: list[tuple[Measurement, TrackState]] = []
     for measurement in seen.measurements:
         updated = lqe.update(predicted, measurement, settings.filter)
-        reason = disagreement(measurement, expected)
-        if reason is None and updated.nis is not None and updated.nis > settings.filter.gate_nis:
-            reason = f"NIS {updated.nis:.1f} above the gate {settings.filter.gate_nis:.1f}"
+        nis = updated.nis or 0.0
+        # The paper's rule asks for nothing but confidence.
+        reason = None
+        if settings.choice == "nearest":
+            reason = disagreement(measurement, expected)
+            if reason is None and lqe.is_gated_out(nis, settings.filter):
+                reason = f"NIS {nis:.1f} above the gate {settings.filter.gate_nis:.1f}"
         if reason is None:
             fitting.append((measurement, updated))
         else:
             refused.append(
-                NotFollowed(frame_id=seen.frame_id, measurement=measurement, reason=reason)
+                NotFollowed(frame_id=seen.frame_id, measurement=measurement, reason=reason, nis=nis)
             )
     if fitting:
         return _take(fitting, predicted, refused, settings)
@@ -155,8 +159,10 @@ def _take(
     else:
         chosen, updated = fitting[0]
     others = [
-        NotFollowed(frame_id=updated.frame_id, measurement=m, reason="another one fits better")
-        for m, _ in fitting
+        NotFollowed(
+            frame_id=updated.frame_id, measurement=m, reason="another one is taken", nis=state.nis
+        )
+        for m, state in fitting
         if m is not chosen
     ]
     after = Following(state="TRACK", track=updated, taken=chosen)
