@@ -6,6 +6,7 @@ shard holds 50 fields of one sensor.
 
 import multiprocessing
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,10 @@ FIELDS_PER_SHARD = 50
 SPLITS = {"train": 1, "calibrate": 2, "test": 3}
 BLOCKS = (8, 4, 8, 2, 8, 8, 4, 8, 8, 8)
 """Blocks of successive shards: mostly that of the paper's telescope."""
+CLEAR_FROM = 200
+CLEAR = Conditions(kind="ordinary", peak_snr=(4.0, 40.0), streak_cells=(9.0, 40.0))
+"""Shards from this number on: streaks that nobody overlooks, which a network trained on faint
+ones alone mistakes for trailed stars."""
 
 
 def shard_path(folder: Path, split: str, number: int) -> Path:
@@ -29,8 +34,11 @@ def draw_shard(seed: int, split: str, number: int) -> list[Field]:
     """The fields of one shard."""
     rng = frame_rng(seed, SPLITS[split], number)
     block = BLOCKS[number % len(BLOCKS)]
-    sensor = draw_sensor(block, rng)
-    return [draw_field(sensor, block, Conditions(), rng) for _ in range(FIELDS_PER_SHARD)]
+    is_clear = number >= CLEAR_FROM
+    is_hard = not is_clear or number % 2 == 0
+    sensor = draw_sensor(block, rng, is_hard=is_hard)
+    wanted = replace(CLEAR, is_hard=is_hard) if is_clear else Conditions()
+    return [draw_field(sensor, block, wanted, rng) for _ in range(FIELDS_PER_SHARD)]
 
 
 def write_shard(folder: Path, seed: int, split: str, number: int) -> None:

@@ -22,7 +22,7 @@ from models.scoring import Score, score
 from models.streak_net import StreakNet
 from rsoconsole.vision.maps import ByteArray
 
-SHARDS = {"train": 200, "calibrate": 10, "test": 10}
+SHARDS = {"train": 230, "calibrate": 10, "test": 10}
 BATCH = 16
 PEAK_RATE = 3e-3
 WARM_UP_STEPS = 300
