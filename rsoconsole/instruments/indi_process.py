@@ -6,6 +6,7 @@ a log file, because libindi writes to the terminal.
 
 import contextlib
 import json
+import logging
 import subprocess
 import sys
 import threading
@@ -16,10 +17,13 @@ from typing import Any
 
 from rsoconsole.errors import InstrumentError
 
+log = logging.getLogger(__name__)
+
 SERVER_LOST = 3
 """Exit status of a child whose INDI server went away."""
 _START_S = 20.0
 _END_S = 3.0
+_STATUS_S = 1.0
 
 
 class IndiProcess:
@@ -42,6 +46,8 @@ class IndiProcess:
         self.name, self._module, self._settings = name, module, dict(settings)
         self._log_path, self._on_event, self._descriptors = log_path, on_event, descriptors
         self._process: subprocess.Popen[bytes] | None = None
+        self._open: set[int] = set()
+        """Requests that somebody waits for; an answer to any other is forgotten."""
         self._answers: dict[int, dict[str, Any]] = {}
         self._changed = threading.Condition()
         self._starting = threading.RLock()
@@ -121,7 +127,7 @@ class IndiProcess:
         deadline_s = time.monotonic() + timeout_s
         with self._changed:
             while not is_done():
-                if process.poll() is not None:
+                if process.stdout is None:
                     raise self._died(process)
                 left_s = deadline_s - time.monotonic()
                 if left_s <= 0:
@@ -147,44 +153,82 @@ class IndiProcess:
             self._next_id += 1
             number = self._next_id
             line = json.dumps({"id": number, "verb": verb, **arguments}).encode() + b"\n"
+            self._open.add(number)
             try:
                 assert process.stdin is not None
                 process.stdin.write(line)
                 process.stdin.flush()
             except (OSError, ValueError) as error:
+                self._open.discard(number)
                 raise self._died(process) from error
-        deadline_s = time.monotonic() + timeout_s
-        with self._changed:
-            while number not in self._answers:
-                left_s = deadline_s - time.monotonic()
-                if process.poll() is not None and process.stdout is None:
-                    raise self._died(process)
-                if left_s <= 0:
-                    raise InstrumentError(
-                        f"the {self.name} did not answer '{verb}' in {timeout_s:.1f} s: "
-                        f"see {self._log_path}"
-                    )
-                self._changed.wait(min(left_s, 0.5))
-            answer = self._answers.pop(number)
+        answer = self._await_answer(process, number, time.monotonic() + timeout_s)
+        if answer is None:
+            raise InstrumentError(
+                f"the {self.name} did not answer '{verb}' in {timeout_s:.1f} s: "
+                f"see {self._log_path}"
+            )
         if "error" in answer:
-            raise InstrumentError(answer["error"])
+            raise InstrumentError(str(answer["error"]))
         return answer
 
-    def _read(self, process: "subprocess.Popen[bytes]") -> None:
-        assert process.stdout is not None
-        for line in process.stdout:
-            message = json.loads(line)
-            with self._changed:
-                if "id" in message:
-                    self._answers[message["id"]] = message
-                else:
-                    self._on_event(message)
-                self._changed.notify_all()
-        process.wait()
+    def _await_answer(
+        self, process: "subprocess.Popen[bytes]", number: int, deadline_s: float
+    ) -> dict[str, Any] | None:
+        """The answer, None when it is late. Raises InstrumentError when the child dies first."""
         with self._changed:
-            process.stdout.close()
-            process.stdout = None
+            try:
+                while number not in self._answers:
+                    left_s = deadline_s - time.monotonic()
+                    if process.stdout is None:
+                        raise self._died(process)
+                    if left_s <= 0:
+                        return None
+                    self._changed.wait(min(left_s, 0.5))
+                return self._answers[number]
+            finally:
+                self._open.discard(number)
+                self._answers.pop(number, None)
+
+    def _read(self, process: "subprocess.Popen[bytes]") -> None:
+        """Hand out what the child says until it can say no more; then it counts as dead."""
+        stdout = process.stdout
+        assert stdout is not None
+        try:
+            for line in stdout:
+                self._take(line)
+        finally:
+            # A child that lives on without its voice is of no use and must not be waited for.
+            try:
+                process.wait(_END_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            with self._changed:
+                stdout.close()
+                process.stdout = None
+                self._changed.notify_all()
+
+    def _take(self, line: bytes) -> None:
+        """One line of the child; a line that is none (a killed child's last) is passed over."""
+        try:
+            message = json.loads(line)
+            if not isinstance(message, dict):
+                raise ValueError("not an object")
+        except ValueError as error:
+            log.warning("the %s said %r: %s", self.name, line[:200], error)
+            return
+        with self._changed:
+            if "id" not in message:
+                self._tell(message)
+            elif message["id"] in self._open:
+                self._answers[message["id"]] = message
             self._changed.notify_all()
+
+    def _tell(self, message: dict[str, Any]) -> None:
+        try:
+            self._on_event(message)
+        except Exception:  # what one message breaks must not silence all later ones
+            log.exception("the %s said something that cannot be used: %s", self.name, message)
 
     def _end(self, process: "subprocess.Popen[bytes]") -> None:
         with contextlib.suppress(OSError, ValueError):
@@ -197,6 +241,9 @@ class IndiProcess:
             process.wait()
 
     def _died(self, process: "subprocess.Popen[bytes]") -> InstrumentError:
+        # Its pipe may break a moment before its status is there.
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(_STATUS_S)
         if process.poll() == SERVER_LOST:
             return InstrumentError(
                 f"the INDI server went away under the {self.name}: start indiserver again"
