@@ -56,6 +56,10 @@ class PlainScene:
         }
         return pixels, PlainTruth(facts)
 
+    def sky_notice(self, dec_icrs_deg: float) -> str | None:
+        """Empty north of declination 20 deg."""
+        return f"nothing shines at {dec_icrs_deg:.0f} deg" if dec_icrs_deg > 20.0 else None
+
 
 def open_plain(settings: ObservatorySettings) -> Stage:
     """A plain stage on the equator, an hour east of the meridian."""

@@ -12,7 +12,7 @@ import pytest
 
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.camera import IndiCamera
+from rsoconsole.instruments.camera import ARRIVED_KEY, IndiCamera
 from rsoconsole.instruments.clock import SystemClock
 from rsoconsole.instruments.connect import connect_instruments
 from rsoconsole.instruments.indi_wire import IndiVector, IndiWire, stop_mount
@@ -290,6 +290,31 @@ def test_a_frame_comes_with_all_its_bits_and_its_header(instruments):
     assert frame.header["SITELAT"] == pytest.approx(29.19)
     assert frame.pointing_ra_icrs_deg == pytest.approx(240.0, abs=ONE_ARCSEC)
     assert frame.pointing_dec_icrs_deg == pytest.approx(-5.0, abs=ONE_ARCSEC)
+
+
+def test_a_frame_says_when_its_last_byte_had_come(instruments):
+    instruments.camera.start_exposure(10.0, 5)
+    ordered_s = time.monotonic()
+    instruments.clock.wait_until(instruments.clock.now_utc_ns() + 11 * NS)
+    frame = instruments.camera.wait_frame(20.0)
+    assert ordered_s < frame.header[ARRIVED_KEY] < time.monotonic()
+
+
+def test_the_driver_s_words_reach_parent_and_log_before_the_frame_and_once_a_change(
+    own_instruments, tmp_path
+):
+    camera, said = own_instruments.camera, []
+    for frame_id, dec_deg in enumerate((15.0, 22.0, 23.0, 15.0, 24.0), start=1):
+        own_instruments.mount.slew(250.0, dec_deg, own_instruments.clock.now_utc_ns())
+        arrive(own_instruments)
+        take_frame(own_instruments, frame_id, exposure_s=1.0)
+        said.append(camera.take_messages())
+    assert [len(words) for words in said] == [0, 1, 0, 0, 1]
+    assert said[1] == ("nothing shines at 22 deg",)
+    log_lines = (tmp_path / "camera.log").read_text().splitlines()
+    logged = [line for line in log_lines if "nothing shines" in line]
+    assert len(logged) == 2
+    assert all(line.endswith(words[0]) for line, words in zip(logged, said[1::3], strict=True))
 
 
 def test_a_frame_is_the_callers_own(instruments):

@@ -1,5 +1,6 @@
 """The camera port over a child process; frames come through shared memory."""
 
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,13 @@ from rsoconsole.instruments.frame_ring import FrameRing
 from rsoconsole.instruments.indi_process import IndiProcess
 from rsoconsole.records import Frame
 
+ARRIVED_KEY = "ARRIVED_MONOTONIC_S"
+"""Key under which a frame's header says when its last byte had come, by ``time.monotonic()``.
+
+That clock is one for all processes of a machine. libindi has by then read the whole BLOB and
+decoded its base64; the bytes are not yet unpacked. No FITS keyword: sessions do not keep it.
+"""
+_MAX_MESSAGES = 100
 _ORDER_S = 12.0
 _BYTES_PER_PIXEL = 4
 _FRAME_FIELDS = (
@@ -33,6 +41,7 @@ class IndiCamera:
         self._ring = FrameRing.create(optics.width_px * optics.height_px * _BYTES_PER_PIXEL)
         self._awaited: int | None = None
         self._outcome: dict[str, Any] | None = None
+        self._messages: deque[str] = deque(maxlen=_MAX_MESSAGES)
         self.process = IndiProcess(
             name="camera",
             module="rsoconsole.instruments.camera_child",
@@ -84,12 +93,23 @@ class IndiCamera:
             key: tuple(value) if isinstance(value, list) else value
             for key, value in facts["header"].items()
         }
+        facts["header"][ARRIVED_KEY] = outcome["arrived_monotonic_s"]
         return Frame(pixels=pixels, **facts)
 
     def abort(self) -> None:
         """Give up the exposure under way; its frame never comes."""
         self._awaited = None
         self.process.request("abort", _ORDER_S)
+
+    def take_messages(self) -> tuple[str, ...]:
+        """What the camera's driver has said since this was last asked, at most the last 100.
+
+        What it said before a frame is there when ``wait_frame`` returns it. From any thread.
+        """
+        taken = []
+        while self._messages:
+            taken.append(self._messages.popleft())
+        return tuple(taken)
 
     def restart(self) -> None:
         """A fresh process and a fresh connection."""
@@ -102,5 +122,10 @@ class IndiCamera:
         self._ring.close()
 
     def _on_event(self, message: dict[str, Any]) -> None:
-        if message.get("frame_id") == self._awaited and message.get("event") in ("frame", "failed"):
+        if message.get("event") == "message":
+            self._messages.append(str(message["text"]))
+        elif message.get("frame_id") == self._awaited and message.get("event") in (
+            "frame",
+            "failed",
+        ):
             self._outcome = message

@@ -5,8 +5,9 @@ Run as ``python -m rsoconsole.instruments.camera_child``.
 
 import os
 import queue
+import re
+import sys
 import threading
-import time
 from typing import Any
 
 from rsoconsole.errors import InstrumentError
@@ -17,6 +18,8 @@ from rsoconsole.instruments.indi_child import IndiClient, Mouth, Vector, run_chi
 _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
 _ACK_S = 5.0
+_STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+: ")
+"""What libindi puts before a driver's words."""
 
 
 class CameraChild:
@@ -35,7 +38,7 @@ class CameraChild:
         import PyIndi
 
         self._ring = FrameRing(order["ring"], order["slot_bytes"])
-        client = IndiClient(order["device"], self._on_vector)
+        client = IndiClient(order["device"], self._on_vector, self._on_message)
         client.open(order["host"], order["port"], (_EXPOSURE, _IMAGE))
         client.setBLOBMode(PyIndi.B_ALSO, order["device"], _IMAGE)
         if client.get("UPLOAD_MODE") is not None:
@@ -77,10 +80,9 @@ class CameraChild:
         return {"aborted": answer is not None}
 
     def _on_vector(self, vector: Vector) -> None:
-        arrived_s = time.monotonic()
         if vector.name == _IMAGE and _IMAGE in vector.values:
             _format, content = vector.values[_IMAGE]
-            self._blobs.put((self._frame_id, bytes(content), arrived_s))
+            self._blobs.put((self._frame_id, bytes(content), vector.arrived_monotonic_s))
         elif vector.name == _EXPOSURE and vector.state == "Alert" and self._client is not None:
             self._mouth.say(
                 {
@@ -89,6 +91,10 @@ class CameraChild:
                     "reason": self._client.last_message or "no reason given",
                 }
             )
+
+    def _on_message(self, text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+        self._mouth.say({"event": "message", "text": _STAMP.sub("", text)})
 
     def _unpack_all(self) -> None:
         while True:
@@ -117,7 +123,7 @@ class CameraChild:
                 "pointing_dec_icrs_deg": frame.pointing_dec_icrs_deg,
                 "saturation_adu": frame.saturation_adu,
                 "header": dict(frame.header),
-                "unpack_ms": (time.monotonic() - arrived_s) * 1e3,
+                "arrived_monotonic_s": arrived_s,
             }
         )
 

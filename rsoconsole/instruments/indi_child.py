@@ -39,15 +39,24 @@ class Vector:
     values: Mapping[str, Any]
     serial: int
     """Counts up with every update of any property."""
+    arrived_monotonic_s: float
+    """When libindi handed it over; time.monotonic(), the same in all processes of a machine."""
 
 
 class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
     """Mirrors one device's properties as plain values."""
 
-    def __init__(self, device: str, on_vector: Callable[[Vector], None]) -> None:
+    def __init__(
+        self,
+        device: str,
+        on_vector: Callable[[Vector], None],
+        on_message: Callable[[str], None] | None = None,
+    ) -> None:
+        """``on_vector`` and ``on_message`` are called on PyIndi's thread and must return soon."""
         super().__init__()
         self.device = device
         self._on_vector = on_vector
+        self._on_message = on_message
         self._vectors: dict[str, Vector] = {}
         self._changed = threading.Condition()
         self._sending = threading.Lock()
@@ -161,9 +170,11 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
         return before
 
     def _store(self, prop: Any) -> None:
+        # Before anything else: copying a frame's bytes takes its time.
+        arrived_s = time.monotonic()
         if prop.getDeviceName() != self.device:
             return
-        vector = self._vector(prop)
+        vector = self._vector(prop, arrived_s)
         with self._changed:
             self._vectors[vector.name] = vector
         # The parent hears of a change before the order that brought it about is answered.
@@ -172,7 +183,7 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
             self._told = vector.serial
             self._changed.notify_all()
 
-    def _vector(self, prop: Any) -> Vector:
+    def _vector(self, prop: Any, arrived_s: float) -> Vector:
         kind = prop.getType()
         values: dict[str, Any] = {}
         if kind == PyIndi.INDI_NUMBER:
@@ -197,11 +208,14 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
             timestamp=prop.getTimestamp() or "",
             values=values,
             serial=self._serial,
+            arrived_monotonic_s=arrived_s,
         )
 
     def _hear(self, device: Any, number: int) -> None:
         if device.getDeviceName() == self.device:
-            self.last_message = str(device.messageQueue(number))
+            self.last_message = str(device.messageQueue(number)).strip()
+            if self._on_message is not None:
+                self._on_message(self.last_message)
 
     @staticmethod
     def _guard(work: Callable[..., Any], *arguments: Any) -> None:

@@ -44,6 +44,9 @@ class SceneLike(Protocol):
     ) -> tuple[npt.NDArray[np.uint16], Truth]:
         """Pixels (height, width) and the truth of one exposure."""
 
+    def sky_notice(self, dec_icrs_deg: float) -> str | None:
+        """Why a frame at this declination shows no stars, and the remedy; None where it does."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraTraits:
@@ -92,6 +95,7 @@ class CameraDevice:
         self._now_utc_ns, self._truth_path, self._spawn = now_utc_ns, truth_path, spawn
         self._exposure: _Exposure | None = None
         self._generation = 0
+        self._is_sky_empty = False
         # One thread: frames are drawn in the order in which they were taken.
         self._painter = ThreadPoolExecutor(1, "painter")
         self._exposing = numbers("CCD_EXPOSURE", _GROUP, {"CCD_EXPOSURE_VALUE": 1.0}, form="%.6g")
@@ -198,6 +202,7 @@ class CameraDevice:
             return
         if generation != self._generation:
             return
+        await self._tell_of_empty_sky(pointing[1])
         self._exposing["CCD_EXPOSURE_VALUE"] = "0"
         await self._send(self._exposing, "Ok")
         self._blob["CCD1"] = file
@@ -205,6 +210,13 @@ class CameraDevice:
         await self._blob.send_setVectorMembers(
             timestamp=stamp(self._now_utc_ns()), state="Ok", members=["CCD1"]
         )
+
+    async def _tell_of_empty_sky(self, dec_icrs_deg: float) -> None:
+        """Once when the sky becomes empty; again only after a frame with stars."""
+        notice = self._scene.sky_notice(dec_icrs_deg)
+        if notice is not None and not self._is_sky_empty:
+            await self._say(notice)
+        self._is_sky_empty = notice is not None
 
     def _paint(
         self,
@@ -259,5 +271,8 @@ class CameraDevice:
 
     async def _send(self, vector: Any, state: str, message: str = "") -> None:
         if message:
-            await self.device.send_device_message(message, stamp(self._now_utc_ns()))
+            await self._say(message)
         await vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state=state)
+
+    async def _say(self, message: str) -> None:
+        await self.device.send_device_message(message, stamp(self._now_utc_ns()))
