@@ -35,7 +35,7 @@ FAINTEST_STAR_MAG = 19.0
 EXTINCTION_MAG_AIRMASS = 0.15
 REFERENCE_SCALE_ARCSEC_PX = 206.264806 * 3.8 / 620.0
 _CLOUD_GRID = (33, 44)
-_NOISE, _SEEING, _AIR = 0, 1, 2
+_NOISE, _SEEING, _AIR, _SHUTTER = 0, 1, 2, 3
 _ALTITUDE_FLOOR_DEG = 5.0
 
 
@@ -103,11 +103,9 @@ class Scene:
             width_px=self.sensor.width_px,
             height_px=self.sensor.height_px,
         )
-        content = self._empty_field(wcs, t_start_utc_ns, exposure_s)
-        air = frame_rng(self.seed, t_start_utc_ns, _AIR)
+        content = self.field_content(wcs, t_start_utc_ns, exposure_s)
+        air = frame_rng(self.seed, t_start_utc_ns, _SHUTTER)
         wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
-        x_px, y_px, magnitude = self._stars(wcs)
-        x_px, y_px = (at + air.normal(0.0, wander_px, at.shape) for at in (x_px, y_px))
         passes = satellite_passes(
             self.satellites,
             site=self.site,
@@ -119,13 +117,7 @@ class Scene:
             wander_px=(float(air.normal(0.0, wander_px)), float(air.normal(0.0, wander_px))),
         )
         dimming = self._air_transmission(wcs, t_start_utc_ns)
-        content = replace(
-            content,
-            star_x_px=x_px,
-            star_y_px=y_px,
-            star_electrons=self.sensor.electrons(magnitude, exposure_s) * dimming,
-            streaks=tuple(dimmed(each.streak, dimming) for each in passes),
-        )
+        content = replace(content, streaks=tuple(dimmed(each.streak, dimming) for each in passes))
         pixels = render(self.sensor, content, frame_rng(self.seed, t_start_utc_ns, _NOISE))
         satellites = tuple(satellite_truth(each, self.sensor, content, dimming) for each in passes)
         grid = content.cloud_transmission
@@ -138,10 +130,25 @@ class Scene:
             fwhm_px=content.fwhm_px,
             sky_electrons_px=content.sky_electrons_px,
             cloud_transmission=1.0 if grid is None else float(grid.mean()),
-            stars=len(x_px),
+            stars=len(content.star_x_px),
             satellites=satellites,
         )
         return pixels, truth
+
+    def field_content(self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float) -> FieldContent:
+        """All that the exposure shows but satellites: sky, clouds, cosmic rays, stars."""
+        content = self._empty_field(wcs, t_start_utc_ns, exposure_s)
+        air = frame_rng(self.seed, t_start_utc_ns, _AIR)
+        wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
+        x_px, y_px, magnitude = self._stars(wcs)
+        x_px, y_px = (at + air.normal(0.0, wander_px, at.shape) for at in (x_px, y_px))
+        dimming = self._air_transmission(wcs, t_start_utc_ns)
+        return replace(
+            content,
+            star_x_px=x_px,
+            star_y_px=y_px,
+            star_electrons=self.sensor.electrons(magnitude, exposure_s) * dimming,
+        )
 
     def _empty_field(self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float) -> FieldContent:
         """Sky, seeing and clouds of one exposure."""

@@ -7,7 +7,7 @@ held possible is kept with the reason why it was not taken.
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Detection, Detections, Frame, Rejection
 from rsoconsole.vision.background import Background, local_background
+from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.maps import FrameMap, choose_block, make_map
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.stars import StarList, find_stars
@@ -49,9 +50,13 @@ class FrameAnalysis:
 class StreakDetector:
     """Finds and measures streaks. Not for use by two threads at once (nor is its network)."""
 
-    def __init__(self, network: Proposer, settings: DetectorConfig) -> None:
+    def __init__(
+        self, network: Proposer, settings: DetectorConfig, curve: ConfidenceCurve | None = None
+    ) -> None:
+        """``curve`` None: a streak keeps the confidence of its proposal."""
         self._network = network
         self._settings = settings
+        self._curve = curve
 
     def detect(self, frame: Frame, tau: float | None = None) -> Detections:
         """Streaks of ``frame`` with a confidence above ``tau`` (None: the configured one)."""
@@ -122,13 +127,22 @@ class StreakDetector:
                 detection = plain if fit.fit is None else _from_fit(frame, box, fit.fit)
                 rejected.append(Rejection(detection=detection, reason=fit.reason))
                 continue
-            detection = _from_fit(frame, box, fit)
+            detection = self._judged(_from_fit(frame, box, fit), stars)
             if any(is_same_streak(detection, other) for other in taken):
                 reason = "same streak as a more confident candidate"
                 rejected.append(Rejection(detection=detection, reason=reason))
             else:
                 taken.append(detection)
-        return taken, rejected
+        return sorted(taken, key=lambda d: -d.confidence), rejected
+
+    def _judged(self, detection: Detection, stars: StarList) -> Detection:
+        """With the confidence that its measurement earns."""
+        if self._curve is None:
+            return detection
+        confidence = self._curve.confidence(
+            detection.confidence, detection.snr, detection.width_px, stars.median_fwhm_px
+        )
+        return replace(detection, confidence=confidence)
 
 
 def is_same_streak(one: Detection, other: Detection) -> bool:
