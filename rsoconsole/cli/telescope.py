@@ -1,14 +1,18 @@
-"""Verbs that run a telescope: demo, engine, status, stop."""
+"""Verbs for the telescope's engine: run it, ask it, tell it what is wanted, stop it."""
 
+import logging
 import math
-import tempfile
+import time
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from rsoconsole.cli import output
-from rsoconsole.config import Config, load_config
+from rsoconsole.config import IndiConfig, load_config
+from rsoconsole.errors import ConfigError, ControlError, InstrumentError
+
+log = logging.getLogger(__name__)
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")]
 SessionOption = Annotated[
@@ -17,169 +21,44 @@ SessionOption = Annotated[
 ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="Configuration file (see 'config show').")
 ]
+STOP_BY_ENGINE_S = 1.0
+"""How long STOP waits for the engine before it goes to the mount itself."""
 
 
 def register(app: typer.Typer) -> None:
     """Hang the verbs into the program."""
-    app.command()(demo)
     app.command()(engine)
     app.command()(status)
+    app.command()(arm)
+    app.command()(disarm)
+    app.command("set")(set_)
+    app.command("quit")(quit_)
     app.command()(stop)
-
-
-def demo(
-    *,
-    scenario: Annotated[str, typer.Option(help="Which night; --list shows them.")] = "intelsat-14",
-    list_: Annotated[bool, typer.Option("--list", help="List the scenarios and exit.")] = False,
-    preset: Annotated[str, typer.Option(help="Filter preset: tuned or paper.")] = "tuned",
-    speed: Annotated[
-        float | None,
-        typer.Option(min=0, help="Virtual seconds a second; 0: as fast as it goes."),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same night.")] = 1,
-    headless: Annotated[
-        bool, typer.Option("--headless", help="Print a summary only, no line a frame.")
-    ] = False,
-    frames: Annotated[int, typer.Option(min=1, help="Exposures to take.")] = 20,
-    session: SessionOption = None,
-    keep_frames: Annotated[
-        str, typer.Option(help="Which frames to keep in the session: all, detected, none.")
-    ] = "none",
-    json_: JsonOption = False,
-) -> None:
-    """Watch a simulated observatory find a satellite and follow it.
-
-    A simulated mount and camera speak INDI on this machine; everything behind them is the real
-    program. Example: rsoconsole demo --headless --scenario intelsat-14 --frames 40 --json
-    """
-    from rsoconsole.simulator.scenarios import all_scenarios, scenario_named
-
-    if list_:
-        for known in all_scenarios().values():
-            row = {"scenario": known.name, "title": known.title, "description": known.description}
-            output.emit_json(row) if json_ else output.say(f"{known.name:14} {known.description}")
-        return
-    night = scenario_named(scenario)
-    config = load_config(
-        overrides={
-            "site.name": "simulated",
-            "site.latitude_deg": night.site.latitude_deg,
-            "site.longitude_deg": night.site.longitude_deg,
-            "site.elevation_m": night.site.elevation_m,
-            "filter.preset": preset,
-            "session.keep_frames": keep_frames,
-        }
-    )
-    wants_lines = not (headless or json_)
-    pace = (0.0 if headless or json_ else 10.0) if speed is None else speed
-    if wants_lines:
-        output.say(f"{night.title}: {night.description}")
-    found = _run_demo(
-        config,
-        scenario=scenario,
-        seed=seed,
-        speed=pace,
-        frames=frames,
-        session=session,
-        wants_lines=wants_lines,
-    )
-    if json_:
-        output.emit_json(found)
-    else:
-        _say_summary(found)
-
-
-def _run_demo(
-    config: Config,
-    *,
-    scenario: str,
-    seed: int,
-    speed: float,
-    frames: int,
-    session: Path | None,
-    wants_lines: bool,
-) -> dict[str, Any]:
-    from rsoconsole.cli.cycle_line import cycle_line
-    from rsoconsole.engine.service import RunSettings, run_engine
-    from rsoconsole.engine.summary import read_truth, summarise
-    from rsoconsole.session.reader import SessionReader
-    from rsoconsole.simulator.launch import start_observatory
-
-    with tempfile.TemporaryDirectory(prefix="rsoconsole-") as scratch:
-        truth_path = Path(scratch) / "truth.jsonl"
-        with start_observatory(scenario, seed, speed, truth_path) as observatory:
-            indi = config.indi.model_copy(
-                update={
-                    "host": observatory.host,
-                    "port": observatory.port,
-                    "mount": observatory.mount_name,
-                    "camera": observatory.camera_name,
-                    "simulated": True,
-                }
-            )
-            folder = run_engine(
-                config.model_copy(update={"indi": indi}),
-                RunSettings(
-                    title=f"{scenario} seed {seed}",
-                    session=session,
-                    frames=frames,
-                    is_armed=True,
-                    socket=Path(scratch) / "engine.sock",
-                ),
-                on_cycle=(lambda engine, seen: output.say(cycle_line(engine, seen)))
-                if wants_lines
-                else None,
-                on_start=(lambda folder: output.say(f"session {folder}")) if wants_lines else None,
-            )
-        records = (record for _, _, record in SessionReader(folder).records())
-        figures = summarise(records, read_truth(truth_path))
-    return {"scenario": scenario, "seed": seed, "session": str(folder), **figures}
-
-
-def _say_summary(found: dict[str, Any]) -> None:
-    target = found["target"] or "nothing"
-    output.say(
-        f"{found['frames']} frames, {found['detections']} detections, {found['misses']} misses;"
-        f" followed {target}"
-        + (f", locked after {found['locked_after_frames']} frames" if found["target"] else "")
-    )
-    if found["target"]:
-        names = {
-            "measured_rms_arcsec": "measured, rms against truth (arcsec)",
-            "prediction_rms_arcsec": "predicted one step ahead, rms (arcsec)",
-            "nis_mean": "NIS, mean (ideal 2)",
-            "inside_3sigma": "inside 3 sigma",
-        }
-        for key, words in names.items():
-            value = found[key]
-            output.say(f"  {words:42} {'-' if value is None else f'{value:.2f}'}")
-    total = found["latency_ms"].get("total")
-    if total:
-        spread = f"{total['median']:.0f}, 95 %: {total['p95']:.0f}"
-        output.say(f"  {'last byte to slew command (ms)':42} {spread}")
-    output.say(f"session {found['session']}")
 
 
 def engine(
     config: ConfigOption = None,
     session: SessionOption = None,
     arm: Annotated[
-        bool, typer.Option("--arm", help="Begin to search at once; otherwise wait to be armed.")
+        bool,
+        typer.Option("--arm", help="Begin to search at once; otherwise wait for 'rsoconsole arm'."),
     ] = False,
     frames: Annotated[
         int | None, typer.Option(min=1, help="End after this many exposures.")
     ] = None,
 ) -> None:
-    """Run the telescope; no terminal needed. SIGTERM stops it safely.
+    """Run the telescope; no terminal needed. SIGTERM or 'rsoconsole quit' end it safely.
 
+    It moves nothing until it is armed: by --arm, or by 'rsoconsole arm' from another terminal.
     Example: rsoconsole engine --config ~/.config/rsoconsole/config.toml --arm
     """
     from rsoconsole.engine.service import RunSettings, run_engine
 
+    waits = "" if arm else "; it waits for 'rsoconsole arm'"
     run_engine(
         load_config(config),
         RunSettings(title="night", session=session, frames=frames, is_armed=arm),
-        on_start=lambda folder: output.complain(f"engine runs; session {folder}"),
+        on_start=lambda folder: output.complain(f"engine runs; session {folder}{waits}"),
     )
 
 
@@ -190,7 +69,10 @@ def status(json_: JsonOption = False) -> None:
     """
     from rsoconsole.control import ControlClient
 
-    data = dict(ControlClient(by="status").send("status").data)
+    outcome = ControlClient(by="status").send("status")
+    if not outcome.ok:
+        raise ControlError(outcome.message)
+    data = dict(outcome.data)
     if json_:
         output.emit_json(data)
         return
@@ -203,27 +85,108 @@ def status(json_: JsonOption = False) -> None:
     output.say(" · ".join(words))
 
 
+def arm(json_: JsonOption = False) -> None:
+    """Hand the mount to the engine: it searches from where the telescope points.
+
+    Example: rsoconsole arm
+    """
+    _tell_engine("arm", "arm", json_)
+
+
+def disarm(json_: JsonOption = False) -> None:
+    """Take the mount back from the engine; it keeps running and waits to be armed again.
+
+    Example: rsoconsole disarm
+    """
+    _tell_engine("disarm", "disarm", json_)
+
+
+def set_(
+    name: Annotated[str, typer.Argument(help="Dotted name, as 'config show' lists it.")],
+    value: Annotated[str, typer.Argument(help="New value.")],
+    json_: JsonOption = False,
+) -> None:
+    """Change a setting of the running engine, from the next exposure until the engine ends.
+
+    Example: rsoconsole set detector.tau 0.2
+    """
+    _tell_engine("set", "set", json_, name=name, value=_number_or_text(value))
+
+
+def quit_(json_: JsonOption = False) -> None:
+    """End the engine safely: the mount stops, the session is closed.
+
+    Example: rsoconsole quit
+    """
+    _tell_engine("quit", "shutdown", json_)
+
+
 def stop(config: ConfigOption = None, json_: JsonOption = False) -> None:
     """Stop the telescope now, engine or no engine.
 
     Example: rsoconsole stop
     """
+    begun_s = time.monotonic()
+    path, detail = _stop_by_engine(), ""
+    if path is None:
+        path, detail = _stop_directly(config)
+    is_stopped = not detail
+    ms = (time.monotonic() - begun_s) * 1e3
+    if json_:
+        output.emit_json({"stopped": is_stopped, "path": path, "ms": ms})
+    else:
+        ending = "stopped" if is_stopped else "NOT confirmed stopped"
+        output.say(f"{ending} in {math.ceil(ms)} ms, path {path}")
+    if not is_stopped:
+        raise InstrumentError(
+            f"the mount did not confirm that it stopped ({detail}): cut its power if it moves"
+        )
+
+
+def _stop_by_engine() -> str | None:
+    """The way the engine stopped the mount; None when it did not, for whatever reason."""
     from rsoconsole.control import ControlClient
-    from rsoconsole.errors import ControlError, InstrumentError
+
+    try:
+        data = ControlClient(by="stop").send("stop", timeout_s=STOP_BY_ENGINE_S).data
+        path = str(data["path"])
+        return path if data["stopped"] is True else None
+    except Exception as error:  # nothing that is wrong with the engine may stand in STOP's way
+        log.warning("STOP goes past the engine: %s: %s", type(error).__name__, error)
+        return None
+
+
+def _stop_directly(config: Path | None) -> tuple[str, str]:
+    """(path, what is wrong or empty) of a STOP by a connection of its own to the INDI server."""
     from rsoconsole.instruments.indi_wire import stop_mount
 
     try:
-        data: dict[str, Any] = dict(ControlClient(by="stop").send("stop").data)
-    except ControlError:
         indi = load_config(config).indi
-        result = stop_mount(indi.host, indi.port, indi.mount)
-        data = {"stopped": result.stopped, "path": result.path, "ms": result.ms}
-    if json_:
-        output.emit_json(data)
-    else:
-        ending = "stopped" if data["stopped"] else "NOT confirmed stopped"
-        output.say(f"{ending} in {math.ceil(data['ms'])} ms, path {data['path']}")
-    if not data["stopped"]:
-        raise InstrumentError(
-            "the mount did not confirm that it stopped: cut its power if it moves"
+    except (ConfigError, OSError) as error:
+        indi = IndiConfig()
+        output.complain(
+            f"rsoconsole: {error}; stopping '{indi.mount}' at {indi.host}:{indi.port} instead"
         )
+    result = stop_mount(indi.host, indi.port, indi.mount)
+    return result.path, "" if result.stopped else result.detail or "no reason given"
+
+
+def _tell_engine(name: str, verb: str, json_: bool, /, **arguments: Any) -> None:
+    """Send an intention and say what came of it. Raises ControlError when it is refused."""
+    from rsoconsole.control import ControlClient
+
+    outcome = ControlClient(by="command").send(verb, **arguments)
+    if json_:
+        output.emit_json({"verb": name, "ok": outcome.ok, "message": outcome.message})
+    if not outcome.ok:
+        raise ControlError(outcome.message or f"the engine refused '{name}' without a reason")
+    if not json_:
+        output.say(outcome.message)
+
+
+def _number_or_text(value: str) -> float | str:
+    try:
+        number = float(value)
+    except ValueError:
+        return value
+    return number if math.isfinite(number) else value

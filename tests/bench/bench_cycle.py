@@ -11,7 +11,7 @@ import sys
 import time
 from dataclasses import replace
 
-from rsoconsole.config import load_config
+from rsoconsole.config import Config
 from rsoconsole.engine.plan import Planner
 from rsoconsole.instruments.ports import MountReport
 from rsoconsole.pipeline.open import open_reducer
@@ -30,7 +30,7 @@ def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     scenario = scenario_named("intelsat-14")
     scene = Scene(scenario, 1)
-    config = load_config()
+    config = Config()
     settings = FollowSettings(filter=config.filter, half_field_deg=0.6)
     rows: dict[str, list[float]] = {}
     following = Following()
