@@ -160,7 +160,7 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m models.train", description=__doc__)
     parser.add_argument("--run", type=Path, default=Path("models/runs/first"), help="its folder")
     parser.add_argument("--seed", type=int, default=20261120)
-    parser.add_argument("--steps", type=int, default=12000, help=f"batches of {BATCH} fields")
+    parser.add_argument("--steps", type=int, default=10000, help=f"batches of {BATCH} fields")
     parser.add_argument("--shards", type=int, default=SHARDS["train"], help="of 50 fields")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--every", type=int, default=400, help="steps between checkpoints")
