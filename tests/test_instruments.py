@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.config import Config, load_config
+from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.camera import ARRIVED_KEY, IndiCamera
 from rsoconsole.instruments.clock import SystemClock
@@ -149,7 +149,7 @@ def test_the_system_clock_is_woken_too():
 
 def test_without_a_simulated_clock_the_error_names_the_setting(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as deaf:
-        config = load_config(overrides={"indi.port": deaf.getsockname()[1]})
+        config = Config.model_validate({"indi": {"port": deaf.getsockname()[1]}})
         with pytest.raises(InstrumentError, match=r"indi\.mount"):
             IndiMount(config.indi, tmp_path / "mount.log").start()
 
@@ -396,7 +396,7 @@ def test_a_dead_server_is_an_error_in_words(own_instruments, own_observatory):
 def test_nothing_to_connect_to_is_an_error_that_says_what_to_start(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as gone:
         port = gone.getsockname()[1]
-    config = load_config(overrides={"indi.port": port})
+    config = Config.model_validate({"indi": {"port": port}})
     with (
         pytest.raises(InstrumentError, match="start indiserver"),
         connect_instruments(config, log_dir=tmp_path),
