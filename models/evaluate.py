@@ -56,7 +56,9 @@ def figures(result: Score, logit: float) -> dict[str, Any]:
         "frames": round(result.cells / FRAME_CELLS, 1),
         "false": dict(kinds),
         "recall": {
-            f"{low}-{high}": round(result.recall(logit, (low, high)), 4) for low, high in SNR_BANDS
+            f"{low}-{high}": round(result.recall(logit, (low, high)), 4)
+            for low, high in SNR_BANDS
+            if not math.isnan(result.recall(logit, (low, high)))
         },
         "middle_error_cells_median": round(float(np.median(result.middle_errors)), 3)
         if len(result.middle_errors)

@@ -165,6 +165,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--every", type=int, default=400, help="steps between checkpoints")
     parser.add_argument("--bfloat16", action="store_true", help="half the digits, faster")
+    parser.add_argument("--folder", type=Path, default=None, help="of the result; default: models")
     parser.add_argument("--no-export", action="store_true", help="stop after training")
     return parser.parse_args()
 
@@ -186,7 +187,7 @@ def main() -> None:
     if not args.no_export:
         from models.export import export
 
-        export(args.run, args.seed, args.threads)
+        export(args.run, args.seed, args.threads, args.folder)
 
 
 if __name__ == "__main__":
