@@ -28,7 +28,7 @@ from models.nights import (
 )
 from models.scoring import Score, score
 from rsoconsole.records import MapMode, PixelArray
-from rsoconsole.vision.maps import choose_block, make_map
+from rsoconsole.vision.maps import choose_blocks, make_map
 from rsoconsole.vision.network import Network
 
 SNR_BANDS = ((1.2, 1.7), (1.7, 2.5), (2.5, 4.0), (4.0, 8.0), (8.0, 30.0))
@@ -91,7 +91,7 @@ def read_image(path: Path) -> tuple[PixelArray, float | None, float | None]:
 def look_at(path: Path, network: Network, mode: MapMode) -> dict[str, Any]:
     """What the network says of one file, most confident first."""
     pixels, exposure_s, scale = read_image(path)
-    block = choose_block(pixels.shape[1], pixels.shape[0], scale, exposure_s)
+    block = choose_blocks(pixels.shape[1], pixels.shape[0], scale, exposure_s)[-1]
     started = time.perf_counter()
     frame_map = make_map(pixels, mode, block)
     mapped = time.perf_counter()

@@ -108,7 +108,8 @@ def test_a_candidate_that_is_no_streak_is_rejected_with_the_reason() -> None:
 
 def test_two_candidates_on_one_streak_are_one_detection() -> None:
     half = candidate(A, (159.0, 207.5), 0.3)
-    found = analyse(frame_with((A, B)), candidate(A, B, 0.8), half).detections
+    known = replace(frame_with((A, B)), scale_arcsec_px=1.264, exposure_s=10.0)
+    found = analyse(known, candidate(A, B, 0.8), half).detections
     assert len(found.detections) == 1
     assert [r.reason for r in found.rejected] == ["same streak as a more confident candidate"]
 

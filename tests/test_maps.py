@@ -11,7 +11,7 @@ from rsoconsole.vision.maps import (
     FrameMap,
     binning_of,
     block_maximum,
-    choose_block,
+    choose_blocks,
     make_map,
     to_codes,
 )
@@ -115,26 +115,26 @@ def test_codes_are_clipped_at_both_ends():
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "scale", "exposure", "block"),
+    ("width", "height", "scale", "exposure", "blocks"),
     [
-        (4656, 3520, 1.264, 10.0, 8),
-        (4656, 3520, None, None, 8),
-        (512, 512, 3.04, 60.0, 8),
-        (512, 512, None, None, 2),
-        (1024, 768, None, None, 2),
-        (700, 700, 10.3, 120.0, 8),
-        (64, 64, 1.264, 10.0, 2),
+        (4656, 3520, 1.264, 10.0, (8,)),
+        (4656, 3520, None, None, (8, 16)),
+        (512, 512, 3.04, 60.0, (8,)),
+        (512, 512, None, None, (2, 4, 8)),
+        (1024, 768, None, None, (2, 4, 8, 16)),
+        (700, 700, 10.3, 120.0, (8,)),
+        (64, 64, 1.264, 10.0, (2,)),
     ],
 )
-def test_block_suits_the_streak_and_the_frame(width, height, scale, exposure, block):
-    assert choose_block(width, height, scale, exposure) == block
+def test_blocks_suit_the_streak_and_the_frame(width, height, scale, exposure, blocks):
+    assert choose_blocks(width, height, scale, exposure) == blocks
 
 
 @given(side=st.integers(800, 6000), scale=st.floats(0.3, 20.0), exposure=st.floats(0.5, 60.0))
 def test_a_geostationary_streak_is_12_to_40_cells_where_the_frame_allows(side, scale, exposure):
     streak_px = 15.04 * exposure / scale
     if 24 <= streak_px <= 0.3 * side:
-        block = choose_block(side, side, scale, exposure)
+        (block,) = choose_blocks(side, side, scale, exposure)
         assert streak_px / block >= 12
         assert streak_px / block <= 40 or block == 16 or side < 2 * block * 48
 

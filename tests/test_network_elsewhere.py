@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.vision.maps import choose_block, make_map
+from rsoconsole.vision.maps import choose_blocks, make_map
 from rsoconsole.vision.network import Network
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
@@ -26,7 +26,7 @@ def _fits(path: Path) -> np.ndarray:
 
 
 def _found(pixels: np.ndarray, scale: float | None = None, exposure: float | None = None):
-    block = choose_block(pixels.shape[1], pixels.shape[0], scale, exposure)
+    block = choose_blocks(pixels.shape[1], pixels.shape[0], scale, exposure)[-1]
     boxes = Network.load(threads=1).run(make_map(pixels, "fast", block))
     return [box for box in boxes if box.confidence > TAU]
 

@@ -105,12 +105,14 @@ def detect(
     """
     from rsoconsole.instruments.frame_files import read_frame
     from rsoconsole.pipeline.reports import detections_report
+    from rsoconsole.vision.confidence import ConfidenceCurve
     from rsoconsole.vision.detector import StreakDetector
     from rsoconsole.vision.network import Network
 
     overrides = {"detector.tau": tau, "detector.map_mode": map_mode}
     settings = load_config(config, {k: v for k, v in overrides.items() if v is not None}).detector
-    detector = StreakDetector(Network.load(settings.model, settings.threads), settings)
+    network = Network.load(settings.model, settings.threads)
+    detector = StreakDetector(network, settings, ConfidenceCurve.from_card(network.card))
 
     def work(path: Path, number: int) -> dict[str, Any]:
         frame = read_frame(path, number)

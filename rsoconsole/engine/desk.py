@@ -72,7 +72,6 @@ class Desk:
         try:
             changed(self._engine.config, name, value)
         except ValueError as error:
-            self._intentions.put(Wish(verb="set", name=name, value=value, by=intention.by))
             return Outcome(ok=False, message=str(error))
         self._intentions.put(Wish(verb="set", name=name, value=value, by=intention.by))
         return Outcome(ok=True, message="in force from the next cycle")

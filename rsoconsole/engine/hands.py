@@ -104,8 +104,6 @@ class Hands:
         opened_ns = self.now_utc_ns()
         camera.start_exposure(exposure.exposure_s, frame_id)
         length_s = exposure.start_latency_s + exposure.exposure_s
-        if self.instruments.clock.is_simulated:
-            length_s += exposure.readout_s
         try:
             self.wait_until(opened_ns + math.ceil(length_s * NS))
             return camera.wait_frame(exposure.frame_timeout_s)

@@ -16,6 +16,7 @@ from rsoconsole.engine.intentions import Intentions, Wish, action_record, change
 from rsoconsole.engine.plan import Plan, Planner
 from rsoconsole.engine.preview import preview_of
 from rsoconsole.errors import InstrumentError, RsoconsoleError
+from rsoconsole.instruments.camera import ARRIVED_KEY
 from rsoconsole.pipeline.cycle import Cycle, taken_record
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.records import (
@@ -170,15 +171,16 @@ class Engine:
         self._hands.wait_until(plan.t_start_utc_ns)
         opened_ns = self._hands.now_utc_ns()
         frame = self._hands.expose(opened_ns, self.frame_id)
-        arrived_s = frame.header.get("ARRIVED_MONOTONIC_S")
+        arrived_s = frame.header.get(ARRIVED_KEY)
         read_ms = 0.0 if arrived_s is None else (time.monotonic() - float(arrived_s)) * 1e3
         self._append(taken_record(frame))
         clocks_apart = self._planner.exposed(frame, opened_ns)
         if clocks_apart is not None:
             self._say("warning", clocks_apart)
         if self._hands.instruments.clock.is_simulated:
-            latency_ns = round(self.config.indi.simulated_latency_s * NS)
-            self._hands.wait_until(self._hands.now_utc_ns() + latency_ns)
+            # Read-out and processing cost virtual time, not the wall's: stopwatches stand still.
+            pause_s = self.config.exposure.readout_s + self.config.indi.simulated_latency_s
+            self._hands.wait_until(self._hands.now_utc_ns() + round(pause_s * NS))
         try:
             self._reduce_and_go_on(frame, read_ms)
         finally:

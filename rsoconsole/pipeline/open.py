@@ -7,6 +7,7 @@ from rsoconsole.config import Config
 from rsoconsole.instruments.solver import PlateSolver
 from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.pipeline.reduce import FrameReducer
+from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.network import Network
 
 
@@ -17,8 +18,9 @@ def open_reducer(config: Config) -> Iterator[tuple[FrameReducer, str]]:
     Raises ModelError when the network cannot be loaded, SolverError without index files.
     """
     network = Network.load(config.detector.model, config.detector.threads)
+    curve = ConfidenceCurve.from_card(network.card)
     with PlateSolver(config.solver.index_dirs) as solver:
         yield (
-            FrameReducer(network, PlateFinder(solver, config), config),
+            FrameReducer(network, curve, PlateFinder(solver, config), config),
             str(network.card["sha256"]),
         )

@@ -9,6 +9,7 @@ from rsoconsole.config import Config
 from rsoconsole.pipeline.measure import measure
 from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
+from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.detector import Proposer, StreakDetector
 
 
@@ -33,16 +34,19 @@ FEW_STARS = 8
 class FrameReducer:
     """Detector and plate finder in the order of Algorithm 1."""
 
-    def __init__(self, network: Proposer, plate: PlateFinder, config: Config) -> None:
+    def __init__(
+        self, network: Proposer, curve: ConfidenceCurve, plate: PlateFinder, config: Config
+    ) -> None:
         self._network = network
-        self._detector = StreakDetector(network, config.detector)
+        self._curve = curve
+        self._detector = StreakDetector(network, config.detector, curve)
         self._plate = plate
         self._config = config
 
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next frame."""
         self._config = config
-        self._detector = StreakDetector(self._network, config.detector)
+        self._detector = StreakDetector(self._network, config.detector, self._curve)
         self._plate.configure(config)
 
     def forget_plate(self) -> None:

@@ -12,8 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsoconsole.errors import ModelError
+from rsoconsole.records import Detection
 
-FEATURES = ("constant", "network", "log_snr", "width_misfit")
+FEATURES = ("constant", "network", "log_snr", "width_misfit", "shortness")
+MOST_LOG_SNR = 0.3
+SHORT_FWHM = 20.0
+"""Below so many widths of a star, shorter is less likely: chains of stars are short."""
 _LEAST, _MOST = 1e-7, 1.0 - 1e-7
 
 
@@ -35,28 +39,26 @@ class ConfidenceCurve:
                 "reinstall rsoconsole, or run models.confidence for your own network"
             ) from error
 
-    def confidence(
-        self, network_confidence: float, snr: float, width_px: float, psf_fwhm_px: float
-    ) -> float:
-        """Probability, 0 to 1."""
-        features = confidence_features(network_confidence, snr, width_px, psf_fwhm_px)
+    def confidence(self, detection: Detection, psf_fwhm_px: float) -> float:
+        """Probability, 0 to 1, of a measured candidate that carries the network's confidence."""
+        features = confidence_features(detection, psf_fwhm_px)
         z = sum(w * f for w, f in zip(self.weights, features, strict=True))
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
 
-def confidence_features(
-    network_confidence: float, snr: float, width_px: float, psf_fwhm_px: float
-) -> tuple[float, ...]:
+def confidence_features(detection: Detection, psf_fwhm_px: float) -> tuple[float, ...]:
     """What the curve looks at, in the order of ``FEATURES``.
 
-    The network's log-odds; the logarithm of the fit's matched signal to noise over 20; how far,
-    as a logarithm, the streak's width is from the stars'.
+    The network's log-odds; the logarithm of the fit's matched signal to noise over 20, no more
+    than ``MOST_LOG_SNR``, since a chain of bright stars is bright too; how far, as a logarithm,
+    the streak's width is from the stars'; how short it is against ``SHORT_FWHM``.
     """
-    p = min(max(network_confidence, _LEAST), _MOST)
-    width_ratio = max(width_px, 0.1) / max(psf_fwhm_px, 0.1)
+    p = min(max(detection.confidence, _LEAST), _MOST)
+    psf_px = max(psf_fwhm_px, 0.1)
     return (
         1.0,
         math.log(p / (1.0 - p)),
-        math.log(max(snr, 0.1) / 20.0),
-        abs(math.log(width_ratio)),
+        min(math.log(max(detection.snr, 0.1) / 20.0), MOST_LOG_SNR),
+        abs(math.log(max(detection.width_px, 0.1) / psf_px)),
+        max(0.0, math.log(SHORT_FWHM * psf_px / max(detection.length_px, 0.1))),
     )

@@ -16,14 +16,16 @@ from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Detection, Detections, Frame, Rejection
 from rsoconsole.vision.background import Background, local_background
 from rsoconsole.vision.confidence import ConfidenceCurve
-from rsoconsole.vision.maps import FrameMap, choose_block, make_map
+from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.stars import StarList, find_stars
 from rsoconsole.vision.streak_fit import NoStreak, StreakFit, fit_streak
 
 BOX_SIGMA_PX = 3.0
 """One sigma of a box's centre against the streak's midpoint, of boxes about streaks of 119 px."""
-MOST_FITS = 24
+MOST_FITS = 12
+TOLD_CONFIDENCE = 0.01
+"""Whom the network believes less is not on record when the fit finds no streak either."""
 TRAILED_STREAKS = 12
 """So many streaks of one length and direction are stars; no satellite cluster is as large."""
 _SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
@@ -71,12 +73,12 @@ class StreakDetector:
         with watch.stage("stars"):
             stars = find_stars(frame.pixels, sky, saturation_adu=frame.saturation_adu)
         with watch.stage("map"):
-            block = choose_block(
+            blocks = choose_blocks(
                 frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
             )
-            frame_map = make_map(frame.pixels, self._settings.map_mode, block)
+            maps = [make_map(frame.pixels, self._settings.map_mode, block) for block in blocks]
         with watch.stage("network"):
-            boxes = self._network.run(frame_map)
+            boxes = _distinct(frame, [self._network.run(each) for each in maps])
         with watch.stage("fit"):
             taken, rejected = self._measure(frame, boxes, sky, stars)
             taken, trailed = _without_trailed_stars(taken)
@@ -112,9 +114,11 @@ class StreakDetector:
             if self._settings.centroid == "box":
                 taken.append(plain)
                 continue
+            is_told = box.confidence >= TOLD_CONFIDENCE
             if number >= MOST_FITS:
-                reason = f"not measured: {MOST_FITS} more confident candidates in the frame"
-                rejected.append(Rejection(detection=plain, reason=reason))
+                if is_told:
+                    reason = f"not measured: {MOST_FITS} more confident candidates in the frame"
+                    rejected.append(Rejection(detection=plain, reason=reason))
                 continue
             fit = fit_streak(
                 frame.pixels,
@@ -124,6 +128,8 @@ class StreakDetector:
                 ends=(box.x_a_px, box.y_a_px, box.x_b_px, box.y_b_px),
             )
             if isinstance(fit, NoStreak):
+                if not is_told:
+                    continue
                 detection = plain if fit.fit is None else _from_fit(frame, box, fit.fit)
                 rejected.append(Rejection(detection=detection, reason=fit.reason))
                 continue
@@ -139,10 +145,20 @@ class StreakDetector:
         """With the confidence that its measurement earns."""
         if self._curve is None:
             return detection
-        confidence = self._curve.confidence(
-            detection.confidence, detection.snr, detection.width_px, stars.median_fwhm_px
-        )
+        confidence = self._curve.confidence(detection, stars.median_fwhm_px)
         return replace(detection, confidence=confidence)
+
+
+def _distinct(frame: Frame, found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
+    """Candidates of maps of several blocks, each streak once, at its most confident."""
+    if len(found) == 1:
+        return found[0]
+    kept: list[tuple[NetworkBox, Detection]] = []
+    for box in sorted((b for boxes in found for b in boxes), key=lambda b: -b.confidence):
+        plain = _from_box(frame, box)
+        if not any(is_same_streak(plain, other) for _, other in kept):
+            kept.append((box, plain))
+    return tuple(box for box, _ in kept)
 
 
 def is_same_streak(one: Detection, other: Detection) -> bool:

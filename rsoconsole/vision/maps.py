@@ -58,28 +58,30 @@ class FrameMap:
         return (px + 0.5) / self.block
 
 
-def choose_block(
+def choose_blocks(
     width_px: int, height_px: int, scale_arcsec_px: float | None, exposure_s: float | None
-) -> int:
-    """Block for which a geostationary streak is 12 to 24 cells long: 8 for the paper's telescope.
+) -> tuple[int, ...]:
+    """Blocks at which a frame is to be looked at, smallest first.
 
-    It is longer where the frame is too small for so large a block, and shorter than 12 where
-    even a block of 2 is too large. Where scale or exposure is unknown: the smallest block whose
-    map fits the network at once. A frame is never reduced below 48 cells a side while a smaller block exists.
+    Where scale and exposure are known, the one for which a geostationary streak is 12 to 24 cells
+    long: 8 for the paper's telescope; longer where the frame is too small for so large a block,
+    shorter where even a block of 2 is too large. Where they are unknown, every block whose map
+    fits the network at once and keeps 48 cells a side: a small frame costs little.
     """
+    short_px = min(width_px, height_px)
     fitting = [
-        block
-        for block in _BLOCKS
-        if min(width_px, height_px) >= _SMALLEST_MAP_CELLS * block or block == _BLOCKS[0]
+        block for block in _BLOCKS if short_px >= _SMALLEST_MAP_CELLS * block or block == _BLOCKS[0]
     ]
     if scale_arcsec_px and exposure_s and scale_arcsec_px > 0 and exposure_s > 0:
         streak_px = SIDEREAL_ARCSEC_S * exposure_s / scale_arcsec_px
         suiting = [block for block in fitting if streak_px >= _SHORTEST_STREAK_CELLS * block]
-        return suiting[-1] if suiting else fitting[0]
-    for block in fitting:
-        if width_px <= block * NETWORK_WIDTH_CELLS and height_px <= block * NETWORK_HEIGHT_CELLS:
-            return block
-    return fitting[-1]
+        return (suiting[-1] if suiting else fitting[0],)
+    at_once = [
+        block
+        for block in fitting
+        if width_px <= block * NETWORK_WIDTH_CELLS and height_px <= block * NETWORK_HEIGHT_CELLS
+    ]
+    return tuple(at_once) or (fitting[-1],)
 
 
 def make_map(pixels: PixelArray, mode: MapMode, block: int) -> FrameMap:

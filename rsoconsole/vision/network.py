@@ -32,7 +32,8 @@ MODEL_NAME = "streak_ssd.tflite"
 STRIDE_CELLS = 4
 LENGTH_UNIT_CELLS = 16.0
 ANSWERS = 6
-LOWEST_CONFIDENCE = 0.02
+LOWEST_CONFIDENCE = 1e-5
+"""Far below any tau: the line fit on the raw frame has the last word on a candidate."""
 
 _SAME_LINE_CELLS = 4.0
 _LONGEST_CELLS = 160.0

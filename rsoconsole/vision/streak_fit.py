@@ -29,7 +29,7 @@ _HOPELESS = 1e3
 _CLIPPED_SIGMA_PX = 100.0
 _NARROWEST, _WIDEST = 0.6, 2.2
 """Width relative to the stars'."""
-_SHORTEST = 2.0
+_SHORTEST = 5.0
 """Length relative to the stars' width."""
 _MAX_SIGMA_SHARE = 0.1
 _MIN_LIT_SHARE = 0.6
