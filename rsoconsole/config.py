@@ -190,12 +190,18 @@ def data_dir() -> Path:
 
 
 def runtime_dir() -> Path:
-    """A folder that only its owner can enter, made if need be: the control socket lies there."""
-    path = platformdirs.user_runtime_path(APP)
+    """A folder that only its owner can enter, made if need be: the control socket lies there.
+
+    In ``$XDG_RUNTIME_DIR`` where the system gives one, else in the user's cache: a shared
+    temporary folder is nobody's.
+    """
+    given = os.environ.get("XDG_RUNTIME_DIR")
+    cache = Path(platformdirs.user_cache_path(APP)) / "run"
+    path = Path(given) / APP if given else cache
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError:
-        path = Path(platformdirs.user_cache_path(APP)) / "run"
+        path = cache
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
     path.chmod(0o700)
     return path
