@@ -1,0 +1,56 @@
+"""The curve that turns a measured candidate into a confidence, as shipped."""
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rsoconsole.errors import ModelError
+from rsoconsole.resources import model_resource
+from rsoconsole.vision.confidence import FEATURES, ConfidenceCurve
+from tests.makers import straight_detection
+
+CARD = json.loads(model_resource("streak_ssd.json").read_text(encoding="utf-8"))
+CURVE = ConfidenceCurve.from_card(CARD)
+PSF_PX = 2.4
+
+
+@given(
+    network=st.floats(1e-6, 0.999),
+    snr=st.floats(1.0, 500.0),
+    width_px=st.floats(0.5, 10.0),
+    length_px=st.floats(1.0, 600.0),
+)
+def test_confidence_is_a_probability_and_grows_with_what_is_seen(network, snr, width_px, length_px):
+    seen = straight_detection(confidence=network, snr=snr, width_px=width_px, length_px=length_px)
+    clearer = straight_detection(
+        confidence=network, snr=2.0 * snr, width_px=width_px, length_px=length_px
+    )
+    believed = straight_detection(
+        confidence=min(0.999, 2.0 * network), snr=snr, width_px=width_px, length_px=length_px
+    )
+    p = CURVE.confidence(seen, PSF_PX)
+    assert 0.0 <= p <= 1.0
+    assert CURVE.confidence(clearer, PSF_PX) >= p
+    assert CURVE.confidence(believed, PSF_PX) >= p
+
+
+def test_a_bright_chain_of_stars_that_the_network_does_not_believe_stays_below_tau():
+    """What was met on the real sky: 55 px of stars at a signal to noise of 64."""
+    chain = straight_detection(confidence=0.003, snr=64.0, length_px=55.0, width_px=2.4)
+    satellite = straight_detection(confidence=0.5, snr=64.0, length_px=118.0, width_px=2.4)
+    assert CURVE.confidence(chain, PSF_PX) < CURVE.confidence(satellite, PSF_PX)
+    assert CURVE.confidence(satellite, PSF_PX) > 0.5
+
+
+@pytest.mark.parametrize("card", [{}, {"measured_confidence": {}}, {"measured_confidence": None}])
+def test_a_card_without_the_curve_is_refused_with_the_remedy(card):
+    with pytest.raises(ModelError, match=r"models\.confidence"):
+        ConfidenceCurve.from_card(card)
+
+
+def test_the_card_says_how_the_curve_was_judged():
+    judged = CARD["measured_confidence"]["judged"]
+    assert set(CARD["measured_confidence"]["weights"]) == set(FEATURES)
+    assert judged["false_above_tau"] / judged["frames"] <= 1 / 200
