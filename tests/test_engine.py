@@ -111,6 +111,9 @@ class PlainCamera:
             exposure_s=exposure_s,
         )
 
+    def take_messages(self) -> tuple[str, ...]:
+        return ()
+
     def abort(self) -> None:
         self.aborts += 1
 

@@ -174,6 +174,8 @@ class Engine:
         arrived_s = frame.header.get(ARRIVED_KEY)
         read_ms = 0.0 if arrived_s is None else (time.monotonic() - float(arrived_s)) * 1e3
         self._append(taken_record(frame))
+        for text in self._hands.instruments.camera.take_messages():
+            self._say("info", f"camera: {text}")
         clocks_apart = self._planner.exposed(frame, opened_ns)
         if clocks_apart is not None:
             self._say("warning", clocks_apart)

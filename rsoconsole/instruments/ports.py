@@ -136,6 +136,9 @@ class CameraPort(Protocol):
         InstrumentError when no frame comes; the camera's process is then started afresh.
         """
 
+    def take_messages(self) -> tuple[str, ...]:
+        """What the camera's driver has said since last asked, in its own words."""
+
     def abort(self) -> None:
         """Give up the exposure under way; its frame never comes."""
 

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 from rsoconsole.config import FilterConfig, SearchConfig
 from rsoconsole.records import Site, SlewCommand, TrackState
-from rsoconsole.sky.angles import separation_deg, wrap_360
+from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.belt import belt_declination_deg
 from rsoconsole.sky.frames import hour_angle_jnow_deg, icrs_of_hour_angle, icrs_to_jnow
-from rsoconsole.tracking.lqe import predict
+from rsoconsole.tracking.lqe import direction_icrs_deg, predict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +76,8 @@ def follow_direction(
 ) -> tuple[float, float]:
     """Where the track will be at the middle of the next exposure, ICRS."""
     ahead = predict(track, t_mid_utc_ns, settings, track.frame_id)
-    return float(wrap_360(ahead.x[0])), min(max(ahead.x[2], -90.0), 90.0)
+    ra_deg, dec_deg = direction_icrs_deg(ahead)
+    return ra_deg, min(max(dec_deg, -90.0), 90.0)
 
 
 def needs_recentre(

@@ -195,8 +195,8 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
 
 def expected_motion(track: TrackState, exposure_s: float) -> Motion:
     """Motion on the sky during one exposure at the track's rates."""
-    cos_dec = math.cos(math.radians(track.x[2]))
-    return Motion(track.x[1] * cos_dec * 3600.0 * exposure_s, track.x[3] * 3600.0 * exposure_s)
+    east_arcsec_s, north_arcsec_s = lqe.sky_rate_arcsec_s(track)
+    return Motion(east_arcsec_s * exposure_s, north_arcsec_s * exposure_s)
 
 
 def three_sigma_deg(track: TrackState) -> float:
