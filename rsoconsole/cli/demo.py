@@ -90,7 +90,7 @@ def _run_demo(
     session: Path | None,
     wants_lines: bool,
 ) -> dict[str, Any]:
-    from rsoconsole.cli.cycle_line import cycle_line
+    from rsoconsole.cli.cycle_line import HEADING, cycle_line
     from rsoconsole.engine.service import RunSettings, run_engine
     from rsoconsole.engine.summary import read_truth, summarise
     from rsoconsole.session.reader import SessionReader
@@ -120,7 +120,7 @@ def _run_demo(
                 on_cycle=(lambda engine, seen: output.say(cycle_line(engine, seen)))
                 if wants_lines
                 else None,
-                on_start=(lambda folder: output.say(f"session {folder}")) if wants_lines else None,
+                on_start=(lambda _folder: output.say(HEADING)) if wants_lines else None,
             )
         records = (record for _, _, record in SessionReader(folder).records())
         figures = summarise(records, read_truth(truth_path))

@@ -26,7 +26,7 @@ BOX_SIGMA_PX = 3.0
 MOST_FITS = 12
 TOLD_CONFIDENCE = 0.01
 """Whom the network believes less is not on record when the fit finds no streak either."""
-TRAILED_STREAKS = 12
+TRAILED_STREAKS = 9
 """So many streaks of one length and direction are stars; no satellite cluster is as large."""
 _SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
 _SAME_STREAK_DEG = 10.0
