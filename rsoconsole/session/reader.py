@@ -149,9 +149,9 @@ class SessionReader:
             try:
                 connection.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchall()
                 return connection
-            except sqlite3.OperationalError:
+            except sqlite3.Error as error:
                 connection.close()
-                if self._has_unfolded_log():
+                if self._has_unfolded_log() or not isinstance(error, sqlite3.OperationalError):
                     raise
             # On a medium that cannot be written, SQLite must be told that nobody writes.
             return sqlite3.connect(f"{address}?mode=ro&immutable=1", uri=True)

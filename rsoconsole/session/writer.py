@@ -9,6 +9,7 @@ import shutil
 import sqlite3
 import time
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -141,9 +142,8 @@ class SessionWriter:
         if not self._log.close(timeout_s):
             return
         try:
-            with _connect(self.folder / DATABASE) as connection:
+            with closing(_connect(self.folder / DATABASE)) as connection:
                 connection.execute("UPDATE meta SET value = 'true' WHERE key = 'is_closed'")
-            connection.close()
             leave_wal(self.folder / DATABASE, _connect, min(timeout_s, 3.0))
         except sqlite3.Error as error:
             self._faults.report("close", f"the session is complete but still in two files: {error}")
@@ -198,7 +198,11 @@ def _connect(path: Path) -> sqlite3.Connection:
     connection = sqlite3.connect(
         f"{path.resolve().as_uri()}?mode=rw", uri=True, timeout=2.0, isolation_level=None
     )
-    connection.execute("PRAGMA synchronous=FULL")
+    try:
+        connection.execute("PRAGMA synchronous=FULL")
+    except sqlite3.Error:
+        connection.close()
+        raise
     return connection
 
 
