@@ -237,11 +237,14 @@ def test_stop_reaches_the_mount_past_a_frozen_process(instruments, observatory):
         os.kill(pid, signal.SIGCONT)
 
 
-def test_stop_reaches_the_mount_past_a_dead_process(instruments):
+def test_stop_reaches_the_mount_past_a_dead_process(instruments, observatory):
+    """By the plain connection, or by a fresh process where that is up within the 100 ms."""
     instruments.mount.slew(290.0, 8.0, instruments.clock.now_utc_ns())
     os.kill(instruments.mount.process.pid, signal.SIGKILL)
     result = instruments.mount.abort()
-    assert (result.stopped, result.path) == (True, "indi")
+    assert result.stopped
+    assert result.ms < 2000
+    assert coordinates_on_the_wire(observatory).state == "Ok"
 
 
 def test_stop_without_a_server_says_so_and_does_not_raise():
