@@ -64,7 +64,7 @@ def demo(
     wants_lines = not (headless or json_)
     pace = (0.0 if headless or json_ else 10.0) if speed is None else speed
     if wants_lines:
-        output.say(f"{night.title}: {night.description}")
+        output.say(f"{night.title}\n{night.description}")
     found = _run_demo(
         config,
         scenario=scenario,

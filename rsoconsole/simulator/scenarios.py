@@ -100,7 +100,7 @@ def _intelsat_14() -> Scenario:
     return Scenario(
         name="intelsat-14",
         title="Intelsat 14, a clear night",
-        description="one satellite, found by sweeping along the belt from 1.5 deg west of it",
+        description="one satellite in reach, found by sweeping along the belt",
         t_start_utc_ns=iso_to_utc_ns("2023-06-23T05:30:00Z"),
         satellites=_satellites({36097: 12.2, 39172: 11.9, 38867: 12.4}),
         target_norad_id=36097,

@@ -51,7 +51,7 @@ def _scenario_stage(settings: "ObservatorySettings") -> Stage:
     )
     ra_icrs_deg, dec_icrs_deg = icrs_of_hour_angle(
         scenario.site,
-        scenario.start_hour_angle_deg,
+        scenario.start_hour_angle_for(optics.field_deg[0]),
         scenario.start_declination_deg,
         scenario.t_start_utc_ns,
     )

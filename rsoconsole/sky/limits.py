@@ -1,4 +1,4 @@
-"""Where a telescope must not look. Every slew, by hand or by the loop, passes here."""
+"""Where a telescope must not look: held against the end point of every slew."""
 
 from rsoconsole.config import MountConfig
 from rsoconsole.records import Site
