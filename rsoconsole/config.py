@@ -4,14 +4,15 @@ Defaults describe the paper's telescope. Values come from, weakest first: the de
 file, the command line. Units are in the names.
 """
 
+import itertools
 import os
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import platformdirs
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from rsoconsole.errors import ConfigError
 from rsoconsole.records import Site
@@ -74,6 +75,8 @@ class IndiConfig(_Section):
     port: int = Field(7624, ge=1, le=65535)
     mount: str = "Telescope Simulator"
     camera: str = "CCD Simulator"
+    weather: str | None = Field(None, description="device whose WEATHER_STATUS ends the night")
+    dome: str | None = Field(None, description="device whose shutter must be open")
     simulated: bool = Field(False, description="the server is rsoconsole's simulated observatory")
     simulated_latency_s: float = Field(
         0.5, ge=0, le=60, description="virtual time that processing a frame costs under simulation"
@@ -99,13 +102,61 @@ class ExposureConfig(_Section):
 
 
 class MountConfig(_Section):
-    """How long the mount is given, and how well it settles."""
+    """How the mount is built, how long it is given, and what becomes of it after a stop."""
 
+    type: Literal["german", "fork"] = Field(
+        "german", description="a German mount changes the side of its pier at the meridian"
+    )
+    meridian: Literal["flip", "hold"] = Field(
+        "flip", description="hold: no slew that would change sides while a track is followed"
+    )
+    flip_hysteresis_deg: float = Field(
+        0.5, ge=0, le=30, description="a slew changes sides that far past the meridian"
+    )
+    slew_rate_deg_s: float = Field(4.0, gt=0, le=60, description="of either axis at full speed")
     settle_s: float = Field(2.0, ge=0, le=60)
     slew_timeout_s: float = Field(120.0, gt=0, le=900)
     arrival_arcmin: float = Field(3.0, gt=0, le=60)
+    after_stop: Literal["track", "stand still"] = Field(
+        "track", description="what the mount does once STOP has ended its motion"
+    )
+    lease_s: float = Field(
+        10.0, ge=2, le=600, description="a slew that nobody watches for so long is ended"
+    )
+    park_at_end: bool = Field(True, description="park at dawn, on bad weather, under a closed dome")
+
+
+class LimitsConfig(_Section):
+    """Where the telescope must never look or turn, whoever wants it to."""
+
     min_altitude_deg: float = Field(15.0, ge=-5, le=85)
+    horizon: tuple[tuple[float, float], ...] = Field(
+        (), description="[azimuth, altitude] of walls and trees, degrees, straight lines between"
+    )
+    max_hour_angle_deg: float = Field(
+        120.0, gt=0, le=180, description="either side of the meridian"
+    )
+    past_meridian_deg: float = Field(
+        10.0, ge=0, le=90, description="how far a German mount may track beyond it without a flip"
+    )
     sun_cone_deg: float = Field(40.0, ge=0, le=180)
+    twilight_deg: float = Field(
+        -12.0, ge=-90, le=90, description="the Sun's altitude above which the night is over"
+    )
+
+    @field_validator("horizon")
+    @classmethod
+    def _horizon_goes_round_once(
+        cls, points: tuple[tuple[float, float], ...]
+    ) -> tuple[tuple[float, float], ...]:
+        azimuths = [azimuth for azimuth, _ in points]
+        if any(not 0.0 <= azimuth < 360.0 for azimuth in azimuths):
+            raise ValueError("every azimuth must be from 0 to below 360 deg")
+        if any(b <= a for a, b in itertools.pairwise(azimuths)):
+            raise ValueError("azimuths must rise from point to point")
+        if any(not -5.0 <= altitude <= 90.0 for _, altitude in points):
+            raise ValueError("every altitude must be from -5 to 90 deg")
+        return points
 
 
 class DetectorConfig(_Section):
@@ -140,10 +191,34 @@ class FilterConfig(_Section):
     max_coast_s: float = Field(3600.0, gt=0, le=86400)
 
 
+class TargetConfig(_Section):
+    """One place to search: a belt slot, a direction fixed to the ground, or one in the sky."""
+
+    name: str
+    slot_longitude_deg: float | None = Field(
+        None, ge=-180, le=360, description="of a geostationary satellite, east positive"
+    )
+    hour_angle_deg: float | None = Field(None, ge=-180, le=180)
+    ra_icrs_deg: float | None = Field(None, ge=0, lt=360)
+    declination_deg: float | None = Field(None, ge=-90, le=90)
+
+    @model_validator(mode="after")
+    def _says_one_place(self) -> Self:
+        given = [self.slot_longitude_deg, self.hour_angle_deg, self.ra_icrs_deg]
+        if sum(value is not None for value in given) != 1:
+            raise ValueError("give one of slot_longitude_deg, hour_angle_deg, ra_icrs_deg")
+        if self.ra_icrs_deg is not None and self.declination_deg is None:
+            raise ValueError("ra_icrs_deg needs declination_deg")
+        return self
+
+
 class SearchConfig(_Section):
     """What the telescope does while it has no track."""
 
-    pattern: Literal["stay", "belt"] = "belt"
+    pattern: Literal["stay", "belt", "targets"] = "belt"
+    targets: tuple[TargetConfig, ...] = Field(
+        (), description="places to visit in turn, for the pattern targets"
+    )
     hour_angle_deg: float | None = Field(None, description="centre; null: where the mount points")
     declination_deg: float | None = None
     belt_step_fields: float = Field(0.75, gt=0, le=1)
@@ -154,6 +229,12 @@ class SearchConfig(_Section):
     )
     recentre: Literal["when needed", "every"] = "when needed"
     recentre_fraction: float = Field(0.25, gt=0, lt=0.5)
+
+    @model_validator(mode="after")
+    def _targets_are_there(self) -> Self:
+        if self.pattern == "targets" and not self.targets:
+            raise ValueError("pattern 'targets' needs search.targets")
+        return self
 
 
 class SessionConfig(_Section):
@@ -171,6 +252,7 @@ class Config(_Section):
     indi: IndiConfig = IndiConfig()
     exposure: ExposureConfig = ExposureConfig()
     mount: MountConfig = MountConfig()
+    limits: LimitsConfig = LimitsConfig()
     detector: DetectorConfig = DetectorConfig()
     solver: SolverConfig = SolverConfig()
     filter: FilterConfig = FilterConfig()
@@ -229,6 +311,22 @@ def load_config(path: Path | None = None, overrides: Mapping[str, Any] | None = 
             for fault in error.errors()
         )
         raise ConfigError(f"{source}: {faults}") from error
+
+
+def with_setting(config: Config, name: str, value: Any) -> Config:
+    """The configuration with one setting, by its dotted name, at another value.
+
+    Raises ConfigError where there is no such setting, and where it cannot have that value.
+    """
+    table = config.model_dump()
+    section, _, key = name.partition(".")
+    if key not in table.get(section, {}):
+        raise ConfigError(f"there is no setting {name!r}: 'rsoconsole config show' lists them")
+    table[section][key] = value
+    try:
+        return Config.model_validate(table)
+    except ValidationError as error:
+        raise ConfigError(f"{name} = {value}: {error.errors()[0]['msg']}") from error
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

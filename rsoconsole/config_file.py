@@ -227,6 +227,10 @@ def _toml(value: Any) -> str:
     """One value as TOML. JSON's forms are TOML's, but for the character DEL."""
     if isinstance(value, list):
         return "[" + ", ".join(_toml(item) for item in value) + "]"
+    if isinstance(value, dict):
+        # An inline table; TOML has no word for what is not there.
+        pairs = (f"{key} = {_toml(item)}" for key, item in value.items() if item is not None)
+        return "{" + ", ".join(pairs) + "}"
     if isinstance(value, bool | int | str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, float):

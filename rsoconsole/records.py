@@ -53,9 +53,7 @@ class Frame:
     @property
     def t_mid_utc_ns(self) -> int | None:
         """Middle of the exposure, or None when start or length is unknown."""
-        if self.t_start_utc_ns is None or self.exposure_s is None:
-            return None
-        return self.t_start_utc_ns + round(self.exposure_s * 5e8)
+        return _middle_utc_ns(self.t_start_utc_ns, self.exposure_s)
 
     @property
     def width_px(self) -> int:
@@ -121,6 +119,10 @@ class Detections:
     height_px: int
     detections: tuple[Detection, ...]
     rejected: tuple[Rejection, ...] = ()
+    star_count: int | None = None
+    """Stars found beside them, up to a few hundred; None where nobody counted."""
+    star_flux_adu: float | None = None
+    """Of a middling one of the brightest stars; None where there are too few to compare."""
     stage_ms: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -213,6 +215,8 @@ class TrackState:
     """Exposures since the last measurement."""
     q_scale: float = 1.0
     """What the track's own innovations have made of the process noise; preset ``tuned`` only."""
+    innovations: int = 0
+    """Measurements that have updated the track since its two first ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -288,6 +292,13 @@ class FrameTaken:
     height_px: int
     pointing_ra_icrs_deg: float | None
     pointing_dec_icrs_deg: float | None
+    blocked: str | None = None
+    """Why the slew to what is followed was refused before it; None where nothing was."""
+
+    @property
+    def t_mid_utc_ns(self) -> int | None:
+        """Middle of the exposure, or None when start or length is unknown."""
+        return _middle_utc_ns(self.t_start_utc_ns, self.exposure_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -305,3 +316,9 @@ class Event:
     level: Literal["info", "warning", "alarm"]
     text: str
     frame_id: int | None = None
+
+
+def _middle_utc_ns(t_start_utc_ns: int | None, exposure_s: float | None) -> int | None:
+    if t_start_utc_ns is None or exposure_s is None:
+        return None
+    return t_start_utc_ns + round(exposure_s * 5e8)

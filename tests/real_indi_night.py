@@ -17,6 +17,7 @@ from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.connect import connect_instruments
 from rsoconsole.instruments.indi_wire import IndiVector, IndiWire, stop_mount
+from rsoconsole.instruments.mount import IndiMount
 from rsoconsole.instruments.ports import Instruments, MountReport
 from rsoconsole.sky.frames import icrs_of_hour_angle
 
@@ -25,19 +26,29 @@ MOUNT = "Telescope Simulator"
 
 
 def main(folder: Path) -> None:
-    """One slew, one frame, two stops, parking, and the death of the server."""
+    """Slews, a frame, stops, parking, weather and dome, and the death of the server."""
     subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
     command = ["indiserver", "-p", str(PORT), "-u", str(folder / "indi.sock")]
     command += ["indi_simulator_telescope", "indi_simulator_ccd"]
+    command += ["indi_simulator_weather", "indi_simulator_dome"]
     with (folder / "indiserver.log").open("wb") as log:
         server = subprocess.Popen(
             command, stderr=log, stdout=log, env={**os.environ, "HOME": str(folder)}
         )
     try:
         wait_for_server()
-        config = Config.model_validate({"indi": {"port": PORT}})
+        indi = {"port": PORT, "weather": "Weather Simulator", "dome": "Dome Simulator"}
+        config = Config.model_validate({"indi": indi})
         with connect_instruments(config, log_dir=folder) as instruments:
             facts = night(instruments, config)
+            facts["sky"] = weather_and_dome(instruments)
+            facts["lease"] = unwatched_slew(instruments, config)
+            still = config.mount.model_copy(update={"after_stop": "stand still"})
+            mount = IndiMount(config.indi, folder / "still.log", still)
+            mount.start()
+            facts["stop_by_still_mount"] = stop_by("mount", mount, config, "stand still")
+            facts["stop_by_still_indi"] = stop_by("indi", mount, config, "stand still")
+            mount.close()
             server.terminate()
             server.wait()
             facts["after_death"] = what_happens(lambda: report_until_it_fails(instruments))
@@ -79,16 +90,8 @@ def night(instruments: Instruments, config: Config) -> dict[str, Any]:
     }
 
     for path in ("mount", "indi"):
-        mount.slew(ra_deg + 60.0, dec_deg - 30.0, clock.now_utc_ns())
-        time.sleep(0.5)
-        was_slewing = mount.report().is_slewing
-        result = mount.abort() if path == "mount" else stop_mount("127.0.0.1", PORT, MOUNT)
-        facts[f"stop_by_{path}"] = {
-            "was_slewing": was_slewing,
-            "stopped": result.stopped,
-            "ms": result.ms,
-            "comes_to_rest": comes_to_rest(instruments),
-        }
+        facts[f"stop_by_{path}"] = stop_by(path, mount, config, "track")
+    facts["utc_offset_s"] = mount.utc_offset_s()
 
     mount.park()
     facts["is_parked"] = wait_for_arrival(instruments).is_parked
@@ -98,6 +101,73 @@ def night(instruments: Instruments, config: Config) -> dict[str, Any]:
     mount.unpark()
     facts["is_parked_after_unpark"] = mount.report().is_parked
     return facts
+
+
+def stop_by(path: str, mount: Any, config: Config, after_stop: Any) -> dict[str, Any]:
+    """A slew of 90 degrees and more, ended after half a second."""
+    now_utc_ns = time.time_ns()
+    site = config.site.to_site()
+    # Back and forth, so that there is always some way to go.
+    hour_angle_deg = -50.0 if mount.report().dec_icrs_deg > 20.0 else 50.0
+    dec_deg = -20.0 if mount.report().dec_icrs_deg > 20.0 else 60.0
+    ra_deg, dec_deg = (
+        float(a) for a in icrs_of_hour_angle(site, hour_angle_deg, dec_deg, now_utc_ns)
+    )
+    mount.slew(ra_deg, dec_deg, now_utc_ns)
+    time.sleep(0.5)
+    was_slewing = mount.report().is_slewing
+    result = (
+        mount.abort()
+        if path == "mount"
+        else stop_mount("127.0.0.1", PORT, MOUNT, after_stop=after_stop)
+    )
+    rests = comes_to_rest(mount)
+    # The driver tells what it makes of tracking at its own pace.
+    time.sleep(1.0)
+    return {
+        "was_slewing": was_slewing,
+        "stopped": result.stopped,
+        "ms": result.ms,
+        "is_tracking_by_result": result.is_tracking,
+        "comes_to_rest": rests,
+        "is_tracking": mount.report().is_tracking,
+    }
+
+
+def weather_and_dome(instruments: Instruments) -> dict[str, Any]:
+    """What the guard says at first, and when the dome has been opened."""
+    guard = instruments.guard
+    assert guard is not None
+    first = guard.look()
+    seen = [first.dome]
+    wire = IndiWire("127.0.0.1", PORT)
+    wire.new("Switch", "Dome Simulator", "DOME_SHUTTER", {"SHUTTER_OPEN": "On"})
+    for _ in range(200):
+        word = guard.look().dome
+        seen += [word] if word not in seen[-1:] else []
+        if word == "open":
+            break
+        time.sleep(0.1)
+    wire.close()
+    return {"weather": first.weather, "dome": seen, "detail": first.detail}
+
+
+def unwatched_slew(instruments: Instruments, config: Config) -> dict[str, Any]:
+    """A slew whose lease runs out: nobody asks anything meanwhile."""
+    mount: Any = instruments.mount
+    now_utc_ns = time.time_ns()
+    ra_deg, dec_deg = icrs_of_hour_angle(config.site.to_site(), 60.0, -20.0, now_utc_ns)
+    mount.slew(float(ra_deg), float(dec_deg), now_utc_ns)
+    mount.keep(0.5, None)
+    time.sleep(2.5)
+    report = mount.report()
+    # It would end anybody's slew: from now on somebody watches.
+    mount.keep(600.0, None)
+    return {
+        "said": mount.take_messages(),
+        "is_slewing": report.is_slewing,
+        "is_tracking": report.is_tracking,
+    }
 
 
 def wait_for_server() -> None:
@@ -121,10 +191,10 @@ def wait_for_arrival(instruments: Instruments) -> MountReport:
     raise AssertionError("the mount never arrived")
 
 
-def comes_to_rest(instruments: Instruments) -> bool:
+def comes_to_rest(mount: Any) -> bool:
     """Whether the mount's own process hears of the end of motion within a second."""
     for _ in range(20):
-        if not instruments.mount.report().is_slewing:
+        if not mount.report().is_slewing:
             return True
         time.sleep(0.05)
     return False

@@ -1,20 +1,25 @@
-"""Where the telescope looks next, and where it must not."""
+"""Where the telescope looks next: patterns of a search, recentring, the meridian."""
 
 import math
 
 import pytest
 from skyfield.api import wgs84
 
-from rsoconsole.config import MountConfig, SearchConfig
-from rsoconsole.pipeline.aim import SearchBase, needs_recentre, search_base, search_direction
+from rsoconsole.config import MountConfig, SearchConfig, TargetConfig
+from rsoconsole.pipeline.aim import (
+    SearchBase,
+    flip_refusal,
+    needs_recentre,
+    search_base,
+    search_direction,
+    side_at_arrival,
+    target_direction,
+)
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.belt import belt_declination_deg
-from rsoconsole.sky.frames import hour_angle_icrs_deg
-from rsoconsole.sky.limits import refusal
-from rsoconsole.sky.sun import sun_icrs
+from rsoconsole.sky.belt import belt_declination_deg, slot_direction
+from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
 from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.tracking.pointing import PointingOffset, command_for, observed
 
 DAYTONA = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
 T_UTC_NS = iso_to_utc_ns("2023-06-22T03:00:00Z")
@@ -32,6 +37,9 @@ def test_the_belt_lies_where_a_geostationary_satellite_stands(longitude_deg):
     one_arcsecond = 1.0 / 3600.0
     assert belt_declination_deg(DAYTONA, hour_angle_deg) == pytest.approx(
         declination_deg, abs=one_arcsecond
+    )
+    assert slot_direction(DAYTONA, longitude_deg) == pytest.approx(
+        (hour_angle_deg, declination_deg), abs=one_arcsecond
     )
 
 
@@ -91,50 +99,93 @@ def test_the_telescope_moves_when_it_must(recentre, off_deg, moves):
     assert needs_recentre(search, (1.63, 1.24), (10.0, 0.0), (10.0 + off_deg, 0.0)) is moves
 
 
-def test_a_direction_near_the_sun_below_the_horizon_or_not_a_number_is_refused():
-    noon_ns = iso_to_utc_ns("2023-06-22T17:30:00Z")
-    sun = sun_icrs(noon_ns)
-    mount = MountConfig()
-    assert "Sun" in (refusal(*sun, noon_ns, DAYTONA, mount) or "")
-    assert "altitude" in (refusal((sun[0] + 180.0) % 360.0, -20.0, noon_ns, DAYTONA, mount) or "")
-    assert refusal(math.nan, 0.0, noon_ns, DAYTONA, mount) is not None
+def test_a_slot_that_the_earth_hides_points_below_the_horizon():
+    from rsoconsole.sky.frames import altaz_of_hour_angle
+
+    altitude_deg, _ = altaz_of_hour_angle(DAYTONA, *slot_direction(DAYTONA, 100.0))
+    assert altitude_deg < -10.0
 
 
-def test_the_night_sky_overhead_is_allowed():
-    from rsoconsole.sky.frames import altaz_to_icrs
-
-    overhead = altaz_to_icrs(DAYTONA, 80.0, 120.0, T_UTC_NS)
-    assert refusal(*overhead, T_UTC_NS, DAYTONA, MountConfig()) is None
-
-
-def test_the_offset_brings_the_telescope_to_the_wanted_place():
-    """A mount that always looks 6 arcmin east and 3 south lands within an arcsecond."""
-    wrong = (0.1, -0.05)
-    offset = PointingOffset()
-    commanded = (150.0, -5.0)
-    solved = (commanded[0] + wrong[0], commanded[1] + wrong[1])
-    offset = observed(
-        offset,
-        commanded_ra_deg=commanded[0],
-        commanded_dec_deg=commanded[1],
-        solved_ra_deg=solved[0],
-        solved_dec_deg=solved[1],
-        pier_side="west",
-    )
-    ra, dec = command_for(offset, 151.0, -5.0)
-    assert separation_deg(ra + wrong[0], dec + wrong[1], 151.0, -5.0) * 3600.0 < 1.0
+def test_intelsat_14_stands_where_its_slot_is():
+    """Published for slot 45 W and this site: azimuth 124, altitude 38, hour angle -2.7 h."""
+    hour_angle_deg, _ = slot_direction(DAYTONA, -45.0)
+    assert hour_angle_deg / 15.0 == pytest.approx(-2.7, abs=0.05)
+    assert slot_direction(DAYTONA, 315.0) == pytest.approx(slot_direction(DAYTONA, -45.0))
 
 
-def test_a_flip_voids_the_offset():
-    known = PointingOffset(
-        east_arcsec=300.0, samples=5, ra_icrs_deg=150.0, dec_icrs_deg=-5.0, pier_side="west"
-    )
-    after = observed(
-        known,
-        commanded_ra_deg=150.0,
-        commanded_dec_deg=-5.0,
-        solved_ra_deg=150.0,
-        solved_dec_deg=-5.0,
-        pier_side="east",
-    )
-    assert (after.samples, after.east_arcsec) == (1, pytest.approx(0.0, abs=1e-6))
+@pytest.mark.parametrize(
+    ("target", "expected"),
+    [
+        ({"slot_longitude_deg": -45.0}, "slot"),
+        ({"slot_longitude_deg": -45.0, "declination_deg": 3.0}, "slot, own declination"),
+        ({"hour_angle_deg": -30.0}, "belt"),
+        ({"hour_angle_deg": -30.0, "declination_deg": 12.0}, "of date"),
+        ({"ra_icrs_deg": 200.0, "declination_deg": 12.0}, "as it says"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_target_is_where_it_says(target, expected):
+    slot_hour_angle_deg, slot_dec_deg = slot_direction(DAYTONA, -45.0)
+    places = {
+        "slot": (slot_hour_angle_deg, slot_dec_deg),
+        "slot, own declination": (slot_hour_angle_deg, 3.0),
+        "belt": (-30.0, belt_declination_deg(DAYTONA, -30.0)),
+        "of date": (-30.0, 12.0),
+    }
+    found = target_direction(TargetConfig(name="it", **target), DAYTONA, T_UTC_NS)
+    wanted = (200.0, 12.0)
+    if expected in places:
+        wanted = icrs_of_hour_angle(DAYTONA, *places[expected], T_UTC_NS)
+    assert separation_deg(*found, *wanted) * 3600.0 < 0.01
+
+
+def test_a_list_of_targets_is_visited_in_turn_with_so_many_frames_each():
+    targets = tuple(TargetConfig(name=f"{h}", hour_angle_deg=float(h)) for h in (-30, 5, 20))
+    search = SearchConfig(pattern="targets", targets=targets, frames_per_field=2)
+
+    def visited(base: SearchBase) -> list[float]:
+        where = {"field_width_deg": 1.6, "t_utc_ns": T_UTC_NS}
+        return [
+            round(
+                hour_angle_icrs_deg(
+                    DAYTONA,
+                    *search_direction(base, search, DAYTONA, exposure_number=n, **where),
+                    T_UTC_NS,
+                ),
+                3,
+            )
+            for n in range(8)
+        ]
+
+    base = SearchBase(hour_angle_deg=-40.0, declination_deg=None)
+    assert visited(base) == [-30, -30, 5, 5, 20, 20, -30, -30]
+    lost = SearchBase(hour_angle_deg=-40.0, declination_deg=-5.0, comes_before_targets=True)
+    assert visited(lost) == [-40, -40, -30, -30, 5, 5, 20, 20]
+
+
+@pytest.mark.parametrize(
+    ("hour_angle_deg", "present", "mount_type", "after"),
+    [
+        (-20.0, "west", "german", "west"),
+        (-20.0, "east", "german", "west"),
+        (20.0, "west", "german", "east"),
+        (0.4, "west", "german", "west"),
+        (-0.4, "east", "german", "east"),
+        (0.6, "west", "german", "east"),
+        (20.0, None, "german", None),
+        (20.0, "west", "fork", "west"),
+    ],
+)
+def test_the_side_changes_past_the_meridian_and_its_hysteresis(
+    hour_angle_deg, present, mount_type, after
+):
+    direction = icrs_of_hour_angle(DAYTONA, hour_angle_deg, -5.0, T_UTC_NS)
+    mount = MountConfig(type=mount_type, flip_hysteresis_deg=0.5)
+    assert side_at_arrival(DAYTONA, mount, direction, T_UTC_NS, present) == after
+    holds = mount.model_copy(update={"meridian": "hold"})
+    refused = flip_refusal(DAYTONA, holds, direction, T_UTC_NS, present)
+    assert (refused is not None) is (after != present)
+    assert flip_refusal(DAYTONA, mount, direction, T_UTC_NS, present) is None
+    if refused is not None:
+        assert f"{hour_angle_deg:+.1f} deg" in refused
+        assert f"{after} side" in refused

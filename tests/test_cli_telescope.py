@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,9 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
-from rsoconsole.cli.demo import control_socket, demo_config
+from rsoconsole.cli.demo import demo_config
+from rsoconsole.cli.demo_night import control_socket
+from rsoconsole.cli.telescope import LATE_S
 from rsoconsole.config import Config, SessionConfig
 from rsoconsole.control import ControlServer, EngineLock, Intention, Outcome, default_socket_path
 from rsoconsole.errors import ControlError, InstrumentError
@@ -61,7 +64,8 @@ def rsoconsole(*arguments: str) -> Result:
 @pytest.mark.parametrize(
     ("words", "verb", "arguments"),
     [
-        (["arm"], "arm", {}),
+        (["arm"], "arm", {"override": []}),
+        (["arm", "--override", "disk"], "arm", {"override": ["disk"]}),
         (["disarm"], "disarm", {}),
         (["quit"], "shutdown", {}),
         (["set", "detector.tau", "0.25"], "set", {"name": "detector.tau", "value": 0.25}),
@@ -138,7 +142,7 @@ def stand_in_for_the_wire(
 ) -> list[tuple[str, int, str]]:
     calls: list[tuple[str, int, str]] = []
 
-    def stop_mount(host: str, port: int, device: str) -> StopResult:
+    def stop_mount(host: str, port: int, device: str, *, after_stop: str) -> StopResult:
         calls.append((host, port, device))
         return result
 
@@ -198,6 +202,20 @@ def test_an_engine_that_hangs_is_passed_by(direct, monkeypatch):
         hangs.set()
     assert json.loads(run.stdout)["path"] == "indi"
     assert len(direct) == 1
+
+
+def test_an_engine_that_is_late_is_believed_where_there_is_no_other_way(monkeypatch):
+    result = StopResult(stopped=False, ms=5.0, path="indi", detail="start indiserver")
+    stand_in_for_the_wire(monkeypatch, result)
+
+    def be_late(_intention: Intention) -> Outcome:
+        time.sleep(2 * LATE_S)
+        return Outcome(ok=True, data=STOPPED)
+
+    with engine_that(be_late):
+        run = rsoconsole("stop", "--json")
+    answer = json.loads(run.stdout)
+    assert (run.exit_code, answer["stopped"], answer["path"]) == (0, True, "mount")
 
 
 def test_without_an_engine_the_configured_mount_is_stopped(direct, home):

@@ -177,3 +177,17 @@ def test_the_tilde_is_the_home_folder(tmp_path: Path, monkeypatch: pytest.Monkey
     config = load_config(path)
     assert config.session.root == tmp_path / "nights"
     assert config.solver.index_dirs == (tmp_path / "index",)
+
+
+def test_targets_of_a_search_come_back_from_their_toml(tmp_path: Path) -> None:
+    search = {
+        "pattern": "targets",
+        "targets": [
+            {"name": 'a "slot"', "slot_longitude_deg": -89.0},
+            {"name": "a place", "ra_icrs_deg": 10.0, "declination_deg": -5.0},
+        ],
+    }
+    config = Config.model_validate({"search": search})
+    path = tmp_path / "targets.toml"
+    path.write_text(config_to_toml(config), encoding="utf-8")
+    assert load_config(path) == config

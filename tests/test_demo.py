@@ -5,10 +5,9 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.pipeline.cycle import follow_settings
-from rsoconsole.records import FrameTaken, Measurement, TrackState
+from rsoconsole.pipeline.replay import replay
+from rsoconsole.records import TrackState
 from rsoconsole.session.reader import SessionReader
-from rsoconsole.tracking.follow import Following, Seen, follow
 from tests.test_cli_frames import rsoconsole
 
 FRAMES = 14
@@ -50,49 +49,17 @@ def test_the_same_seed_gives_the_same_night_at_another_speed(first_night, tmp_pa
 
 
 def test_the_track_is_a_fold_over_the_session_bit_for_bit(first_night):
-    """A replay of the recorded measurements alone gives every state of the filter again."""
+    """A replay of what is on record gives every record of the fold again."""
     reader = SessionReader(first_night["session"])
-    config = reader.config()
     recorded = [record for _, _, record in reader.records()]
-    following = Following()
-    replayed: list[TrackState] = []
-    for taken in (record for record in recorded if isinstance(record, FrameTaken)):
-        seen = Seen(
-            frame_id=taken.frame_id,
-            t_mid_utc_ns=taken.t_start_utc_ns + round(taken.exposure_s * 5e8),
-            exposure_s=taken.exposure_s,
-            measurements=tuple(
-                r for r in recorded if isinstance(r, Measurement) and r.frame_id == taken.frame_id
-            ),
-        )
-        following, records = follow(following, seen, follow_settings(config, taken))
-        replayed.extend(r for r in records if isinstance(r, TrackState))
-    assert replayed == [r for r in recorded if isinstance(r, TrackState)]
-    assert len(replayed) >= FRAMES // 2
+    replayed = list(replay(recorded, reader.config()))
+    assert all(frame.is_as_recorded for frame in replayed)
+    states = [r for frame in replayed for r in frame.records if isinstance(r, TrackState)]
+    assert states == [r for r in recorded if isinstance(r, TrackState)]
+    assert len(states) >= FRAMES // 2
 
 
 def test_an_empty_sky_ends_in_search(tmp_path):
     summary = night(tmp_path / "empty", "--scenario", "empty", frames=8)
     assert summary["states"] == {"SEARCH": 8}
     assert (summary["locked_after_frames"], summary["target"]) == (None, None)
-
-
-@pytest.mark.nights
-@pytest.mark.timeout(600)
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_whole_nights_hold_their_figures(seed, tmp_path):
-    """40 frames: the promises of the estimator, kept."""
-    summary = night(tmp_path / "night", "--seed", str(seed), frames=40, timeout_s=500.0)
-    assert summary["target"] == "INTELSAT 14"
-    assert summary["measured_rms_arcsec"] <= 1.5
-    assert summary["prediction_rms_arcsec"] <= 6.0
-    assert 1.0 <= summary["nis_mean"] <= 3.0
-    assert summary["inside_3sigma"] >= 0.97
-
-
-@pytest.mark.nights
-@pytest.mark.timeout(600)
-def test_the_papers_preset_tracks_too(tmp_path):
-    summary = night(tmp_path / "night", "--preset", "paper", frames=40, timeout_s=500.0)
-    assert summary["target"] == "INTELSAT 14"
-    assert summary["states"]["TRACK"] >= 30

@@ -1,5 +1,6 @@
 """The doctor tells a machine that is ready from one that is not, and never falls ill itself."""
 
+import contextlib
 import json
 import os
 import pty
@@ -11,8 +12,16 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine import doctor, doctor_system
+from rsoconsole.engine import doctor, doctor_indi, doctor_system
 from rsoconsole.engine.doctor_system import ClockReading, Terminal, colours_of
+from rsoconsole.engine.retention import disk_outlook
+from rsoconsole.instruments.clock import SystemClock
+
+SITE_WORDS = b"""
+<defNumberVector device="Telescope Simulator" name="GEOGRAPHIC_COORD" state="Ok">
+<defNumber name="LAT">29.19</defNumber><defNumber name="LONG">278.95</defNumber>
+<defNumber name="ELEV">10</defNumber></defNumberVector>
+"""
 
 
 def config_with(**sections: dict[str, object]) -> Config:
@@ -34,6 +43,10 @@ def indi_server() -> Iterator[int]:
                 peer.recv(1000)
                 peer.sendall(b'<defTextVector device="Telescope Simulator" name="DRIVER_')
                 peer.sendall(b"INFO\"/><defTextVector device='CCD Simulator'/>")
+                peer.sendall(SITE_WORDS)
+                peer.settimeout(10.0)
+                with contextlib.suppress(OSError):
+                    peer.recv(1000)  # a server does not hang up
 
     thread = threading.Thread(target=serve)
     thread.start()
@@ -53,7 +66,9 @@ def test_every_check_reports_and_what_is_not_well_has_a_remedy(
         "python",
         "network",
         "index files",
+        "site",
         "INDI server",
+        "mount site",
         "clock",
         "disk",
         "sessions folder",
@@ -104,11 +119,58 @@ def test_an_indi_server_with_the_devices_is_well(indi_server: int) -> None:
     assert check.ok is True, check.detail
 
 
-def test_an_indi_server_without_the_camera_is_not(indi_server: int) -> None:
+def test_an_indi_server_without_the_camera_is_not(
+    indi_server: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(doctor_indi, "INDI_TIMEOUT_S", 0.5)
     check = doctor.check_indi_server(config_with(indi={"port": indi_server, "camera": "CCD"}))
     assert check.ok is False
     assert "has no CCD" in check.detail
     assert "indi.camera" in check.remedy
+
+
+def test_weather_and_dome_must_be_there_where_they_are_configured(
+    indi_server: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(doctor_indi, "INDI_TIMEOUT_S", 0.5)
+    config = config_with(indi={"port": indi_server, "weather": "Vane", "dome": "CCD Simulator"})
+    check = doctor.check_indi_server(config)
+    assert check.ok is False
+    assert "has no Vane" in check.detail
+    assert "indi.weather" in check.remedy
+    assert "indi.dome" not in check.remedy
+
+
+@pytest.mark.parametrize(
+    ("latitude_deg", "ok", "says"),
+    [
+        (29.195, True, "0.6 km from"),  # 0.005 deg of latitude are 556 m
+        (29.29, False, "11.1 km from"),
+    ],
+)
+def test_the_mounts_site_is_held_against_the_configured_one(
+    indi_server: int, latitude_deg: float, ok: bool, says: str
+) -> None:
+    site = {"latitude_deg": latitude_deg}
+    check = doctor.check_mount_site(config_with(indi={"port": indi_server}, site=site))
+    assert check.ok is ok, check.detail
+    assert says in check.detail
+    if not ok:
+        assert "LAT=29.29;LONG=278.95;ELEV=10'" in check.remedy
+
+
+def test_a_mount_that_does_not_tell_its_site_is_no_failure(
+    indi_server: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(doctor_indi, "INDI_TIMEOUT_S", 0.2)
+    mute = doctor.check_mount_site(
+        config_with(indi={"port": indi_server, "mount": "CCD Simulator"})
+    )
+    assert mute.ok is None
+    assert "connected" in mute.detail
+    with socket.create_server(("127.0.0.1", 0)) as unused:
+        port = unused.getsockname()[1]
+    assert doctor.check_mount_site(config_with(indi={"port": port})).ok is None
 
 
 def test_no_indi_server_is_told_with_its_address() -> None:
@@ -147,13 +209,6 @@ def test_the_kernels_clock_can_be_read_here() -> None:
         assert abs(reading.offset_s) < 1.0
 
 
-def test_a_night_of_the_papers_frames_needs_twenty_gigabytes() -> None:
-    # 10 h at 30 s are 1,200 frames of 32.8 MB, of which compression leaves about half.
-    assert doctor_system.night_bytes(Config()) == pytest.approx(20.6e9, rel=0.01)
-    without = config_with(session={"keep_frames": "none"})
-    assert doctor_system.night_bytes(without) < 0.2e9
-
-
 def test_a_disk_too_small_for_the_night_is_told(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -161,7 +216,31 @@ def test_a_disk_too_small_for_the_night_is_told(
     monkeypatch.setattr(doctor_system, "free_bytes", lambda _: 5e9)
     check = doctor.check_disk(config)
     assert check.ok is False
-    assert "5 GB free; a night of 10 h takes up to 20.6 GB" in check.detail
+    assert check.detail.startswith("5 GB free; the coming night of ")
+    assert "room for 0." in check.detail
+    assert "session.root" in check.remedy
+
+
+def test_a_disk_that_will_soon_be_full_is_told_while_there_is_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    night = disk_outlook(Config(), 0, SystemClock().now_utc_ns()).bytes_a_night
+    monkeypatch.setattr(doctor_system, "free_bytes", lambda _: 2 * night)
+    check = doctor.check_disk(Config())
+    assert check.ok is True
+    assert "room for 2.0 nights; soon: move or remove old sessions" in check.detail
+    monkeypatch.setattr(doctor_system, "free_bytes", lambda _: 9 * night)
+    assert doctor.check_disk(Config()).detail.endswith("room for 9.0 nights")
+
+
+def test_the_papers_site_is_doubted_another_is_not() -> None:
+    check = doctor.check_site(Config())
+    assert check.ok is None
+    assert "29.190 N 81.050 W, 10 m: still the default" in check.detail
+    assert "site.latitude_deg" in check.remedy
+    own = doctor.check_site(config_with(site={"latitude_deg": -33.5, "longitude_deg": 289.5}))
+    assert (own.ok, own.detail) == (True, "33.500 S 70.500 W, 10 m")
+    assert doctor.check_site(config_with(indi={"simulated": True})).ok is True
 
 
 def test_a_sessions_folder_that_cannot_be_is_told(tmp_path: Path) -> None:

@@ -71,11 +71,11 @@ def verb(environment: dict[str, str], *arguments: str) -> dict:
     return json.loads(run.stdout)
 
 
-def wait_for(condition, timeout_s: float = 60.0) -> None:
+def wait_for(condition, timeout_s: float = 60.0, every_s: float = 0.2) -> None:
     ends = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < ends, "it never came true"
-        time.sleep(0.2)
+        time.sleep(every_s)
 
 
 def test_it_answers_stops_at_once_and_ends_safely(engine, environment, tmp_path, observatory):
@@ -110,3 +110,25 @@ def test_a_second_engine_is_refused_with_words(engine, environment, tmp_path):
     assert run.returncode == 1
     assert "already" in run.stderr
     assert "Traceback" not in run.stderr
+
+
+def test_sigterm_again_and_again_is_one_safe_end(engine, environment, tmp_path, observatory):
+    wait_for(lambda: verb(environment, "status")["frame"] >= 1)
+    session = tmp_path / "session"
+    engine.send_signal(signal.SIGTERM)
+    # Again while it takes itself apart: the socket goes first, the session's end comes after.
+    wait_for(lambda: not list((tmp_path / "run").rglob("engine.sock")), every_s=0.001)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        engine.send_signal(number)
+    assert engine.wait(30) == 0
+    reader = SessionReader(session)
+    assert reader.about()["is_closed"] is True
+    assert [row["after"] for row in reader.view("states")][-1] == "IDLE"
+    assert stop_mount(observatory.host, observatory.port, observatory.mount_name).stopped
+
+
+def test_a_lost_terminal_is_nothing_to_the_engine(engine, environment):
+    engine.send_signal(signal.SIGHUP)
+    frames = verb(environment, "status")["frame"]
+    wait_for(lambda: verb(environment, "status")["frame"] > frames)
+    assert engine.poll() is None

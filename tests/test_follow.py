@@ -62,7 +62,9 @@ def test_two_streaks_that_cannot_be_one_object_start_no_track(change, word):
     first, _ = follow(Following(), seen(1, geo_measurement(1)), SETTINGS)
     after, records = follow(first, seen(2, second), SETTINGS)
     assert after.state == "ACQUIRE"
-    assert any(isinstance(r, NotFollowed) and word in r.reason for r in records)
+    told = [r for r in records if isinstance(r, NotFollowed)]
+    assert [r.frame_id for r in told] == [1]
+    assert word in told[0].reason
 
 
 def test_of_two_objects_the_pair_that_agrees_is_taken():
@@ -139,6 +141,106 @@ def test_where_right_ascension_starts_changes_nothing(shift_deg):
     assert there.track.x[1] == pytest.approx(here.track.x[1], abs=a_millionth_arcsec_s)
     off = (there.track.x[0] - here.track.x[0] - shift_deg + 180.0) % 360.0 - 180.0
     assert abs(off) * 3600.0 < 1e-3
+
+
+CROSSING = ((150.0 + GEO_RATE_DEG_S * 120, -5.02), (150.0 + GEO_RATE_DEG_S * 120, -4.98))
+MOST_CONFIDENT = dataclasses.replace(SETTINGS, choice="most confident")
+TABLE = [
+    # name, state before, what is seen, settings, state after, verdicts in order
+    ("nothing while searching", "SEARCH", [], SETTINGS, "SEARCH", []),
+    ("a first streak", "SEARCH", [{}], SETTINGS, "ACQUIRE", []),
+    ("a clipped one", "SEARCH", [{"is_clipped": True}], SETTINGS, "SEARCH", ["clipped by the"]),
+    ("its second", "ACQUIRE", [{}], SETTINGS, "TRACK", []),
+    ("no second", "ACQUIRE", [], SETTINGS, "SEARCH", ["no second frame: no detection"]),
+    (
+        "two seconds, one fits",
+        "ACQUIRE",
+        [{"dec_deg": -5.5}, {}],
+        SETTINGS,
+        "TRACK",
+        ["another one leads"],
+    ),
+    ("another one", "ACQUIRE", [{"dec_deg": -5.5}], SETTINGS, "ACQUIRE", ["no second frame: st"]),
+    ("the one followed", "TRACK", [{}], SETTINGS, "TRACK", []),
+    ("a miss", "TRACK", [], SETTINGS, "COAST", []),
+    ("a neighbour alone", "TRACK", [{"ra_deg": 150.19}], SETTINGS, "COAST", ["NIS"]),
+    ("a neighbour as well", "TRACK", [{"ra_deg": 150.19}, {}], SETTINGS, "TRACK", ["NIS"]),
+    ("across", "TRACK", [{"ends_icrs_deg": CROSSING}], SETTINGS, "COAST", ["streak runs 90"]),
+    ("twice as fast", "TRACK", [{"exposure_s": 20.0}], SETTINGS, "COAST", ["streak is 300"]),
+    ("half as fast", "TRACK", [{"exposure_s": 5.0}], SETTINGS, "COAST", ["streak is 75"]),
+    (
+        "part of a streak elsewhere",
+        "TRACK",
+        [{"ra_deg": 150.05, "is_clipped": True, "cov_sky_arcsec2": (4e4, 0.0, 1.0)}],
+        SETTINGS,
+        "COAST",
+        ["clipped, and 179 arcsec"],
+    ),
+    (
+        "found twice",
+        "TRACK",
+        [{"ra_deg": 150.0001}, {}],
+        SETTINGS,
+        "TRACK",
+        ["another one is taken"],
+    ),
+    (
+        "the paper's rule takes the most confident",
+        "TRACK",
+        [{"ra_deg": 150.19}, {}],
+        MOST_CONFIDENT,
+        "TRACK",
+        ["another one is taken"],
+    ),
+    ("again after a miss", "COAST", [{}], SETTINGS, "TRACK", []),
+    ("another miss", "COAST", [], SETTINGS, "COAST", []),
+    ("after a loss nothing", "LOST", [], SETTINGS, "SEARCH", []),
+    ("after a loss a streak", "LOST", [{}], SETTINGS, "ACQUIRE", []),
+]
+STATES = {
+    "SEARCH": Following(),
+    "ACQUIRE": Following(state="ACQUIRE", candidates=(geo_measurement(4),)),
+    "TRACK": locked(),
+    "LOST": Following(state="LOST"),
+}
+STATES["COAST"] = follow(locked(frames=3), seen(4), SETTINGS)[0]
+
+
+@pytest.mark.parametrize(
+    ("before", "shown", "settings", "after", "verdicts"),
+    [row[1:] for row in TABLE],
+    ids=[row[0] for row in TABLE],
+)
+def test_every_passage_of_the_fold(before, shown, settings, after, verdicts):
+    """From this state, seeing this: the next state, a verdict on all that was not taken."""
+    sight = seen(5, *(geo_measurement(5, **change) for change in shown))
+    found, records = follow(STATES[before], sight, settings)
+    assert found.state == after
+    told = [r.reason for r in records if isinstance(r, NotFollowed)]
+    assert len(told) == len(verdicts)
+    assert all(words.startswith(start) for words, start in zip(told, verdicts, strict=True))
+    changes = [r for r in records if isinstance(r, StateChange)]
+    assert [(c.before, c.after) for c in changes] == ([] if before == after else [(before, after)])
+    misses = sum(isinstance(r, Miss) for r in records)
+    assert misses == (after == "COAST")
+
+
+def test_of_two_near_neighbours_each_is_paired_with_itself():
+    """40 arcsec apart both pairs agree within the tolerances; crossed ones fit worse."""
+    beside = 40.0 / 3600.0
+    first = [geo_measurement(1), geo_measurement(1, ra_deg=150.0 - beside)]
+    second = [geo_measurement(2), geo_measurement(2, ra_deg=150.0 - beside)]
+    for order in ([0, 1], [1, 0]):
+        waiting, _ = follow(Following(), seen(1, *(first[n] for n in order)), SETTINGS)
+        after, _ = follow(waiting, seen(2, *second), SETTINGS)
+        assert after.track is not None
+        assert after.track.x[1] == pytest.approx(GEO_RATE_DEG_S, rel=1e-6)
+
+
+def test_what_a_miss_is_put_down_to_is_on_record():
+    sight = dataclasses.replace(seen(5), absence="cloud: 3 stars where 200 were; no detection")
+    _, records = follow(locked(), sight, SETTINGS)
+    assert [r.reason for r in records if isinstance(r, Miss)] == [sight.absence]
 
 
 def test_the_same_inputs_give_the_same_track_bit_for_bit():

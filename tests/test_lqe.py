@@ -1,6 +1,7 @@
 """The filter against the published figures, against batch least squares and against itself."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -193,6 +194,25 @@ def test_coast_bounds_of_a_calm_target_grow_no_faster_than_with_a_fixed_noise():
         assert 0.5 * bound_arcmin < 3 * sigma / 60 < 1.05 * bound_arcmin
 
 
+def test_one_missed_frame_forgets_nothing_and_a_long_coast_all():
+    measurements = straight(30)
+    _, state = run(measurements, TUNED)[-1]
+    assert state.q_scale < 0.1
+    assert state.innovations == 28
+
+    def sigma_after(*steps_s: float) -> float:
+        ahead, t = state, state.t_utc_ns
+        for k, step_s in enumerate(steps_s):
+            t += round(step_s * 1e9)
+            ahead = lqe.predict(ahead, t, TUNED, 30 + k)
+        return math.sqrt(lqe.sky_covariance_arcsec2(ahead)[1, 1])
+
+    assert sigma_after(CADENCE_S, CADENCE_S) == pytest.approx(sigma_after(2 * CADENCE_S), rel=1e-3)
+    full_q_arcsec = math.sqrt(1e-5 * 300**3 / 3)
+    assert sigma_after(300.0) > full_q_arcsec
+    assert sigma_after(*[CADENCE_S] * 10) > 0.8 * full_q_arcsec * (1 - 120 / 300) ** 1.5
+
+
 def test_right_ascension_widens_with_declination_and_the_sky_does_not():
     low, high = (run(straight(30, dec_deg=dec), TUNED)[-1][1] for dec in (0.0, 60.0))
     assert high.P[0][0] == pytest.approx(4 * low.P[0][0], rel=1e-6)
@@ -212,7 +232,7 @@ def test_multipliers_scale_q_and_r_of_both_presets():
 
 def test_no_measurement_is_trusted_beyond_the_floor():
     R = lqe.measurement_noise(measurement(0, 10.0, 0.0, sigma_arcsec=0.01), TUNED)
-    assert np.sqrt(np.diag(R)) * 3600 == pytest.approx([0.15, 0.15])
+    assert np.sqrt(np.diag(R)) * 3600 == pytest.approx([0.10, 0.10])
 
 
 def test_gate_refuses_what_is_three_sigma_off_and_takes_what_is_two():
@@ -241,3 +261,35 @@ def test_an_update_needs_a_prediction_to_its_instant():
     state = lqe.initialise(*measurements[:2], TUNED)
     with pytest.raises(ValueError, match="different instants"):
         lqe.update(state, measurements[2], TUNED)
+
+
+def test_one_large_innovation_by_chance_does_not_undo_the_safe_start():
+    measurements = straight(4)
+    state = lqe.initialise(*measurements[:2], TUNED)
+    third = measurements[2]
+    predicted = lqe.predict(state, third.t_mid_utc_ns, TUNED, 2)
+    sigma = math.sqrt(lqe.sky_covariance_arcsec2(predicted)[1, 1] + third.cov_sky_arcsec2[2])
+    lucky = lqe.update(predicted, measurement(2, third.ra_icrs_deg, -5.0), TUNED)
+    off = measurement(2, third.ra_icrs_deg, -5.0 + 2.0 * sigma / 3600)
+    unlucky = lqe.update(predicted, off, TUNED)
+    assert unlucky.nis == pytest.approx(4.0, rel=0.01)
+    assert 1.0 < unlucky.q_scale < 2.5
+    assert 0.1 < lucky.q_scale < 0.5
+
+
+@pytest.mark.parametrize("sigma_across_arcsec", [1e6, 1e113, float("inf"), float("nan")])
+def test_a_measurement_of_boundless_sigma_is_weighed_as_nothing(sigma_across_arcsec):
+    """A fit that did not converge must neither stop the filter nor move the track."""
+    measurements = straight(12)
+    state = run(measurements[:-1], TUNED)[-1][1]
+    last = measurements[-1]
+    variance = sigma_across_arcsec**2 if sigma_across_arcsec < 1e100 else sigma_across_arcsec
+    wild = replace(
+        measurement(11, last.ra_icrs_deg, last.dec_icrs_deg + 0.01),
+        cov_sky_arcsec2=(variance, -0.3 * variance, 0.1 * variance),
+    )
+    predicted = lqe.predict(state, wild.t_mid_utc_ns, TUNED, 11)
+    after = lqe.update(predicted, wild, TUNED)
+    assert np.all(np.isfinite(after.P))
+    assert (after.x[2] - predicted.x[2]) * 3600 == pytest.approx(0.0, abs=0.01)
+    assert math.isfinite(after.nis)

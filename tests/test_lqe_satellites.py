@@ -64,7 +64,10 @@ def measured(places: Places, sigma_arcsec: float, seed: int) -> list[Measurement
 
 
 def night(
-    inclination_deg: float, config: FilterConfig, sigma_arcsec: float = 4.0
+    inclination_deg: float,
+    config: FilterConfig,
+    sigma_arcsec: float = 4.0,
+    frames: range = range(SETTLED, FRAMES),
 ) -> tuple[float, np.ndarray, float]:
     """Mean NIS, one-step prediction rms (east, north) and share of predictions inside 3 sigma."""
     nis, errors, inside = [], [], []
@@ -75,10 +78,10 @@ def night(
         places = satellite.astrometric_place(DAYTONA, t)
         measurements = measured(places, sigma_arcsec, seed=anomaly_deg)
         state = lqe.initialise(measurements[0], measurements[1], config)
-        for k in range(2, FRAMES):
+        for k in range(2, frames.stop):
             predicted = lqe.predict(state, int(t[k]), config, k)
             state = lqe.update(predicted, measurements[k], config)
-            if k < SETTLED:
+            if k not in frames:
                 continue
             cos_dec = math.cos(math.radians(places.dec_icrs_deg[k]))
             east = wrap_180(predicted.x[0] - float(places.ra_icrs_deg[k])) * cos_dec * 3600
@@ -104,7 +107,7 @@ def test_too_little_process_noise_is_noticed_by_the_filter_itself(monkeypatch):
     heard, rms_arcsec, _ = night(7.0, careless)
     assert heard < 3.0
     assert np.max(rms_arcsec) < 6.0
-    monkeypatch.setattr(lqe, "_adapted", lambda q_scale, _nis, _settings: q_scale)
+    monkeypatch.setattr(lqe, "_adapted", lambda predicted, _nis, _settings: predicted.q_scale)
     unheard, rms_arcsec, _ = night(7.0, careless)
     assert unheard > 3.0
     assert np.max(rms_arcsec) > 6.0
@@ -117,6 +120,18 @@ def test_bounds_fit_calm_and_restless_satellites_whatever_the_sigma(inclination_
     nis, _, inside = night(inclination_deg, FilterConfig(), sigma_arcsec)
     assert 1.3 < nis < 2.3
     assert inside > 0.985
+
+
+@pytest.mark.parametrize("inclination_deg", [0.05, 7.0])
+def test_the_start_of_a_good_night_is_soon_believed(inclination_deg, monkeypatch):
+    """Measured to 0.3 arcsec: the safe q of the start is hundreds of times too large for that."""
+    third_to_tenth_minute = range(6, 20)
+    nis, _, inside = night(inclination_deg, FilterConfig(), 0.3, third_to_tenth_minute)
+    assert 1.2 < nis < 2.5
+    assert inside > 0.975  # of the state's own bounds, which are the tighter ones
+    monkeypatch.setattr(lqe, "_FIRST_ADAPT_GAIN", 0.0)
+    slow, _, _ = night(inclination_deg, FilterConfig(), 0.3, third_to_tenth_minute)
+    assert slow < nis - 0.05
 
 
 def test_paper_preset_follows_every_measurement_and_its_nis_says_nothing():

@@ -14,7 +14,12 @@ from rsoconsole.sky.angles import hours_to_deg, separation_deg, wrap_180
 
 pytestmark = pytest.mark.indi_bin
 ROOT = Path(__file__).resolve().parents[1]
-NEEDED = ("indiserver", "indi_simulator_telescope", "indi_simulator_ccd", "unshare", "ip")
+NEEDED = (
+    "indiserver",
+    *(f"indi_simulator_{device}" for device in ("telescope", "ccd", "weather", "dome")),
+    "unshare",
+    "ip",
+)
 
 
 @pytest.fixture(scope="module")
@@ -72,12 +77,30 @@ def test_a_frame_arrives_with_its_start_and_length(night):
     assert separation_deg(*night["target"], *frame["pointing"]) < 0.05
 
 
-@pytest.mark.parametrize("path", ["mount", "indi"])
-def test_stop_ends_a_slew_by_either_path(night, path):
+@pytest.mark.parametrize("path", ["mount", "indi", "still_mount", "still_indi"])
+def test_stop_ends_a_slew_by_either_path_and_tracking_is_as_configured(night, path):
     stop = night[f"stop_by_{path}"]
     assert stop["was_slewing"]
     assert stop["stopped"]
     assert stop["comes_to_rest"]
+    is_wanted = not path.startswith("still")
+    assert (stop["is_tracking_by_result"], stop["is_tracking"]) == (is_wanted, is_wanted)
+
+
+def test_a_slew_that_nobody_watches_is_ended(night):
+    assert not night["lease"]["is_slewing"]
+    assert night["lease"]["is_tracking"]
+    assert "nobody has watched this slew" in night["lease"]["said"][0]
+
+
+def test_weather_and_dome_are_watched(night):
+    # The dome simulator starts closed, and its shutter takes its time.
+    assert night["sky"] == {"weather": "ok", "dome": ["closed", "moving", "open"], "detail": ""}
+
+
+def test_the_mount_s_clock_is_the_machine_s(night):
+    # The driver took it from the same machine when it was connected, in whole seconds.
+    assert night["utc_offset_s"] == pytest.approx(0.0, abs=3.0)
 
 
 def test_a_parked_mount_is_not_slewed_until_it_is_unparked(night):

@@ -6,6 +6,7 @@ import pytest
 from rsoconsole.config import OpticsConfig, SearchConfig
 from rsoconsole.errors import ConfigError
 from rsoconsole.orbit.satellite import Satellite
+from rsoconsole.simulator.brightness import BrightnessHistory, Turning
 from rsoconsole.simulator.scenarios import (
     DAYTONA_BEACH,
     DEFAULT_SCENARIO,
@@ -37,14 +38,15 @@ def places(scenario, norad_id):
     return satellite, satellite.astrometric_place(scenario.site, instants(scenario))
 
 
-def test_the_four_scenarios_are_there_and_the_default_comes_first():
-    assert list(all_scenarios()) == ["intelsat-14", "ses-10", "intelsat-21", "empty"]
+def test_the_five_scenarios_are_there_and_the_default_comes_first():
+    names = ["intelsat-14", "ses-10", "intelsat-21", "cloud-bank", "empty"]
+    assert list(all_scenarios()) == names
     assert next(iter(all_scenarios())) == DEFAULT_SCENARIO
     assert all(name == each.name for name, each in all_scenarios().items())
 
 
 def test_an_unknown_scenario_is_refused_with_the_names_there_are():
-    with pytest.raises(ConfigError, match=r"intelsat-14, ses-10, intelsat-21, empty"):
+    with pytest.raises(ConfigError, match=r"intelsat-14, ses-10, intelsat-21, cloud-bank, empty"):
         scenario_named("intelsat-99")
 
 
@@ -144,7 +146,88 @@ def test_ses_17_stands_a_fifth_of_a_degree_from_ses_10_and_is_fainter():
         at_10.ra_icrs_deg, at_10.dec_icrs_deg, at_17.ra_icrs_deg, at_17.dec_icrs_deg
     )
     assert np.all(np.abs(distance - 0.18) < 0.02)
-    assert np.all(ses_17.magnitude(at_17) > ses_10.magnitude(at_10) + 0.5)
+    # Fainter than any two satellites' confidences scatter, and yet to be seen.
+    fainter_mag = ses_17.magnitude(at_17) - ses_10.magnitude(at_10)
+    assert np.all((fainter_mag > 2.0) & (fainter_mag < 3.0))
+
+
+CADENCE_S, EXPOSURE_S = 30.0, 10.0
+SEEN_MAG = 1.5
+"""A loss that leaves Intelsat 14 and Intelsat 21 far above tau."""
+HIDDEN_MAG = 2.1
+"""One that surely hides them."""
+
+
+def extra_mag(scenario, seed, begin_s):
+    """Own fading and clouds of the target in its night's exposures, mean over each."""
+    [target] = [
+        each
+        for each in scenario.satellites
+        if each.element_set.norad_id == scenario.target_norad_id
+    ]
+    starts_s = begin_s + CADENCE_S * np.arange(scenario.frames)
+    within_s = np.linspace(0.0, EXPOSURE_S, 5)
+    own = [target.brightness.extra_mag(t + within_s, seed).mean() for t in starts_s]
+    west, north = np.array([scenario.target_hour_angle_deg]), np.array([-4.8])
+    cloud = [
+        -2.5 * np.log10(scenario.clouds.transmission(west, north, (t, t + EXPOSURE_S), seed)[0])
+        for t in starts_s
+    ]
+    return np.array(own) + np.array(cloud)
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 10.0, 20.0])
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_intelsat_14_fades_a_handful_of_times_and_is_gone_at_the_end(seed, begin_s):
+    lost_mag = extra_mag(scenario_named("intelsat-14"), seed, begin_s)
+    before, end = lost_mag[:34], lost_mag[-3:]
+    assert 2 <= np.sum(before > HIDDEN_MAG) <= 5
+    assert np.sum(before < SEEN_MAG) >= 24
+    assert np.all(end > HIDDEN_MAG)
+    two_frames_for_a_track = lost_mag[:7]
+    assert np.all(two_frames_for_a_track < SEEN_MAG)
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 5.0, 10.0])
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_clouds_hide_intelsat_21_once_and_dim_it_to_the_edge_of_tau(seed, begin_s):
+    lost_mag = extra_mag(scenario_named("intelsat-21"), seed, begin_s)
+    [hidden] = np.flatnonzero(lost_mag > 3.0)
+    some_150_s_after_lock = 250.0 <= begin_s + CADENCE_S * hidden <= 300.0
+    assert some_150_s_after_lock
+    near_tau = np.delete(lost_mag, hidden) > 2.1
+    assert 3 <= np.sum(near_tau) <= 7
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_the_bank_of_clouds_hides_everything_for_ten_minutes(seed):
+    scenario = scenario_named("cloud-bank")
+    lost_mag = extra_mag(scenario, seed, 5.0)
+    hidden = np.flatnonzero(lost_mag > 4.0)
+    assert len(hidden) * CADENCE_S >= 570.0
+    assert np.all(np.diff(hidden) == 1)
+    assert np.all(lost_mag[: hidden[0]] < SEEN_MAG)
+    frames_to_settle = 6
+    assert np.all(lost_mag[-frames_to_settle:] < SEEN_MAG)
+
+
+def test_a_seed_moves_the_fades_and_nothing_before_the_first_one():
+    turning = Turning(period_s=300.0, first_s=290.0, depth_mag=3.0, jitter_s=20.0, last_s=700.0)
+    t_s = np.linspace(0.0, 1200.0, 2401)
+    middles = []
+    for seed in range(1, 20):
+        lost_mag = turning.extra_mag(t_s, seed)
+        assert lost_mag.max() == pytest.approx(3.0, abs=1e-3)
+        assert np.all(lost_mag[t_s < 100.0] < 0.01)
+        assert np.all(lost_mag[t_s > 790.0] < 0.01)
+        middles.append(t_s[:900][np.argmax(lost_mag[:900])])
+    assert np.ptp(middles) > 20.0
+    assert np.all(np.abs(np.array(middles) - 290.0) <= 20.5)
+    assert np.array_equal(turning.extra_mag(t_s, 3), turning.extra_mag(t_s, 3))
+
+
+def test_a_steady_satellite_loses_nothing():
+    assert np.all(BrightnessHistory().extra_mag(NIGHT_S.astype(float), 1) == 0.0)
 
 
 def test_nothing_is_there_in_the_empty_scenario():

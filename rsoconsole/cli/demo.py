@@ -1,20 +1,24 @@
 """The verb demo: a simulated observatory, and the real program behind it."""
 
-import tempfile
+import shlex
+import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
 
 from rsoconsole.cli import output
+from rsoconsole.cli.demo_night import Night, NightProcess, run_night
+from rsoconsole.cli.seat import stop_past_engine
 from rsoconsole.cli.telescope import JsonOption, SessionOption
 from rsoconsole.config import Config, SessionConfig, load_config
-from rsoconsole.errors import ConfigError, ControlError
+from rsoconsole.errors import ConfigError
 from rsoconsole.records import Site
 
 Preset: TypeAlias = Literal["tuned", "paper"]
 KeepFrames: TypeAlias = Literal["all", "detected", "none"]
 
+FRAMES_UNSEEN = 20
 FRAME_TIMEOUT_S = 120.0
 SOLVER_DEADLINE_S = 60.0
 """Wall-clock limits so wide that a slow machine gives the same night as a fast one."""
@@ -36,9 +40,15 @@ def demo(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same night.")] = 1,
     headless: Annotated[
-        bool, typer.Option("--headless", help="Print a summary only, no line a frame.")
+        bool, typer.Option("--headless", help="No console: print a summary at the end.")
     ] = False,
-    frames: Annotated[int, typer.Option(min=1, help="Exposures to take.")] = 20,
+    lines: Annotated[
+        bool, typer.Option("--lines", help="No console: print a line for each frame.")
+    ] = False,
+    frames: Annotated[
+        int | None,
+        typer.Option(min=1, help="Exposures to take. Default: 20; in the console: until you quit."),
+    ] = None,
     session: SessionOption = None,
     keep_frames: Annotated[
         KeepFrames, typer.Option(help="Which frames to keep in the session.")
@@ -47,9 +57,17 @@ def demo(
 ) -> None:
     """Watch a simulated observatory find a satellite and follow it.
 
-    A simulated mount and camera speak INDI on this machine; everything behind them is the real
-    program. Your configuration file has no part in it, but for the folder of the sessions.
-    'rsoconsole status' and 'rsoconsole stop' reach it from another terminal.
+    Opens the console where there is a terminal, else prints a line for each
+    frame. A simulated mount and camera speak INDI on this machine; everything
+    behind them is the real program. Your configuration file has no part in it,
+    but for the folder of the sessions.
+
+    The console is at its best from 80 x 24; x is STOP, q leaves, F1 shows the
+    other keys. Left running, the demo ends by itself some time after its night.
+
+    'rsoconsole status' and 'rsoconsole stop' reach it from another terminal;
+    beside an engine that runs already they need --socket, and the demo says which.
+
     Example: rsoconsole demo --headless --scenario intelsat-14 --frames 40 --json
     """
     from rsoconsole.simulator.scenarios import all_scenarios, scenario_named
@@ -59,72 +77,73 @@ def demo(
             row = {"scenario": known.name, "title": known.title, "description": known.description}
             output.emit_json(row) if json_ else output.say(f"{known.name:14} {known.description}")
         return
-    night = scenario_named(scenario)
-    config = demo_config(night.site, preset=preset, keep_frames=keep_frames)
-    wants_lines = not (headless or json_)
+    known = scenario_named(scenario)
+    config = demo_config(known.site, preset=preset, keep_frames=keep_frames)
+    is_seen = not (headless or json_) and sys.stdin.isatty() and sys.stdout.isatty()
     pace = (0.0 if headless or json_ else 10.0) if speed is None else speed
-    if wants_lines:
-        output.say(f"{night.title}\n{night.description}")
-    found = _run_demo(
-        config,
-        scenario=scenario,
-        seed=seed,
-        speed=pace,
-        frames=frames,
-        session=session,
-        wants_lines=wants_lines,
-    )
+    if frames is None and not is_seen:
+        frames = FRAMES_UNSEEN
+    night = Night(scenario=scenario, seed=seed, speed=pace, frames=frames, session=session)
+    if not (headless or json_):
+        output.say(f"{known.title}\n{known.description}")
+    if is_seen and not lines:
+        _watch_night(config, night)
+        return
+    found = run_night(config, night) if headless or json_ else _print_night(config, night)
     if json_:
         output.emit_json(found)
     else:
         _say_summary(found)
 
 
-def _run_demo(
-    config: Config,
-    *,
-    scenario: str,
-    seed: int,
-    speed: float,
-    frames: int,
-    session: Path | None,
-    wants_lines: bool,
-) -> dict[str, Any]:
-    from rsoconsole.cli.cycle_line import HEADING, cycle_line
-    from rsoconsole.engine.service import RunSettings, run_engine
-    from rsoconsole.engine.summary import read_truth, summarise
-    from rsoconsole.session.reader import SessionReader
-    from rsoconsole.simulator.launch import start_observatory
+def _watch_night(config: Config, night: Night) -> None:
+    """The night in a process of its own, the console in this terminal."""
+    from rsoconsole.console import run_console
 
-    with tempfile.TemporaryDirectory(prefix="rsoconsole-") as scratch:
-        truth_path = Path(scratch) / "truth.jsonl"
-        with start_observatory(scenario, seed, speed, truth_path) as observatory:
-            indi = config.indi.model_copy(
-                update={
-                    "host": observatory.host,
-                    "port": observatory.port,
-                    "mount": observatory.mount_name,
-                    "camera": observatory.camera_name,
-                    "simulated": True,
-                }
-            )
-            folder = run_engine(
-                config.model_copy(update={"indi": indi}),
-                RunSettings(
-                    title=f"{scenario} seed {seed}",
-                    session=session,
-                    frames=frames,
-                    is_armed=True,
-                    socket=control_socket(Path(scratch)),
-                ),
-                on_cycle=(lambda engine, seen: output.say(cycle_line(engine, seen)))
-                if wants_lines
-                else None,
-                on_start=(lambda _folder: output.say(HEADING)) if wants_lines else None,
-            )
-        records = (record for _, _, record in SessionReader(folder).records())
-        figures = summarise(records, read_truth(truth_path))
-    return {"scenario": scenario, "seed": seed, "session": str(folder), **figures}
+    output.say("starting the simulated observatory and the engine ...")
+    process = NightProcess(config, night)
+    at = _socket_words(process.socket)
+    if at:
+        output.say(_beside_words(process.socket))
+    ending = run_console(socket=process.socket, owns_engine=True, stop_directly=stop_past_engine)
+    if ending == "stop engine":
+        output.say("the engine ends ...")
+        _say_summary(process.figures())
+        return
+    output.say(f"the demo's engine runs on; session {process.session}")
+    output.say("left alone it ends some time after its night; the seat again, and its end:")
+    output.say(f"rsoconsole console{at}\nrsoconsole quit{at}")
+
+
+def _socket_words(socket: Path) -> str:
+    """What a verb needs to reach the engine; nothing where it is at the default place."""
+    from rsoconsole.control.place import default_socket_path
+
+    return "" if socket == default_socket_path() else f" --socket {shlex.quote(str(socket))}"
+
+
+def _beside_words(socket: Path) -> str:
+    return (
+        "another engine runs, to which every verb goes; this demo is reached by"
+        f"\nrsoconsole status{_socket_words(socket)}"
+    )
+
+
+def _print_night(config: Config, night: Night) -> dict[str, Any]:
+    """The night here, a line for each frame."""
+    from rsoconsole.cli.cycle_line import HEADING, cycle_line
+
+    def has_started(_folder: Path, socket: Path) -> None:
+        if _socket_words(socket):
+            output.say(_beside_words(socket))
+        output.say(HEADING)
+
+    return run_night(
+        config,
+        night,
+        on_cycle=lambda engine, seen: output.say(cycle_line(engine, seen)),
+        on_start=has_started,
+    )
 
 
 def _say_summary(found: dict[str, Any]) -> None:
@@ -179,15 +198,3 @@ def _sessions_root() -> Path:
         root = SessionConfig().root
         output.complain(f"rsoconsole: {error}; the demo does without, its session goes to {root}")
         return root
-
-
-def control_socket(scratch: Path) -> Path | None:
-    """Where the demo listens: None, the default place, if no engine has it; else in ``scratch``."""
-    from rsoconsole.control.place import EngineLock, default_socket_path
-
-    try:
-        # Asking an engine would not do: one that hangs or has just begun holds the place, too.
-        with EngineLock(default_socket_path()):
-            return None
-    except (ControlError, OSError):
-        return scratch / "engine.sock"

@@ -1,15 +1,18 @@
 """Verbs for the telescope's engine: run it, ask it, tell it what is wanted, stop it."""
 
+import contextlib
 import logging
 import math
+import threading
 import time
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from rsoconsole.cli import output
-from rsoconsole.config import IndiConfig, load_config
+from rsoconsole.config import IndiConfig, MountConfig, load_config
 from rsoconsole.errors import ConfigError, ControlError, InstrumentError
 
 log = logging.getLogger(__name__)
@@ -21,8 +24,19 @@ SessionOption = Annotated[
 ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="Configuration file (see 'config show').")
 ]
+SocketOption = Annotated[
+    Path | None, typer.Option("--socket", help="Ask the engine that listens here.")
+]
 STOP_BY_ENGINE_S = 1.0
-"""How long STOP waits for the engine before it goes to the mount itself."""
+"""How long the engine's answer to STOP counts."""
+LATE_S = 0.3
+"""How long STOP waits for it before it goes to the mount itself."""
+
+
+OverrideOption = Annotated[
+    list[str] | None,
+    typer.Option("--override", help="Go without this check of the arming list; may be repeated."),
+]
 
 
 def register(app: typer.Typer) -> None:
@@ -31,6 +45,11 @@ def register(app: typer.Typer) -> None:
     app.command()(status)
     app.command()(arm)
     app.command()(disarm)
+    app.command()(hold)
+    app.command()(resume)
+    app.command("goto", context_settings={"ignore_unknown_options": True})(goto)
+    app.command()(park)
+    app.command()(unpark)
     app.command("set")(set_)
     app.command("quit")(quit_)
     app.command()(stop)
@@ -43,6 +62,7 @@ def engine(
         bool,
         typer.Option("--arm", help="Begin to search at once; otherwise wait for 'rsoconsole arm'."),
     ] = False,
+    override: OverrideOption = None,
     frames: Annotated[
         int | None, typer.Option(min=1, help="End after this many exposures.")
     ] = None,
@@ -57,26 +77,33 @@ def engine(
     waits = "" if arm else "; it waits for 'rsoconsole arm'"
     run_engine(
         load_config(config),
-        RunSettings(title="night", session=session, frames=frames, is_armed=arm),
+        RunSettings(
+            title="night",
+            session=session,
+            frames=frames,
+            is_armed=arm,
+            lifted=frozenset(override or ()),
+        ),
         on_start=lambda folder: output.complain(f"engine runs; session {folder}{waits}"),
     )
 
 
-def status(json_: JsonOption = False) -> None:
+def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
     """One line about the running engine, for scripts and tmux.
 
     Example: rsoconsole status --json
     """
     from rsoconsole.control import ControlClient
 
-    outcome = ControlClient(by="status").send("status")
+    outcome = ControlClient(socket, by="status").send("status")
     if not outcome.ok:
         raise ControlError(outcome.message)
     data = dict(outcome.data)
     if json_:
         output.emit_json(data)
         return
-    words = [str(data["state"]), f"{data['holder']} has the mount", f"frame {data['frame']}"]
+    held = " HELD" if data.get("is_held") else ""
+    words = [f"{data['state']}{held}", f"{data['holder']} has the mount", f"frame {data['frame']}"]
     if data["ra"] is not None:
         words.append(output.direction_text(data["ra"], data["dec"]))
     if data["alt"] is not None:
@@ -85,12 +112,14 @@ def status(json_: JsonOption = False) -> None:
     output.say(" · ".join(words))
 
 
-def arm(json_: JsonOption = False) -> None:
+def arm(override: OverrideOption = None, json_: JsonOption = False) -> None:
     """Hand the mount to the engine: it searches from where the telescope points.
 
-    Example: rsoconsole arm
+    A checklist is gone through first (clock, site, Sun, weather, disk and so on); what is not
+    well can be overridden by name, which goes on record.
+    Example: rsoconsole arm --override disk
     """
-    _tell_engine("arm", "arm", json_)
+    _tell_engine("arm", "arm", json_, override=override or [])
 
 
 def disarm(json_: JsonOption = False) -> None:
@@ -99,6 +128,52 @@ def disarm(json_: JsonOption = False) -> None:
     Example: rsoconsole disarm
     """
     _tell_engine("disarm", "disarm", json_)
+
+
+def hold(json_: JsonOption = False) -> None:
+    """No slews for now: what is followed is still exposed, measured and predicted.
+
+    Example: rsoconsole hold
+    """
+    _tell_engine("hold", "hold", json_)
+
+
+def resume(json_: JsonOption = False) -> None:
+    """Give the mount back to the engine after a hold or a move by hand.
+
+    Example: rsoconsole resume
+    """
+    _tell_engine("resume", "resume", json_)
+
+
+def goto(
+    ra: Annotated[float, typer.Argument(help="Right ascension, ICRS, degrees.")],
+    dec: Annotated[float, typer.Argument(help="Declination, ICRS, degrees.")],
+    override: OverrideOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Move the telescope by hand, within its limits; autonomy waits until 'rsoconsole resume'.
+
+    Example: rsoconsole goto 83.05 -4.87
+    """
+    arguments = {"ra_icrs_deg": ra, "dec_icrs_deg": dec, "override": override or []}
+    _tell_engine("goto", "goto", json_, **arguments)
+
+
+def park(json_: JsonOption = False) -> None:
+    """Disarm and send the mount to its park position.
+
+    Example: rsoconsole park
+    """
+    _tell_engine("park", "park", json_)
+
+
+def unpark(json_: JsonOption = False) -> None:
+    """Release a parked mount; nothing moves.
+
+    Example: rsoconsole unpark
+    """
+    _tell_engine("unpark", "unpark", json_)
 
 
 def set_(
@@ -113,23 +188,35 @@ def set_(
     _tell_engine("set", "set", json_, name=name, value=_number_or_text(value))
 
 
-def quit_(json_: JsonOption = False) -> None:
+def quit_(socket: SocketOption = None, json_: JsonOption = False) -> None:
     """End the engine safely: the mount stops, the session is closed.
 
     Example: rsoconsole quit
     """
-    _tell_engine("quit", "shutdown", json_)
+    _tell_engine("quit", "shutdown", json_, socket)
 
 
-def stop(config: ConfigOption = None, json_: JsonOption = False) -> None:
+def stop(
+    config: ConfigOption = None, socket: SocketOption = None, json_: JsonOption = False
+) -> None:
     """Stop the telescope now, engine or no engine.
+
+    An engine that does not answer at once is gone past: the configured mount itself is told.
+    With --socket only the engine that listens there is told.
 
     Example: rsoconsole stop
     """
     begun_s = time.monotonic()
-    path, detail = _stop_by_engine(), ""
-    if path is None:
+    by_engine = _begin_stop_by_engine(socket)
+    path, detail = _outcome(by_engine, LATE_S if socket is None else STOP_BY_ENGINE_S), ""
+    if path is None and socket is not None:
+        # The configured mount is another engine's.
+        path, detail = "engine", f"nothing that listens at {socket} stopped it"
+    elif path is None:
         path, detail = _stop_directly(config)
+        # One yes is enough: the engine may know a mount that is configured nowhere.
+        late = _outcome(by_engine, STOP_BY_ENGINE_S) if detail else None
+        path, detail = (path, detail) if late is None else (late, "")
     is_stopped = not detail
     ms = (time.monotonic() - begun_s) * 1e3
     if json_:
@@ -143,12 +230,30 @@ def stop(config: ConfigOption = None, json_: JsonOption = False) -> None:
         )
 
 
-def _stop_by_engine() -> str | None:
+def _begin_stop_by_engine(socket: Path | None) -> Future[str | None]:
+    """Ask the engine, on a thread that nothing waits for in the end."""
+    answer: Future[str | None] = Future()
+
+    def ask() -> None:
+        answer.set_result(_stop_by_engine(socket))
+
+    threading.Thread(target=ask, daemon=True, name="stop").start()
+    return answer
+
+
+def _outcome(answer: Future[str | None], timeout_s: float) -> str | None:
+    """The way the engine stopped the mount; None when it did not, or has not yet."""
+    with contextlib.suppress(TimeoutError):
+        return answer.result(timeout_s)
+    return None
+
+
+def _stop_by_engine(socket: Path | None = None) -> str | None:
     """The way the engine stopped the mount; None when it did not, for whatever reason."""
     from rsoconsole.control import ControlClient
 
     try:
-        data = ControlClient(by="stop").send("stop", timeout_s=STOP_BY_ENGINE_S).data
+        data = ControlClient(socket, by="stop").send("stop", timeout_s=STOP_BY_ENGINE_S).data
         path = str(data["path"])
         return path if data["stopped"] is True else None
     except Exception as error:  # nothing that is wrong with the engine may stand in STOP's way
@@ -160,22 +265,26 @@ def _stop_directly(config: Path | None) -> tuple[str, str]:
     """(path, what is wrong or empty) of a STOP by a connection of its own to the INDI server."""
     from rsoconsole.instruments.indi_wire import stop_mount
 
+    after_stop = MountConfig().after_stop
     try:
-        indi = load_config(config).indi
+        loaded = load_config(config)
+        indi, after_stop = loaded.indi, loaded.mount.after_stop
     except (ConfigError, OSError) as error:
         indi = IndiConfig()
         output.complain(
             f"rsoconsole: {error}; stopping '{indi.mount}' at {indi.host}:{indi.port} instead"
         )
-    result = stop_mount(indi.host, indi.port, indi.mount)
+    result = stop_mount(indi.host, indi.port, indi.mount, after_stop=after_stop)
     return result.path, "" if result.stopped else result.detail or "no reason given"
 
 
-def _tell_engine(name: str, verb: str, json_: bool, /, **arguments: Any) -> None:
+def _tell_engine(
+    name: str, verb: str, json_: bool, socket: Path | None = None, /, **arguments: Any
+) -> None:
     """Send an intention and say what came of it. Raises ControlError when it is refused."""
     from rsoconsole.control import ControlClient
 
-    outcome = ControlClient(by="command").send(verb, **arguments)
+    outcome = ControlClient(socket, by="command").send(verb, **arguments)
     if json_:
         output.emit_json({"verb": name, "ok": outcome.ok, "message": outcome.message})
     if not outcome.ok:

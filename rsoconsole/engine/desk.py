@@ -1,14 +1,23 @@
 """Answers the operator's wire: STOP and status at once, the rest through the loop."""
 
 import dataclasses
+import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from rsoconsole.control import Intention, Outcome
-from rsoconsole.engine.intentions import Intentions, Wish, changed
+from rsoconsole.engine.arming import arming_checks, gather_facts, refusal_text
+from rsoconsole.engine.intentions import Intentions, Wish, action_record, changed
 from rsoconsole.engine.loop import Engine
-from rsoconsole.instruments.ports import MountPort
+from rsoconsole.engine.states import Stopped
+from rsoconsole.engine.wishes import overridden, refuse_by_hand, wanted_direction
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.records import OperatorAction
 from rsoconsole.sky.frames import icrs_to_altaz
+
+SOON = "in force from the next cycle"
+FLUSH_S = 0.5
 
 
 class Desk:
@@ -17,22 +26,32 @@ class Desk:
     def __init__(
         self,
         engine: Engine,
-        mount: MountPort,
         intentions: Intentions,
+        session: Path,
         record_faults: Callable[[], tuple[str, ...]] = tuple,
+        flush: Callable[[float], bool] = lambda _timeout_s: True,
     ) -> None:
+        """``flush``: wait until the disk has what was put on record, at most so many seconds."""
         self._engine = engine
-        self._mount = mount
+        self._instruments = engine.hands.instruments
         self._intentions = intentions
+        self._session = session
         self._record_faults = record_faults
+        self._flush = flush
 
     def handle(self, intention: Intention) -> Outcome:
         """What came of it; a refusal says why."""
         handlers = {
             "stop": self._stop,
             "status": self._status,
-            "arm": self._queue,
+            "arm": self._arm,
             "disarm": self._queue,
+            "hold": self._queue,
+            "resume": self._queue,
+            "goto": self._move,
+            "nudge": self._move,
+            "park": self._queue,
+            "unpark": self._queue,
             "set": self._set,
             "shutdown": self._shutdown,
         }
@@ -42,12 +61,24 @@ class Desk:
             return Outcome(
                 ok=False, message=f"the engine knows no '{intention.verb}'; it knows {known}"
             )
-        return handler(intention)
+        try:
+            return handler(intention)
+        except (ValueError, RsoconsoleError) as error:
+            return Outcome(ok=False, message=str(error))
 
     def _stop(self, intention: Intention) -> Outcome:
         # The flag and the mount first; whatever else STOP means comes after them.
-        result = self._intentions.stop(intention.by, self._mount.abort)
+        result = self._intentions.stop(Stopped(by=intention.by), self._instruments.mount.abort)
         self._engine.wake()
+        outcome = f"stopped in {result.ms:.0f} ms by {result.path}"
+        self._engine.chronicle.append(
+            OperatorAction(
+                verb="stop",
+                arguments={},
+                outcome=outcome if result.stopped else f"NOT confirmed: {result.detail}",
+                by=intention.by,
+            )
+        )
         data: dict[str, Any] = dataclasses.asdict(result)
         return Outcome(ok=result.stopped, message=result.detail or "stopped", data=data)
 
@@ -56,28 +87,65 @@ class Desk:
         data: dict[str, Any] = {**dataclasses.asdict(status), "target": None}
         data["faults"] = [*status.faults, *self._record_faults()]
         data["alt"] = data["az"] = None
+        data["session"] = str(self._session.absolute())
+        data["pid"] = os.getpid()
         if status.ra is not None and status.dec is not None and status.t_utc_ns is not None:
             site = self._engine.config.site.to_site()
             data["alt"], data["az"] = icrs_to_altaz(site, status.ra, status.dec, status.t_utc_ns)
         return Outcome(ok=True, data=data)
 
+    def _arm(self, intention: Intention) -> Outcome:
+        """The checklist is gone through at once, so that the answer says what is missing."""
+        names = overridden(intention.arguments)
+        if self._engine.charge.is_autonomous:
+            return Outcome(ok=False, message="it is armed already")
+        config = self._engine.config
+        checks = arming_checks(gather_facts(self._instruments, config, self._session), config)
+        unknown = names - {check.name for check in checks} - {"pointing"}
+        if unknown:
+            known = ", ".join([*(check.name for check in checks), "pointing"])
+            return Outcome(
+                ok=False, message=f"no check is called {', '.join(unknown)}; there are {known}"
+            )
+        data = {"checks": [dataclasses.asdict(check) for check in checks]}
+        refused = refusal_text(checks, names)
+        if refused is not None:
+            return Outcome(ok=False, message=refused, data=data)
+        return self._accept(intention, "armed from the next cycle", data)
+
+    def _move(self, intention: Intention) -> Outcome:
+        wish = Wish(verb=intention.verb, arguments=intention.arguments, by=intention.by)
+        direction = wanted_direction(self._engine, wish)
+        refused = refuse_by_hand(self._engine, wish, direction)
+        if refused is not None:
+            return Outcome(ok=False, message=refused)
+        data = {"ra_icrs_deg": direction[0], "dec_icrs_deg": direction[1]}
+        return self._accept(intention, "on its way; you have the mount", data)
+
     def _queue(self, intention: Intention) -> Outcome:
-        self._intentions.put(Wish(verb=intention.verb, by=intention.by))
-        return Outcome(ok=True, message="in force from the next cycle")
+        return self._accept(intention, SOON)
 
     def _set(self, intention: Intention) -> Outcome:
         name, value = str(intention.arguments.get("name", "")), intention.arguments.get("value")
         if not isinstance(value, int | float | str) or isinstance(value, bool):
             return Outcome(ok=False, message="set needs a name and a value")
-        try:
-            changed(self._engine.config, name, value)
-        except ValueError as error:
-            return Outcome(ok=False, message=str(error))
-        self._intentions.put(Wish(verb="set", name=name, value=value, by=intention.by))
-        return Outcome(ok=True, message="in force from the next cycle")
+        changed(self._engine.config, name, value)
+        return self._accept(intention, SOON)
 
     def _shutdown(self, intention: Intention) -> Outcome:
-        self._intentions.put(Wish(verb="shutdown", by=intention.by))
+        outcome = self._accept(intention, "the engine stops the mount and ends")
         self._intentions.request_shutdown()
         self._engine.wake()
-        return Outcome(ok=True, message="the engine stops the mount and ends")
+        return outcome
+
+    def _accept(
+        self, intention: Intention, message: str, data: dict[str, Any] | None = None
+    ) -> Outcome:
+        wish = Wish(verb=intention.verb, arguments=intention.arguments, by=intention.by)
+        self._intentions.put(wish)
+        # What has been acknowledged is on record, unless the disk does not take it.
+        self._engine.chronicle.append(action_record(wish, "accepted"))
+        self._flush(FLUSH_S)
+        if intention.verb != "set":
+            self._engine.wake()
+        return Outcome(ok=True, message=message, data=data or {})

@@ -4,22 +4,26 @@ No check raises, none changes anything, and each says what to do when it is not 
 """
 
 import json
-import socket
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rsoconsole.config import Config
-from rsoconsole.engine import doctor_system
-from rsoconsole.errors import RsoconsoleError
+from rsoconsole.config import Config, SiteConfig
+from rsoconsole.engine import doctor_indi, doctor_system
+from rsoconsole.engine.retention import DISK_REMEDY, disk_outlook
+from rsoconsole.errors import InstrumentError, RsoconsoleError
+from rsoconsole.instruments.clock import SystemClock
+from rsoconsole.records import Site
+from rsoconsole.sky.angles import separation_deg
 
 if TYPE_CHECKING:
     from rsoconsole.instruments.index_files import IndexFile
 
-INDI_TIMEOUT_S = 3.0
+KM_PER_DEG = 111.19
+SITE_KM = 1.0
+"""0.01 deg of sky, which the engine demands of the mount too."""
 _LIBRARIES = ("numpy", "cv2", "astropy", "erfa", "scipy", "filterpy", "sgp4", "astrometry")
 _LIBRARIES_OF_PROCESSES = ("PyIndi", "indipydriver", "indipyserver", "textual", "plotext")
 _RUNTIMES = ("ai_edge_litert.interpreter", "tflite_runtime.interpreter")
@@ -54,7 +58,9 @@ def run_checks(config: Config) -> Iterator[Check]:
         ("python", check_libraries),
         ("network", check_network),
         ("index files", check_index_files),
+        ("site", check_site),
         ("INDI server", check_indi_server),
+        ("mount site", check_mount_site),
         ("clock", lambda _: check_clock()),
         ("disk", check_disk),
         ("sessions folder", check_sessions_folder),
@@ -146,13 +152,30 @@ def check_index_files(config: Config) -> Check:
     )
 
 
+def check_site(config: Config) -> Check:
+    """The site has been set: the default one is the paper's, far from most telescopes."""
+    site, papers = config.site, SiteConfig()
+    place = f"{_place(site.to_site())}, {site.elevation_m:.0f} m"
+    is_papers = site.latitude_deg == papers.latitude_deg
+    is_papers = is_papers and site.longitude_deg == papers.longitude_deg
+    if config.indi.simulated or not is_papers:
+        return Check(check="site", ok=True, detail=place)
+    return Check(
+        check="site",
+        ok=None,
+        detail=f"{place}: still the default, {papers.name}. Is it really yours?",
+        remedy="set site.latitude_deg, site.longitude_deg (east positive) and site.elevation_m",
+    )
+
+
 def check_indi_server(config: Config) -> Check:
     """The INDI server answers and has the configured mount and camera."""
     indi = config.indi
     address = f"{indi.host}:{indi.port}"
-    wanted = {indi.mount, indi.camera}
+    settings = {name: getattr(indi, name) for name in ("mount", "camera", "weather", "dome")}
+    wanted = {device for device in settings.values() if device is not None}
     try:
-        missing = wanted - _indi_devices(indi.host, indi.port, wanted)
+        missing = wanted - doctor_indi.devices_there(indi.host, indi.port, wanted)
     except OSError as error:
         return Check(
             check="INDI server",
@@ -162,13 +185,42 @@ def check_indi_server(config: Config) -> Check:
             "indi.port; 'rsoconsole demo' brings its own",
         )
     if missing:
+        names = [f"indi.{name}" for name, device in settings.items() if device in missing]
         return Check(
             check="INDI server",
             ok=False,
             detail=f"{address} answers but has no {' and no '.join(sorted(missing))}",
-            remedy="start the driver, or set indi.mount and indi.camera to its device's name",
+            remedy=f"start the driver, or set {' and '.join(names)} to its device's name",
         )
-    return Check(check="INDI server", ok=True, detail=f"{address}: {indi.mount}, {indi.camera}")
+    there = ", ".join(device for device in settings.values() if device is not None)
+    return Check(check="INDI server", ok=True, detail=f"{address}: {there}")
+
+
+def check_mount_site(config: Config) -> Check:
+    """The mount believes to stand where the configuration says: its limits depend on it."""
+    name, indi = "mount site", config.indi
+    try:
+        told = doctor_indi.told_site(indi.host, indi.port, indi.mount)
+    except InstrumentError as error:
+        return Check(check=name, ok=None, detail=str(error))
+    if told is None:
+        detail = f"{indi.mount} does not tell it: is its driver connected to the mount?"
+        return Check(check=name, ok=None, detail=detail)
+    own = config.site.to_site()
+    apart_km = KM_PER_DEG * separation_deg(
+        own.longitude_deg, own.latitude_deg, told.longitude_deg, told.latitude_deg
+    )
+    detail = f"{indi.mount} says {_place(told)}, {apart_km:.1f} km from the configured site"
+    if apart_km <= SITE_KM:
+        return Check(check=name, ok=True, detail=detail)
+    told_by = (
+        f"LAT={own.latitude_deg:g};LONG={own.longitude_deg % 360.0:g};ELEV={own.elevation_m:g}"
+    )
+    remedy = (
+        "correct site.latitude_deg and site.longitude_deg, or tell the mount: indi_setprop "
+        f"'{indi.mount}.GEOGRAPHIC_COORD.{told_by}'"
+    )
+    return Check(check=name, ok=False, detail=detail, remedy=remedy)
 
 
 def check_clock() -> Check:
@@ -196,16 +248,24 @@ def check_clock() -> Check:
 
 
 def check_disk(config: Config) -> Check:
-    """The disk has room for one night."""
+    """The disk has room for the coming night; told before it runs short."""
+    now_utc_ns = SystemClock().now_utc_ns()
     free_bytes = doctor_system.free_bytes(config.session.root)
-    need_bytes = doctor_system.night_bytes(config)
+    outlook = disk_outlook(config, free_bytes, now_utc_ns)
     detail = (
-        f"{free_bytes / 1e9:.0f} GB free; a night of {doctor_system.NIGHT_H:g} h takes up to "
-        f"{need_bytes / 1e9:.1f} GB"
+        f"{free_bytes / 1e9:.0f} GB free; the coming night of {outlook.dark_s / 3600:.1f} h takes "
+        f"up to {outlook.bytes_a_night / 1e9:.1f} GB: room for {outlook.nights:.1f} nights"
     )
-    is_enough = free_bytes >= need_bytes
-    remedy = "free some disk, set session.root to a larger one, or session.keep_frames to detected"
-    return Check(check="disk", ok=is_enough, detail=detail, remedy="" if is_enough else remedy)
+    is_enough = outlook.nights >= 1.0
+    if outlook.warning is None:
+        return Check(check="disk", ok=True, detail=detail)
+    remedy = DISK_REMEDY
+    return Check(
+        check="disk",
+        ok=is_enough,
+        detail=f"{detail}; soon: {remedy}" if is_enough else detail,
+        remedy=remedy,
+    )
 
 
 def check_sessions_folder(config: Config) -> Check:
@@ -249,21 +309,7 @@ def _reach(files: Sequence["IndexFile"]) -> str:
     return f"declination {south_deg:+.0f} to {north_deg:+.0f} deg"
 
 
-def _indi_devices(host: str, port: int, wanted: set[str]) -> set[str]:
-    """Those of the wanted devices that the server speaks of. Raises OSError."""
-    deadline = time.monotonic() + INDI_TIMEOUT_S
-    heard = b""
-    found: set[str] = set()
-    with socket.create_connection((host, port), timeout=INDI_TIMEOUT_S) as wire:
-        wire.sendall(b'<getProperties version="1.7"/>\n')
-        while found < wanted and (left_s := deadline - time.monotonic()) > 0:
-            wire.settimeout(left_s)
-            try:
-                chunk = wire.recv(65536)
-            except TimeoutError:
-                break
-            if not chunk:
-                break
-            heard += chunk
-            found = {d for d in wanted if any(f"device={q}{d}{q}".encode() in heard for q in "\"'")}
-    return found
+def _place(site: Site) -> str:
+    north = "N" if site.latitude_deg >= 0 else "S"
+    east = "E" if site.longitude_deg >= 0 else "W"
+    return f"{abs(site.latitude_deg):.3f} {north} {abs(site.longitude_deg):.3f} {east}"

@@ -11,13 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.config import Config
-
-NIGHT_H = 10.0
-COMPRESSED_SHARE = 0.52
-"""Of a frame whose camera fills all 16 bits; 12 bits in 16 come to half of this."""
-BYTES_BESIDE_FRAME = 100_000
-"""Preview and records of one exposure."""
 _STA_UNSYNC, _STA_NANO = 0x0040, 0x2000
 _TIMEX_BYTES = 512
 _TIMESYNC_FLAG = Path("/run/systemd/timesync/synchronized")
@@ -68,15 +61,6 @@ def read_clock() -> ClockReading:
         offset_s=offset * (1e-9 if status & _STA_NANO else 1e-6),
         max_error_s=max_error_us * 1e-6,
     )
-
-
-def night_bytes(config: Config) -> float:
-    """Disk that a night of exposures takes at most."""
-    cadence_s = max(config.exposure.cadence_s, config.exposure.exposure_s)
-    exposures = NIGHT_H * 3600.0 / cadence_s
-    raw_bytes = 2 * config.optics.width_px * config.optics.height_px
-    kept_bytes = 0.0 if config.session.keep_frames == "none" else COMPRESSED_SHARE * raw_bytes
-    return exposures * (kept_bytes + BYTES_BESIDE_FRAME)
 
 
 def free_bytes(folder: Path) -> int:

@@ -1,6 +1,7 @@
 """Moves the mount and opens the shutter, each with a deadline; knows nothing of targets."""
 
 import contextlib
+import itertools
 import math
 from collections.abc import Callable
 
@@ -12,10 +13,17 @@ from rsoconsole.sky.angles import separation_deg
 
 NS = 1_000_000_000
 POLL_NS = NS // 2
+SENT_AGAIN = 2
+FAR_OFF_DEG = 0.5
+"""A mount that loses the sky's motion on a slew of a minute stops 0.25 deg short."""
 
 
 class Interrupted(Exception):  # noqa: N818 -- a signal, not an error
     """Somebody wants the loop's attention now (STOP, shutdown); never reaches an operator."""
+
+
+class StoppedElsewhere(Exception):  # noqa: N818 -- a fact about the mount, not an error
+    """The mount is not where this program sent it: somebody else stopped or moved it."""
 
 
 class Hands:
@@ -28,6 +36,8 @@ class Hands:
         self.instruments = instruments
         self._config = config
         self._is_wanted = is_wanted
+        self.on_tick: Callable[[], None] = lambda: None
+        """Called at every step of a wait, at least once a second."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -51,6 +61,7 @@ class Hands:
             if now_ns >= t_utc_ns:
                 return
             clock.wait_until(min(t_utc_ns, now_ns + NS))
+            self.on_tick()
 
     def mount_report(self) -> MountReport:
         """Where the mount says it is, no older than now under simulation."""
@@ -65,24 +76,42 @@ class Hands:
     def wait_for_arrival(self, ra_icrs_deg: float, dec_icrs_deg: float) -> MountReport:
         """Wait for the mount's arrival by read-back, then for it to settle.
 
-        A mount that stops beside the place is sent again: some lose the sky's motion on a long
-        way. Raises InstrumentError when it has not arrived in time, Interrupted on STOP.
+        A mount that stops a little beside the place is sent again, twice: some lose the sky's
+        motion on a long way. Raises StoppedElsewhere when it came to rest far from the place:
+        somebody else has stopped it, and must not be overruled. Raises InstrumentError when it
+        has not arrived in time, Interrupted on STOP.
         """
         limit_ns = self.now_utc_ns() + round(self._config.mount.slew_timeout_s * NS)
-        while True:
+        for sent_again in itertools.count():
             report = self._wait_for_rest(limit_ns)
             off_deg = separation_deg(
                 report.ra_icrs_deg, report.dec_icrs_deg, ra_icrs_deg, dec_icrs_deg
             )
             if not report.is_slewing and off_deg * 60.0 <= self._config.mount.arrival_arcmin:
                 break
-            if self.now_utc_ns() > limit_ns:
+            if report.is_slewing or sent_again >= SENT_AGAIN:
                 raise InstrumentError(
-                    f"the mount has not arrived after {self._config.mount.slew_timeout_s:.0f} s,"
-                    f" it is {off_deg * 60:.1f} arcmin off: look at it, then arm again"
+                    f"the mount has not arrived in {self._config.mount.slew_timeout_s:.0f} s or"
+                    f" {SENT_AGAIN + 1} orders, it is {off_deg * 60:.1f} arcmin off: look at it,"
+                    " then arm again"
+                )
+            if off_deg > FAR_OFF_DEG:
+                raise StoppedElsewhere(
+                    f"the mount stopped {off_deg:.1f} deg short of where it was sent"
                 )
             self.order_slew(ra_icrs_deg, dec_icrs_deg)
         self.wait_until(self.now_utc_ns() + round(self._config.mount.settle_s * NS))
+        return report
+
+    def wait_for_rest(self) -> MountReport:
+        """Wait until the mount does not slew. Raises InstrumentError when it goes on too long."""
+        limit_ns = self.now_utc_ns() + round(self._config.mount.slew_timeout_s * NS)
+        report = self._wait_for_rest(limit_ns)
+        if report.is_slewing:
+            raise InstrumentError(
+                f"the mount has slewed for {self._config.mount.slew_timeout_s:.0f} s and more:"
+                " look at it, then arm again"
+            )
         return report
 
     def _wait_for_rest(self, limit_utc_ns: int) -> MountReport:

@@ -2,12 +2,13 @@
 
 import threading
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
-from pydantic import ValidationError
-
-from rsoconsole.config import Config
+from rsoconsole.config import Config, with_setting
+from rsoconsole.engine.states import Happening, LimitMet, NightEnded
+from rsoconsole.errors import ConfigError
 from rsoconsole.instruments.ports import StopResult
 from rsoconsole.records import OperatorAction, ParameterChange
 
@@ -24,10 +25,17 @@ TUNABLE = {
     "filter.max_coast_s",
     "search.follow",
     "search.recentre",
+    "search.pattern",
+    "mount.meridian",
+    "mount.after_stop",
     "exposure.exposure_s",
     "exposure.cadence_s",
 }
 """What may change while the loop runs."""
+
+
+URGENT = frozenset(("disarm", "goto", "nudge", "park", "unpark", "hold"))
+"""Wishes that do not wait for the end of an exposure."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,23 +43,24 @@ class Wish:
     """One intention, already known to be possible."""
 
     verb: str
-    name: str = ""
-    value: float | str = ""
+    arguments: Mapping[str, Any] = field(default_factory=dict)
     by: str = "operator"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StopOrder:
-    """A STOP that was given, and what the mount answered."""
+class Alarm:
+    """Something that cut the loop short: an operator's STOP, a limit, the end of the night."""
 
-    by: str
-    result: StopResult
-    dropped: tuple[Wish, ...]
+    happening: Happening
+    result: StopResult | None = None
+    """What the mount answered, where its motion was ended before the loop was told; None where
+    it was not, or where that broke."""
+    dropped: tuple[Wish, ...] = ()
     """Wishes that waited when it came: STOP undoes them."""
 
 
 class Intentions:
-    """A queue of wishes, and the two flags that cut everything short.
+    """A queue of wishes, and the flags that cut everything short.
 
     The flags are plain attributes: a signal handler may set one at any instant.
     """
@@ -59,12 +68,12 @@ class Intentions:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._wishes: deque[Wish] = deque()
-        self._stops: deque[StopOrder] = deque()
+        self._alarms: deque[Alarm] = deque()
         self._stops_under_way = 0
         self._is_shutdown = False
 
     def put(self, wish: Wish) -> None:
-        """Queue a wish for the next cycle (any thread)."""
+        """Queue a wish for the loop (any thread)."""
         with self._lock:
             self._wishes.append(wish)
 
@@ -75,7 +84,7 @@ class Intentions:
             self._wishes.clear()
         return wishes
 
-    def stop(self, by: str, abort: Callable[[], StopResult]) -> StopResult:
+    def stop(self, happening: Happening, abort: Callable[[], StopResult]) -> StopResult:
         """Raise the flag, then stop the mount, then keep what came of it for the record.
 
         From the first instant on the loop gives no order to the mount any more.
@@ -84,26 +93,32 @@ class Intentions:
             self._stops_under_way += 1
             dropped = tuple(self._wishes)
             self._wishes.clear()
+        result: StopResult | None = None
         try:
             result = abort()
-            with self._lock:
-                self._stops.append(StopOrder(by=by, result=result, dropped=dropped))
         finally:
+            # Also where the abort broke: the loop must hear what happened.
             with self._lock:
+                self._alarms.append(Alarm(happening=happening, result=result, dropped=dropped))
                 self._stops_under_way -= 1
         return result
 
-    def take_stops(self) -> tuple[StopOrder, ...]:
-        """STOPs that were given since last asked."""
+    def interrupt(self, happening: Happening) -> None:
+        """Cut the loop short for something that it must act on itself (any thread)."""
         with self._lock:
-            stops = tuple(self._stops)
-            self._stops.clear()
-        return stops
+            self._alarms.append(Alarm(happening=happening))
+
+    def take_alarms(self) -> tuple[Alarm, ...]:
+        """What has cut the loop short since last asked, in order."""
+        with self._lock:
+            alarms = tuple(self._alarms)
+            self._alarms.clear()
+        return alarms
 
     @property
     def is_stopping(self) -> bool:
-        """Whether a STOP is under way or has not been taken notice of."""
-        return self._stops_under_way > 0 or bool(self._stops)
+        """Whether a stop is under way, or an alarm has not been taken notice of."""
+        return self._stops_under_way > 0 or bool(self._alarms)
 
     def request_shutdown(self) -> None:
         """The engine is to end after a safe stop."""
@@ -117,20 +132,20 @@ class Intentions:
     @property
     def is_wanted(self) -> bool:
         """Whether the loop is to drop what it does and look here."""
-        return self._is_shutdown or self.is_stopping
+        if self._is_shutdown or self.is_stopping:
+            return True
+        with self._lock:
+            return any(wish.verb in URGENT for wish in self._wishes)
 
 
 def changed(config: Config, name: str, value: float | str) -> Config:
     """The configuration with one tunable set. Raises ValueError naming what is allowed."""
     if name not in TUNABLE:
         raise ValueError(f"{name} cannot be tuned; tunable are {', '.join(sorted(TUNABLE))}")
-    table = config.model_dump()
-    section, _, key = name.partition(".")
-    table[section][key] = value
     try:
-        return Config.model_validate(table)
-    except ValidationError as error:
-        raise ValueError(f"{name} = {value}: {error.errors()[0]['msg']}") from error
+        return with_setting(config, name, value)
+    except ConfigError as error:
+        raise ValueError(str(error)) from error
 
 
 def change_record(before: Config, after: Config, name: str, by: str) -> ParameterChange:
@@ -146,5 +161,22 @@ def change_record(before: Config, after: Config, name: str, by: str) -> Paramete
 
 def action_record(wish: Wish, outcome: str) -> OperatorAction:
     """The intention and its outcome for the record."""
-    arguments = {"name": wish.name, "value": wish.value} if wish.name else {}
-    return OperatorAction(verb=wish.verb, arguments=arguments, outcome=outcome, by=wish.by)
+    return OperatorAction(
+        verb=wish.verb, arguments=dict(wish.arguments), outcome=outcome, by=wish.by
+    )
+
+
+def alarm_words(alarm: Alarm, is_stopped_again: bool, config: Config) -> str:
+    """What cut the loop short, in the operator's words.
+
+    ``is_stopped_again``: the loop's own stop, which follows every alarm, was confirmed.
+    """
+    happening = alarm.happening
+    if isinstance(happening, LimitMet):
+        return f"limit: {happening.words}; motion and tracking ended"
+    if isinstance(happening, NightEnded):
+        return f"the night ends: {happening.words}; armed again only when asked"
+    if not (is_stopped_again or (alarm.result is not None and alarm.result.stopped)):
+        return "STOP was not confirmed by the mount: cut its power"
+    after = {"track": "the mount tracks on", "stand still": "the mount stands still"}
+    return f"STOP: motion ended, disarmed; {after[config.mount.after_stop]}"

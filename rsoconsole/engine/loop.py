@@ -1,31 +1,44 @@
-"""The autonomous loop: plan, slew, expose, reduce, follow, record; again."""
+"""The loop: plan, slew, expose, reduce, follow, record; again. Decisions are made elsewhere."""
 
 import contextlib
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any, Literal, Protocol
-
-import numpy as np
-import numpy.typing as npt
+from dataclasses import replace
 
 from rsoconsole.config import Config
-from rsoconsole.engine.hands import NS, Hands, Interrupted
-from rsoconsole.engine.intentions import Intentions, Wish, action_record, change_record, changed
+from rsoconsole.engine.arming import pointing_check
+from rsoconsole.engine.chronicle import Chronicle, Recorder
+from rsoconsole.engine.exposures import Exposures
+from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
+from rsoconsole.engine.intentions import Alarm, Intentions, action_record, alarm_words
+from rsoconsole.engine.parking import Parking
 from rsoconsole.engine.plan import Plan, Planner
-from rsoconsole.engine.preview import preview_of
+from rsoconsole.engine.slews import NowhereError, Slews
+from rsoconsole.engine.states import (
+    BY_OPERATOR,
+    Armed,
+    Charge,
+    Disarmed,
+    Failed,
+    Followed,
+    Happening,
+    LimitMet,
+    NotPointing,
+    Step,
+    Taken,
+    step,
+)
+from rsoconsole.engine.status import Status, status_of
+from rsoconsole.engine.watch import Watch
+from rsoconsole.engine.wishes import HandMove, grant
 from rsoconsole.errors import InstrumentError, RsoconsoleError
-from rsoconsole.instruments.camera import ARRIVED_KEY
-from rsoconsole.pipeline.cycle import Cycle, taken_record
+from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.records import (
     CycleTiming,
-    Event,
     Frame,
-    LoopState,
     Miss,
-    OperatorAction,
     Solution,
     StateChange,
 )
@@ -33,35 +46,8 @@ from rsoconsole.tracking.follow import Following
 
 log = logging.getLogger(__name__)
 
-FAULTS_IN_A_ROW = 3
 IDLE_TICK_NS = NS
-
-
-class Recorder(Protocol):
-    """Where the loop puts what happened; must return at once and never raise."""
-
-    def append(self, record: Any, t_utc_ns: int) -> int:
-        """One record, in order."""
-
-    def save_frame(self, frame: Frame) -> bool:
-        """The pixels as the camera gave them."""
-
-    def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
-        """A small uint8 picture."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Status:
-    """The engine in one line."""
-
-    state: LoopState
-    holder: str
-    frame: int
-    ra: float | None
-    dec: float | None
-    t_utc_ns: int | None
-    """Of the direction."""
-    faults: tuple[str, ...]
+STOP_POLL_S = 0.02
 
 
 class _RunFailed(Exception):  # noqa: N818 -- carried from the loop to its own end
@@ -82,46 +68,72 @@ class Engine:
         on_cycle: Callable[["Engine", Reduction], None] | None = None,
     ) -> None:
         self.config = config
-        self.following = Following(state="IDLE")
-        self.frame_id = 0
-        self._hands = hands
+        self.charge = Charge()
+        self.hands = hands
+        self.planner = Planner(config)
+        self.chronicle = Chronicle(record, hands.now_utc_ns)
+        self.watch = Watch(hands.instruments, config, intentions, self.chronicle.append)
+        self.hand_move: HandMove | None = None
+        """Where the operator has sent the mount, until it is there."""
+        self._parking = Parking(hands, self.chronicle)
+        self.slews = Slews(hands, self.planner, self.watch, self.chronicle)
+        self._exposures = Exposures(
+            hands, self.planner, self.watch, self.chronicle, intentions, config
+        )
         self._cycle = Cycle(reducer, config)
-        self._record = record
         self._intentions = intentions
         self._on_cycle = on_cycle
-        self._planner = Planner(config)
         self._plan: Plan | None = None
-        self._seen_utc_ns = 0
+        self._is_first_look = False
         self._faults: list[str] = []
+        hands.on_tick = self.watch.hear_loop
+
+    @property
+    def frame_id(self) -> int:
+        """The exposure begun last."""
+        return self._exposures.frame_id
+
+    @property
+    def following(self) -> Following:
+        """What is followed."""
+        return self.charge.following
 
     def status(self) -> Status:
         """A snapshot, from any thread."""
-        following = self.following
-        track = following.track
-        holder = {"IDLE": "nobody", "FAULT": "nobody", "MANUAL": "operator"}
-        return Status(
-            state=following.state,
-            holder=holder.get(following.state, "autonomy"),
+        return status_of(
+            self.charge,
+            self.watch,
             frame=self.frame_id,
-            ra=None if track is None else track.x[0] % 360.0,
-            dec=None if track is None else track.x[2],
-            t_utc_ns=None if track is None else track.t_utc_ns,
+            now_utc_ns=self.chronicle.last_utc_ns(),
             faults=tuple(self._faults),
         )
 
     def wake(self) -> None:
         """Cut a wait short (any thread)."""
-        self._hands.instruments.clock.wake()
+        self.hands.instruments.clock.wake()
 
-    def arm(self, by: str = "operator") -> None:
-        """Hand the mount to autonomy: search from where the telescope points."""
-        report = self._hands.mount_report()
+    def arm(self, by: str = "operator", lifted: frozenset[str] = frozenset()) -> None:
+        """Hand the mount to autonomy: search from where the telescope points.
+
+        ``lifted``: checks of the arming list that are overridden by name. Raises ValueError when
+        it is armed already.
+        """
+        report = self.hands.mount_report()
         if report.is_parked:
-            self._hands.instruments.mount.unpark()
-        self._planner.start_search(report, self._hands.now_utc_ns())
-        self._cycle.forget_plate()
+            self.hands.instruments.mount.unpark()
+        # Lifted before it is armed: the watch may look in between.
+        before = self.watch.lifted
+        self.watch.take_charge(self.charge.is_responsible, lifted)
+        try:
+            self.happen(Armed(by=by))
+        except ValueError:
+            self.watch.take_charge(self.charge.is_responsible, before)
+            raise
         self._faults.clear()
-        self._enter("SEARCH", f"armed by {by}")
+        if lifted:
+            self.chronicle.say(
+                "warning", f"armed without these checks: {', '.join(sorted(lifted))}"
+            )
 
     def run(self, frames: int | None = None) -> None:
         """Work until shutdown, or until ``frames`` exposures have been begun.
@@ -129,78 +141,150 @@ class Engine:
         Raises InstrumentError when a run of ``frames`` cannot be finished, or when a simulated
         observatory is gone: no time passes without it.
         """
-        while not self._intentions.is_shutdown and (frames is None or self.frame_id < frames):
-            try:
-                self._heed_stops()
-                self._apply_wishes()
-                if self.following.state in ("IDLE", "MANUAL", "FAULT"):
-                    if frames is not None and self.following.state == "FAULT":
-                        raise _RunFailed(self._faults[-1])
-                    self._hands.wait_until(self._hands.now_utc_ns() + IDLE_TICK_NS)
-                else:
-                    self._one_exposure()
-            except Interrupted:
-                continue
-            except _RunFailed as error:
-                raise InstrumentError(f"the run ended in FAULT: {error}") from error
-            except RsoconsoleError as error:
-                self._on_failure(str(error))
-            except Exception as error:  # the telescope must not be left to itself
-                log.exception("the loop broke")
-                self._on_failure(f"the loop broke ({error}): see the log", is_final=True)
-        self._end()
+        with self.watch.running():
+            while not self._intentions.is_shutdown and (frames is None or self.frame_id < frames):
+                try:
+                    self._heed_alarms()
+                    self._apply_wishes()
+                    self._one_turn(is_bounded=frames is not None)
+                except Interrupted:
+                    continue
+                except StoppedElsewhere as stopped:
+                    self._yield_mount(str(stopped))
+                except _RunFailed as error:
+                    raise InstrumentError(f"the run ended in FAULT: {error}") from error
+                except NowhereError as error:
+                    self._on_failure(f"nowhere to search: {error}", is_final=True)
+                except RsoconsoleError as error:
+                    self._on_failure(str(error))
+                except Exception as error:  # the telescope must not be left to itself
+                    log.exception("the loop broke")
+                    self._on_failure(f"the loop broke ({error}): see the log", is_final=True)
+            self._end()
+
+    def _one_turn(self, *, is_bounded: bool) -> None:
+        if self.charge.is_autonomous:
+            self._one_exposure()
+        elif self.charge.state == "MANUAL":
+            self._one_look()
+        else:
+            if is_bounded and self.charge.state == "FAULT":
+                raise _RunFailed(self._faults[-1] if self._faults else "see the session's log")
+            self._parking.see_to_it()
+            self.hands.wait_until(self.hands.now_utc_ns() + IDLE_TICK_NS)
+
+    def _yield_mount(self, words: str) -> None:
+        """Somebody else moves the mount: autonomy waits until it is asked to go on."""
+        self.chronicle.say("alarm", f"{words}: somebody else did that, autonomy waits for 'resume'")
+        self.happen(Taken(by="somebody else"))
 
     def _end(self) -> None:
         if self._intentions.is_shutdown:
-            result = self._hands.instruments.mount.abort()
-            self._heed_stops()
-            self._apply_wishes()
+            result = self.hands.instruments.mount.abort()
+            with contextlib.suppress(Interrupted):
+                self._heed_alarms()
+            for wish in self._intentions.take_all():
+                is_done = wish.verb in ("shutdown", "disarm")
+                self.chronicle.append(
+                    action_record(wish, "done" if is_done else "dropped: the engine ends")
+                )
             if not result.stopped:
-                self._say("alarm", f"the mount did not confirm its stop: {result.detail}")
-            self._enter("IDLE", "the engine ends")
+                self.chronicle.say("alarm", f"the mount did not confirm its stop: {result.detail}")
+            self._enter(Charge(), "the engine ends")
+
+    def happen(self, happening: Happening) -> Step:
+        """Pass through one step: do what it asks, and put the change on record.
+
+        Raises ValueError with the reason where the step refuses.
+        """
+        before = self.charge
+        result = step(before, happening)
+        if result.refusal is not None:
+            raise ValueError(result.refusal)
+        self._enter(result.charge, result.reason)
+        if not isinstance(happening, Followed):
+            self._plan = None
+        if isinstance(happening, LimitMet | BY_OPERATOR):
+            self.hand_move = None
+        if isinstance(happening, BY_OPERATOR):
+            self._parking.forget()
+        if not self.charge.is_autonomous:
+            self._is_first_look = False
+        for action in result.actions:
+            if action == "abort":
+                self.hands.instruments.mount.abort()
+            elif action == "park":
+                self._parking.want()
+            elif action == "start search":
+                self._is_first_look = True
+                self.planner.start_search(self.hands.mount_report(), self.hands.now_utc_ns())
+            elif action == "search home":
+                self.planner.go_home()
+            else:
+                self._cycle.forget_plate()
+        return result
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables; in force from the next cycle."""
+        self.config = config
+        for part in (self.hands, self._cycle, self.planner, self.watch, self._exposures):
+            part.configure(config)
 
     def _one_exposure(self) -> None:
         """Wait for the mount, expose, reduce, follow, send the mount on; then put it on record."""
-        plan = self._plan or self._plan_and_order()
+        plan = self._plan or self._order_next()
         self._plan = None
-        self.frame_id += 1
-        if plan.slew is not None:
-            report = self._hands.wait_for_arrival(*self._planner.command(plan.slew))
-            if self._planner.arrived(plan.slew, report):
-                self._cycle.forget_plate()
-        self._hands.wait_until(plan.t_start_utc_ns)
-        opened_ns = self._hands.now_utc_ns()
-        frame = self._hands.expose(opened_ns, self.frame_id)
-        arrived_s = frame.header.get(ARRIVED_KEY)
-        read_ms = 0.0 if arrived_s is None else (time.monotonic() - float(arrived_s)) * 1e3
-        self._append(taken_record(frame))
-        for text in self._hands.instruments.camera.take_messages():
-            self._say("info", f"camera: {text}")
-        clocks_apart = self._planner.exposed(frame, opened_ns)
-        if clocks_apart is not None:
-            self._say("warning", clocks_apart)
-        if self._hands.instruments.clock.is_simulated:
-            # Read-out and processing cost virtual time, not the wall's: stopwatches stand still.
-            pause_s = self.config.exposure.readout_s + self.config.indi.simulated_latency_s
-            self._hands.wait_until(self._hands.now_utc_ns() + round(pause_s * NS))
+        if self.slews.finish(plan, is_held=self.charge.is_held):
+            self._cycle.forget_plate()
+        frame, read_ms = self._exposures.take(plan)
         try:
-            self._reduce_and_go_on(frame, read_ms)
+            self._exposures.pass_processing_time()
+            self._reduce_and_go_on(frame, read_ms, plan.blocked)
         finally:
             # Also the frame that could not be used: it is the one somebody will want to see.
-            self._keep(frame)
+            self._exposures.keep(frame, self.following.state)
 
-    def _reduce_and_go_on(self, frame: Frame, read_ms: float) -> None:
+    def _order_next(self) -> Plan:
+        """Where and when the next exposure is; the mount is on its way when this returns."""
+        if self._is_first_look:
+            return self.planner.first_look(self.hands.now_utc_ns())
+        return self.slews.order_next(self.following, is_held=self.charge.is_held)
+
+    def _one_look(self) -> None:
+        """An exposure while the operator has the mount: shown and measured, not followed."""
+        if self.hand_move is not None:
+            report = self.hands.wait_for_arrival(*self.hand_move.command)
+            self.hand_move = None
+            self.planner.moved_by_hand(report)
+            self.chronicle.say("info", "the mount has arrived")
+        frame, _ = self._exposures.take(self.planner.first_look(self.hands.now_utc_ns()))
+        try:
+            self._exposures.pass_processing_time()
+            reduction, records = self._cycle.look(frame)
+            if isinstance(reduction.solution, Solution):
+                self.planner.solved(reduction.solution)
+            for record in records:
+                self.chronicle.append(record)
+            self.charge = replace(self.charge, failures=0)
+        finally:
+            self._exposures.keep(frame, self.following.state)
+
+    def _reduce_and_go_on(self, frame: Frame, read_ms: float, blocked: str | None) -> None:
         began_s = time.perf_counter()
         before = self.following
-        result = self._cycle.run(frame, before)
+        result = self._cycle.run(frame, before, blocked)
         folded_s = time.perf_counter()
-        self.following = result.after
-        if isinstance(result.reduction.solution, Solution):
-            self._planner.solved(result.reduction.solution)
-        self._planner.followed(before, result.after, self._hands.now_utc_ns())
         for record in result.records:
-            self._append(record)
-        self._plan = self._plan_and_order()
+            self.chronicle.append(record)
+        self.happen(Followed(after=result.after))
+        if isinstance(result.reduction.solution, Solution):
+            self.planner.solved(result.reduction.solution)
+        self.planner.followed(before, result.after, self.hands.now_utc_ns())
+        if self._is_first_look:
+            self._is_first_look = False
+            self._check_pointing(result.reduction)
+        if self.charge.is_autonomous:
+            self._plan = self._order_next()
         ordered_s = time.perf_counter()
         reduce_ms = result.reduction.stage_ms
         stages = {
@@ -210,101 +294,87 @@ class Engine:
             "order": (ordered_s - folded_s) * 1e3,
             "total": (ordered_s - began_s) * 1e3 + read_ms,
         }
-        self._append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))
+        self.chronicle.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))
         self._faults.clear()
         if self._on_cycle is not None:
             self._on_cycle(self, result.reduction)
 
-    def _plan_and_order(self) -> Plan:
-        """Where and when the next exposure is; the mount is on its way when this returns."""
-        plan = self._planner.plan(self.following, self._hands.now_utc_ns())
-        if plan.slew is None:
-            return plan
-        refused = self._planner.refusal(plan)
-        if refused is not None:
-            self._say("warning", f"slew refused: {refused}")
-            return replace(plan, slew=None)
-        self._hands.order_slew(*self._planner.command(plan.slew))
-        self._append(plan.slew)
-        return plan
-
-    def _keep(self, frame: Frame) -> None:
-        keep = self.config.session.keep_frames
-        if keep == "all" or (keep == "detected" and self.following.state in ("ACQUIRE", "TRACK")):
-            self._record.save_frame(frame)
-        self._record.save_preview(frame.frame_id, preview_of(frame.pixels))
+    def _check_pointing(self, reduction: Reduction) -> None:
+        """The first frame after arming must agree with where the mount says it looks."""
+        check = pointing_check(reduction.solution, self.hands.mount_report(), self.config)
+        if check.ok:
+            self.chronicle.say("info", check.detail)
+        elif "pointing" in self.watch.lifted:
+            self.chronicle.say("warning", f"{check.detail}: overridden")
+        else:
+            words = f"{check.detail}; {check.remedy}"
+            self.chronicle.say("alarm", f"not armed: {words}")
+            self.happen(NotPointing(words=words))
 
     def _apply_wishes(self) -> None:
-        for wish in self._intentions.take_all():
+        """Grant what waits, in order; each gets its outcome on record, whatever comes between."""
+        wishes = self._intentions.take_all()
+        for number, wish in enumerate(wishes):
             outcome = "done"
             try:
-                self._grant(wish)
-            except (ValueError, InstrumentError) as error:
+                outcome = grant(self, wish)
+            except (ValueError, InstrumentError, StoppedElsewhere) as error:
                 outcome = f"refused: {error}"
-            self._append(action_record(wish, outcome))
+                self.chronicle.say("warning", f"{wish.verb} refused: {error}")
+            except Interrupted:
+                for dropped in wishes[number:]:
+                    self.chronicle.append(action_record(dropped, "dropped by STOP"))
+                raise
+            self.chronicle.append(action_record(wish, outcome))
 
-    def _grant(self, wish: Wish) -> None:
-        if wish.verb == "arm":
-            self.arm(wish.by)
-        elif wish.verb == "disarm":
-            self._enter("IDLE", f"disarmed by {wish.by}")
-        elif wish.verb == "set":
-            after = changed(self.config, wish.name, wish.value)
-            self._append(change_record(self.config, after, wish.name, wish.by))
-            self.config = after
-            for part in (self._hands, self._cycle, self._planner):
-                part.configure(after)
-        elif wish.verb != "shutdown":
-            raise ValueError(f"the engine knows no '{wish.verb}'")
+    def park(self, by: str) -> None:
+        """Disarm and send the mount to its park position, again and again until it is there."""
+        self.happen(Disarmed(by=by))
+        self._parking.want()
 
-    def _heed_stops(self) -> None:
-        """After a STOP: nothing more is ordered, so stop the mount once more, then say so."""
+    def _heed_alarms(self) -> None:
+        """What cut the loop short: pass through its step, then say so.
+
+        Raises Interrupted while a STOP is still talking to the mount on its own thread: nothing
+        may be granted before it is over.
+        """
         if not self._intentions.is_stopping:
             return
-        again = self._hands.instruments.mount.abort()
-        self._enter("IDLE", "STOP")
-        for stop in self._intentions.take_stops():
-            stopped = stop.result.stopped or again.stopped
-            outcome = f"stopped in {stop.result.ms:.0f} ms" if stopped else "NOT confirmed"
-            self._append(OperatorAction(verb="stop", arguments={}, outcome=outcome, by=stop.by))
-            for wish in stop.dropped:
-                self._append(action_record(wish, "dropped by STOP"))
-            if stopped:
-                self._say("alarm", "STOP: motion ended, disarmed; the mount tracks on")
-            else:
-                self._say("alarm", "STOP was not confirmed by the mount: cut its power")
+        alarms = self._intentions.take_alarms()
+        if not alarms:
+            time.sleep(STOP_POLL_S)
+            raise Interrupted
+        # An order may have been on its way when the flag went up: stop the mount once more.
+        again = self.hands.instruments.mount.abort()
+        for alarm in alarms:
+            for wish in alarm.dropped:
+                self.chronicle.append(action_record(wish, "dropped by STOP"))
+            self._heed(alarm, again.stopped)
+
+    def _heed(self, alarm: Alarm, is_stopped_again: bool) -> None:
+        # The words first: what has to be done may fail.
+        self.chronicle.say("alarm", alarm_words(alarm, is_stopped_again, self.config))
+        self.happen(alarm.happening)
 
     def _on_failure(self, words: str, *, is_final: bool = False) -> None:
-        if self.following.state == "FAULT":
-            if self._hands.instruments.clock.is_simulated:
+        if self.charge.state == "FAULT":
+            if self.hands.instruments.clock.is_simulated:
                 raise InstrumentError(words)
             time.sleep(1.0)  # whatever is broken passes no time by itself
             return
         self._faults.append(words)
-        self._plan = None
-        self._say("alarm", words)
-        self._append(Miss(frame_id=self.frame_id, reason=words))
-        if is_final or len(self._faults) >= FAULTS_IN_A_ROW:
-            self._hands.instruments.mount.abort()
-            self._enter("FAULT", words)
+        self.chronicle.say("alarm", words)
+        self.chronicle.append(Miss(frame_id=self.frame_id, reason=words))
+        self.happen(Failed(words=words, is_final=is_final))
 
-    def _enter(self, state: LoopState, reason: str) -> None:
-        before = self.following.state
-        self.following = Following(state=state)
-        self._plan = None
-        if before != state:
-            self._append(
-                StateChange(frame_id=self.frame_id, before=before, after=state, reason=reason)
+    def _enter(self, charge: Charge, reason: str) -> None:
+        before, self.charge = self.charge.state, charge
+        over = charge.state in ("IDLE", "FAULT")
+        self.watch.take_charge(charge.is_responsible, frozenset() if over else None)
+        # Without a reason it is the fold's own passage, which is on record already.
+        if before != charge.state and reason:
+            self.chronicle.append(
+                StateChange(
+                    frame_id=self.frame_id, before=before, after=charge.state, reason=reason
+                )
             )
-
-    def _say(self, level: Literal["info", "warning", "alarm"], text: str) -> None:
-        self._append(Event(level=level, text=text, frame_id=self.frame_id))
-
-    def _append(self, record: Any) -> None:
-        self._record.append(record, self._last_utc_ns())
-
-    def _last_utc_ns(self) -> int:
-        """The clock's present; where the clock is gone, the last instant it told."""
-        with contextlib.suppress(RsoconsoleError):
-            self._seen_utc_ns = self._hands.now_utc_ns()
-        return self._seen_utc_ns

@@ -1,30 +1,32 @@
 """What the next exposure is: where, when, and whether the mount must move for it."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 from rsoconsole.config import Config
 from rsoconsole.engine.hands import NS
-from rsoconsole.instruments.ports import MountReport
+from rsoconsole.engine.search import Direction, Search
+from rsoconsole.instruments.ports import MountReport, PierSide
 from rsoconsole.pipeline.aim import (
-    SearchBase,
+    flip_refusal,
     follow_direction,
     needs_recentre,
-    search_base,
-    search_base_at,
-    search_direction,
+    side_at_arrival,
     slew_to,
 )
 from rsoconsole.records import Frame, SlewCommand, Solution
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.limits import refusal
+from rsoconsole.sky.angles import wrap_180
+from rsoconsole.sky.frames import hour_angle_jnow_deg, icrs_to_jnow
 from rsoconsole.tracking.follow import Following
-from rsoconsole.tracking.pointing import PointingOffset, command_for, observed, valid_at
+from rsoconsole.tracking.pointing import PointingModel, PointingOffset, command_for, observed
 
-Direction = tuple[float, float]
+IsRefused = Callable[[SlewCommand, int], str | None]
+"""Why the limits forbid a slew, held there until an instant; None when they do not."""
 
-SLEW_RATE_DEG_S = 2.0
 SLEW_OVERHEAD_S = 3.0
-"""What a slew is reckoned to take, beside settling: a slow mount is only waited for longer."""
+"""What a slew is reckoned to take beside its way and settling: a slow mount is waited for."""
+FLIP_WAY_DEG = 190.0
+"""How far the declination axis turns to change sides near the equator; the other a little less."""
 CLOCKS_APART_NS = 10 * NS
 
 
@@ -35,6 +37,11 @@ class Plan:
     t_start_utc_ns: int
     t_mid_utc_ns: int
     slew: SlewCommand | None
+    refused: tuple[tuple[SlewCommand, str], ...] = ()
+    """Slews that were wanted and why they are not done; each place is named once, but all of
+    them where nothing is left to search."""
+    blocked: str | None = None
+    """Why the telescope does not go where the track is; None when nothing keeps it."""
 
 
 class Planner:
@@ -43,97 +50,210 @@ class Planner:
     def __init__(self, config: Config) -> None:
         self._config = config
         self._site = config.site.to_site()
-        self._base: SearchBase | None = None
-        self._search_number = 0
+        self._search = Search(config)
+        self._is_block_told = False
         self._last_start_utc_ns: int | None = None
+        self._last_mid_utc_ns = 0
         self._frame_id = 0
         self._commanded: Direction | None = None
         self._centre: Direction | None = None
-        self._pier_side: str | None = None
-        self._offset = PointingOffset()
+        self._pier_side: PierSide | None = None
+        self._pointing = PointingModel()
+        self._planned: tuple[SlewCommand | None, int] = (None, 0)
+        self.last_report: MountReport | None = None
+        """What the mount said last of its place at rest."""
+
+    @property
+    def pointing_offset(self) -> PointingOffset:
+        """How far the telescope looked beside where it was sent, as last learnt."""
+        return self._pointing.last
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
         self._config = config
+        self._search.configure(config)
 
     def start_search(self, report: MountReport, now_utc_ns: int) -> None:
         """Search around where the mount points, or where the configuration says."""
-        here = (report.ra_icrs_deg, report.dec_icrs_deg)
-        self._base = search_base(self._config.search, self._site, *here, now_utc_ns)
-        self._search_number = 0
-        self._pier_side = report.pier_side
-        self._commanded = None
-        self._centre = here
+        self._search.start(self.looking_at(report), now_utc_ns)
+        self._is_block_told = False
+        self._stands_at(report)
 
-    def plan(self, following: Following, now_utc_ns: int) -> Plan:
-        """The next exposure from here; changes nothing.
+    def go_home(self) -> None:
+        """Search from the first field again, where the search was begun."""
+        self._search.go_home()
+
+    def moved_by_hand(self, report: MountReport) -> None:
+        """The operator has moved the mount: where it looks is known by its own word alone.
+
+        The offset stays, by side and place as ever.
+        """
+        self._search.leave_here()
+        self._stands_at(report)
+
+    def looking_at(self, report: MountReport) -> Direction:
+        """Where the telescope looks while the mount says so: its word put right by the offset."""
+        here = (report.ra_icrs_deg, report.dec_icrs_deg)
+        known = self._pointing.at(*self._axes(here, report.t_utc_ns), report.pier_side)
+        back = replace(known, east_arcsec=-known.east_arcsec, north_arcsec=-known.north_arcsec)
+        return command_for(back, *here)
+
+    def _stands_at(self, report: MountReport) -> None:
+        self.last_report = report
+        self._pier_side = report.pier_side
+        self._centre = self.looking_at(report)
+        # A mount that stands still loses its place among the stars before the next frame.
+        is_kept = report.is_tracking and not report.is_slewing
+        self._commanded = (report.ra_icrs_deg, report.dec_icrs_deg) if is_kept else None
+
+    def first_look(self, now_utc_ns: int) -> Plan:
+        """An exposure where the telescope stands, without a slew.
+
+        What it shows is waited for in place; where the telescope stands in the search's first
+        field it counts as that field's first frame.
+        """
+        t_start_ns = self._earliest_ns(now_utc_ns)
+        t_mid_ns = self._t_mid_ns(t_start_ns)
+        if self._centre is not None:
+            self._search.look_here(self._centre, t_mid_ns)
+        return Plan(t_start_utc_ns=t_start_ns, t_mid_utc_ns=t_mid_ns, slew=None)
+
+    def plan(
+        self, following: Following, now_utc_ns: int, is_refused: IsRefused | None = None
+    ) -> Plan:
+        """The next exposure from here.
+
+        A field of the search that is refused is left out and the next of its round taken, so that
+        one wall does not hold a search; a track has one place only: when that is refused, the
+        telescope stays where it is.
+        """
+        if following.track is not None:
+            return self._plan_track(following, now_utc_ns, is_refused)
+        refused: list[tuple[SlewCommand, str]] = []
+        news: list[tuple[SlewCommand, str]] = []
+        for number in self._search.numbers():
+            plan = self._plan_at(following, number, now_utc_ns)
+            assert plan.slew is not None, "a search goes somewhere"
+            why = None if is_refused is None else is_refused(plan.slew, self._end_ns(plan))
+            if why is None:
+                self._search.take(number)
+                return replace(plan, refused=tuple(news))
+            refused.append((plan.slew, why))
+            if self._search.is_news(number):
+                news.append((plan.slew, why))
+        if self._search.leave_here():
+            return self.plan(following, now_utc_ns, is_refused)
+        return self._in_place(now_utc_ns, tuple(refused))
+
+    def _plan_track(
+        self, following: Following, now_utc_ns: int, is_refused: IsRefused | None
+    ) -> Plan:
+        plan = self._plan_at(following, self._search.number, now_utc_ns)
+        if plan.slew is None:
+            return plan
+        to = (plan.slew.ra_icrs_deg, plan.slew.dec_icrs_deg)
+        mount = self._config.mount
+        why = flip_refusal(self._site, mount, to, now_utc_ns, self._pier_side)
+        if why is None and is_refused is not None:
+            why = is_refused(plan.slew, self._end_ns(plan))
+        if why is None:
+            self._is_block_told = False
+            return plan
+        refused = () if self._is_block_told else ((plan.slew, why),)
+        self._is_block_told = True
+        return self._in_place(now_utc_ns, refused, why)
+
+    def _in_place(
+        self,
+        now_utc_ns: int,
+        refused: tuple[tuple[SlewCommand, str], ...],
+        blocked: str | None = None,
+    ) -> Plan:
+        t_start_ns = self._earliest_ns(now_utc_ns)
+        return Plan(
+            t_start_utc_ns=t_start_ns,
+            t_mid_utc_ns=self._t_mid_ns(t_start_ns),
+            slew=None,
+            refused=refused,
+            blocked=blocked,
+        )
+
+    def _plan_at(self, following: Following, search_number: int, now_utc_ns: int) -> Plan:
+        """The exposure of a track, or of the n-th place of a search.
 
         Where to look depends on when, and when on how far it is: the way is reckoned once, for
         the direction of the earliest exposure.
         """
-        earliest_ns = now_utc_ns
-        if self._last_start_utc_ns is not None:
-            cadence_ns = round(self._config.exposure.cadence_s * NS)
-            earliest_ns = max(now_utc_ns, self._last_start_utc_ns + cadence_ns)
-        first_guess, _ = self._direction(following, self._t_mid_ns(earliest_ns))
-        arrival_ns = now_utc_ns + round(self._slew_s(first_guess) * NS)
+        earliest_ns = self._earliest_ns(now_utc_ns)
+        first_mid_ns = self._t_mid_ns(earliest_ns)
+        first_guess, _ = self._direction(following, search_number, first_mid_ns)
+        arrival_ns = now_utc_ns + round(self._slew_s(first_guess, now_utc_ns) * NS)
         t_start_ns = max(earliest_ns, arrival_ns)
         t_mid_ns = self._t_mid_ns(t_start_ns)
-        direction, reason = self._direction(following, t_mid_ns)
+        direction, reason = self._direction(following, search_number, t_mid_ns)
         moves = following.track is None or needs_recentre(
             self._config.search, self._config.optics.field_deg, self._centre, direction
         )
         slew = slew_to(self._frame_id, direction, t_mid_ns, reason) if moves else None
+        self._planned = (slew, now_utc_ns)
         return Plan(t_start_utc_ns=t_start_ns, t_mid_utc_ns=t_mid_ns, slew=slew)
+
+    def _earliest_ns(self, now_utc_ns: int) -> int:
+        if self._last_start_utc_ns is None:
+            return now_utc_ns
+        cadence_ns = round(self._config.exposure.cadence_s * NS)
+        return max(now_utc_ns, self._last_start_utc_ns + cadence_ns)
 
     def _t_mid_ns(self, t_start_ns: int) -> int:
         exposure = self._config.exposure
         return t_start_ns + round((exposure.start_latency_s + exposure.exposure_s / 2.0) * NS)
 
-    def _slew_s(self, direction: Direction) -> float:
-        way_deg = 0.0 if self._centre is None else separation_deg(*self._centre, *direction)
-        return SLEW_OVERHEAD_S + way_deg / SLEW_RATE_DEG_S + self._config.mount.settle_s
+    def _end_ns(self, plan: Plan) -> int:
+        return plan.t_mid_utc_ns + round(self._config.exposure.exposure_s / 2.0 * NS)
 
-    def _direction(self, following: Following, t_mid_ns: int) -> tuple[Direction, str]:
+    def _slew_s(self, direction: Direction, t_utc_ns: int) -> float:
+        mount = self._config.mount
+        way_deg = 0.0
+        if self._centre is not None:
+            ra_way_deg = abs(wrap_180(direction[0] - self._centre[0]))
+            way_deg = max(ra_way_deg, abs(direction[1] - self._centre[1]))
+        if self._side_at(direction, t_utc_ns) != self._pier_side:
+            way_deg = FLIP_WAY_DEG
+        return SLEW_OVERHEAD_S + way_deg / mount.slew_rate_deg_s + mount.settle_s
+
+    def _side_at(self, direction: Direction, t_utc_ns: int) -> PierSide | None:
+        mount = self._config.mount
+        return side_at_arrival(self._site, mount, direction, t_utc_ns, self._pier_side)
+
+    def _direction(
+        self, following: Following, search_number: int, t_mid_ns: int
+    ) -> tuple[Direction, str]:
         if following.track is not None:
             direction = follow_direction(following.track, t_mid_ns, self._config.filter)
             return direction, "prediction"
-        reason = "wait for a second frame" if following.state == "ACQUIRE" else "search"
-        return self._search_direction(t_mid_ns), reason
-
-    def _search_direction(self, t_mid_ns: int) -> Direction:
-        if self._base is None:
-            raise RuntimeError("a search is planned before it was started")
-        return search_direction(
-            self._base,
-            self._config.search,
-            self._site,
-            field_width_deg=self._config.optics.field_deg[0],
-            exposure_number=self._search_number,
-            t_utc_ns=t_mid_ns,
-        )
-
-    def refusal(self, plan: Plan) -> str | None:
-        """Why the plan's slew must not be done; None when it may."""
-        if plan.slew is None:
-            return None
-        return refusal(
-            plan.slew.ra_icrs_deg,
-            plan.slew.dec_icrs_deg,
-            plan.t_mid_utc_ns,
-            self._site,
-            self._config.mount,
+        return self._search.direction(
+            search_number, t_mid_ns, is_waiting=following.state == "ACQUIRE"
         )
 
     def command(self, slew: SlewCommand) -> Direction:
         """What to tell the mount so that it looks where the slew wants."""
-        offset = valid_at(self._offset, slew.ra_icrs_deg, slew.dec_icrs_deg, self._pier_side)
-        return command_for(offset, slew.ra_icrs_deg, slew.dec_icrs_deg)
+        to = (slew.ra_icrs_deg, slew.dec_icrs_deg)
+        planned, planned_utc_ns = self._planned
+        # The mount chooses its side when it is told, not when it arrives.
+        told_utc_ns = planned_utc_ns if slew == planned else slew.t_aim_utc_ns
+        side = self._side_at(to, told_utc_ns)
+        return command_for(self._pointing.at(*self._axes(to, slew.t_aim_utc_ns), side), *to)
+
+    def _axes(self, direction: Direction, t_utc_ns: int) -> Direction:
+        """Hour angle and declination of date."""
+        ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(*direction, t_utc_ns)
+        return hour_angle_jnow_deg(self._site, ra_jnow_deg, t_utc_ns), dec_jnow_deg
 
     def arrived(self, slew: SlewCommand, report: MountReport) -> bool:
         """The mount has done the slew; True when it has changed the side of the pier."""
         self._commanded = self.command(slew)
         has_flipped = report.pier_side != self._pier_side
+        self.last_report = report
         self._pier_side = report.pier_side
         self._centre = (slew.ra_icrs_deg, slew.dec_icrs_deg)
         return has_flipped
@@ -142,6 +262,7 @@ class Planner:
         """A frame came; returns what is wrong with its time, None when nothing is."""
         self._frame_id = frame.frame_id
         self._last_start_utc_ns = opened_utc_ns
+        self._last_mid_utc_ns = self._t_mid_ns(opened_utc_ns)
         if frame.t_start_utc_ns is None:
             return None
         apart_ns = frame.t_start_utc_ns - opened_utc_ns
@@ -155,21 +276,27 @@ class Planner:
     def solved(self, solution: Solution) -> None:
         """The telescope's true direction became known."""
         self._centre = (solution.ra_icrs_deg, solution.dec_icrs_deg)
-        if self._commanded is not None:
-            self._offset = observed(
-                self._offset,
-                commanded_ra_deg=self._commanded[0],
-                commanded_dec_deg=self._commanded[1],
-                solved_ra_deg=solution.ra_icrs_deg,
-                solved_dec_deg=solution.dec_icrs_deg,
-                pier_side=self._pier_side,
-            )
+        if self._commanded is None:
+            return
+        hour_angle_deg, declination_deg = self._axes(self._commanded, self._last_mid_utc_ns)
+        self._pointing = observed(
+            self._pointing,
+            commanded_ra_deg=self._commanded[0],
+            commanded_dec_deg=self._commanded[1],
+            solved_ra_deg=solution.ra_icrs_deg,
+            solved_dec_deg=solution.dec_icrs_deg,
+            hour_angle_deg=hour_angle_deg,
+            declination_deg=declination_deg,
+            pier_side=self._pier_side,
+        )
 
     def followed(self, before: Following, after: Following, now_utc_ns: int) -> None:
         """One exposure of a search is done, or a track was lost and is to be looked for here."""
+        is_held = (before.state, after.state) == ("ACQUIRE", "ACQUIRE")
         if after.state == "LOST" and self._centre is not None:
-            self._base = search_base_at(self._site, *self._centre, now_utc_ns)
-            self._search_number = 0
-        elif after.state == "SEARCH" or (before.state, after.state) == ("ACQUIRE", "ACQUIRE"):
+            self._search.start_where_lost(self._centre, now_utc_ns)
+        elif after.state == "SEARCH" or is_held:
             # A false streak in every frame must not hold the search for a night.
-            self._search_number += 1
+            self._search.count(self._centre, self._last_mid_utc_ns)
+        elif after.state != "ACQUIRE":
+            self._search.leave_here()

@@ -3,6 +3,8 @@
 import contextlib
 import importlib.metadata
 import logging
+import os
+import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -13,17 +15,22 @@ from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.control import ControlServer, default_socket_path
+from rsoconsole.control.place import EngineLock
+from rsoconsole.engine.arming import CHECKS, arming_checks, gather_facts, refusal_text
+from rsoconsole.engine.chronicle import warnings_on_record
 from rsoconsole.engine.desk import Desk
 from rsoconsole.engine.doctor_system import read_clock
 from rsoconsole.engine.hands import Hands
 from rsoconsole.engine.intentions import Intentions
 from rsoconsole.engine.loop import Engine
-from rsoconsole.errors import InstrumentError
+from rsoconsole.engine.notify import notify
+from rsoconsole.engine.retention import disk_outlook
+from rsoconsole.errors import ConfigError, InstrumentError, SessionError
 from rsoconsole.instruments.connect import connect_instruments
-from rsoconsole.instruments.ports import MountPort
+from rsoconsole.instruments.ports import Instruments, MountPort
 from rsoconsole.pipeline.open import open_reducer
 from rsoconsole.pipeline.reduce import Reduction
-from rsoconsole.session.store import new_session_folder
+from rsoconsole.session.store import cut_off_session, new_session_folder
 from rsoconsole.session.writer import SessionWriter
 
 log = logging.getLogger(__name__)
@@ -41,6 +48,8 @@ class RunSettings:
     frames: int | None = None
     """None: until it is told to end."""
     is_armed: bool = False
+    lifted: frozenset[str] = frozenset()
+    """Checks of the arming list overridden by name."""
     listens: bool = True
     """Whether it opens the control socket."""
     socket: Path | None = None
@@ -60,10 +69,17 @@ def run_engine(
     """
     intentions = Intentions()
     with contextlib.ExitStack() as stack:
+        # Let go of last of all: a second SIGTERM must not cut the first one's safe end short.
+        heed_signals = stack.enter_context(_signals(intentions))
+        path = settings.socket or default_socket_path()
+        if settings.listens:
+            # Before anything else: two engines must never speak to one mount.
+            lock = stack.enter_context(EngineLock(path))
         reducer, model_sha256 = stack.enter_context(open_reducer(config))
         instruments = stack.enter_context(connect_instruments(config))
-        _agree_on_site(instruments.mount, config)
+        site_fault = _site_fault(instruments.mount, config)
         now_ns = instruments.clock.now_utc_ns()
+        cut_off = _cut_off_session(config, instruments)
         folder = settings.session or new_session_folder(config.session.root, settings.title, now_ns)
         about = {
             "title": settings.title,
@@ -72,65 +88,119 @@ def run_engine(
             "model_sha256": model_sha256,
             "clock_offset_s": None if instruments.clock.is_simulated else read_clock().offset_s,
             "versions": _versions(),
+            "pid": os.getpid(),
+            "continues": None if cut_off is None else str(cut_off),
         }
         writer = SessionWriter.create(folder, config, about, on_fault=log.error)
         stack.callback(writer.close)
-        hands = Hands(instruments, config, lambda: intentions.is_wanted)
         engine = Engine(
             config=config,
-            hands=hands,
+            hands=Hands(instruments, config, lambda: intentions.is_wanted),
             reducer=reducer,
             record=writer,
             intentions=intentions,
             on_cycle=on_cycle,
         )
+        stack.enter_context(warnings_on_record(engine.chronicle, "rsoconsole.instruments"))
+        if cut_off is not None:
+            engine.chronicle.say(
+                "warning",
+                f"the engine before this one ended without closing its session {cut_off.name}:"
+                " it is kept as it is, this one goes on in a new session",
+            )
+        if site_fault is not None:
+            engine.chronicle.say("warning", site_fault)
+        _say_outlook(engine, config, folder, now_ns)
         if settings.listens:
-            desk = Desk(engine, instruments.mount, intentions, lambda: writer.faults)
-            path = settings.socket or default_socket_path()
-            stack.enter_context(ControlServer(path, desk.handle))
-        stack.enter_context(_signals(intentions))
+            desk = Desk(engine, intentions, folder, lambda: writer.faults, writer.flush)
+            stack.enter_context(ControlServer(path, desk.handle, lock=lock))
+        heed_signals()
+        notify("READY=1")
+        stack.callback(notify, "STOPPING=1")
         if on_start is not None:
             on_start(folder)
         if settings.is_armed:
-            engine.arm("configuration")
+            _arm(engine, settings, folder)
         engine.run(settings.frames)
     return folder
 
 
-def _agree_on_site(mount: MountPort, config: Config) -> None:
-    """Tell the mount its site where it knows none; never overwrite another one unasked."""
+def _arm(engine: Engine, settings: RunSettings, folder: Path) -> None:
+    """Arm at the start where the checklist allows it; a run of so many frames insists.
+
+    Raises InstrumentError with what is missing when the run is bounded; else the engine says it
+    and waits to be armed.
+    """
+    unknown = settings.lifted - set(CHECKS)
+    if unknown:
+        raise ConfigError(
+            f"no check is called {', '.join(sorted(unknown))}; there are {', '.join(CHECKS)}"
+        )
+    checks = arming_checks(
+        gather_facts(engine.hands.instruments, engine.config, folder), engine.config
+    )
+    refused = refusal_text(checks, settings.lifted)
+    if refused is None:
+        engine.arm("configuration", settings.lifted)
+    elif settings.frames is not None:
+        raise InstrumentError(refused)
+    else:
+        engine.chronicle.say("alarm", refused)
+
+
+def _say_outlook(engine: Engine, config: Config, folder: Path, now_ns: int) -> None:
+    with contextlib.suppress(OSError):
+        outlook = disk_outlook(config, shutil.disk_usage(folder).free, now_ns)
+        if outlook.warning is not None:
+            engine.chronicle.say("warning", outlook.warning)
+
+
+def _cut_off_session(config: Config, instruments: Instruments) -> Path | None:
+    """The last session of this telescope where its engine did not live to close it."""
+    try:
+        return cut_off_session(config.session.root, is_simulated=instruments.clock.is_simulated)
+    except SessionError as error:
+        log.warning("%s", error)
+        return None
+
+
+def _site_fault(mount: MountPort, config: Config) -> str | None:
+    """What is wrong with the mount's site; told where it knows none, never overwritten unasked."""
     site = config.site.to_site()
     check = mount.check_site(site)
     if check.reported is None:
         mount.set_site(site)
-    elif not check.is_consistent:
-        raise InstrumentError(check.detail)
+        return None
+    if check.is_consistent:
+        return None
+    return f"{check.detail}; 'rsoconsole doctor' tells how, until then arming is refused"
 
 
 @contextlib.contextmanager
-def _signals(intentions: Intentions) -> Iterator[None]:
-    """SIGTERM and SIGINT end the engine safely, a lost line (SIGHUP) means nothing to it.
+def _signals(intentions: Intentions) -> Iterator[Callable[[], None]]:
+    """What makes SIGTERM and SIGINT end the engine safely, and a lost line (SIGHUP) mean nothing.
 
-    Only the main thread may listen to signals. The handler sets a plain flag, which the loop
-    sees within a second.
+    Until that is called they end the process as ever; afterwards as long as this lasts they do
+    not. Only the main thread may listen to signals. The handler sets a plain flag, which the
+    loop sees within a second.
     """
 
     def end(_number: int, _frame: FrameType | None) -> None:
         intentions.request_shutdown()
 
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
     wanted: dict[int, Any] = {
         signal.SIGTERM: end,
         signal.SIGINT: end,
         signal.SIGHUP: signal.SIG_IGN,
     }
-    before: dict[int, Any] = {
-        number: signal.signal(number, handler) for number, handler in wanted.items()
-    }
+    before: dict[int, Any] = {}
+
+    def heed() -> None:
+        if threading.current_thread() is threading.main_thread():
+            before.update({number: signal.signal(number, wanted[number]) for number in wanted})
+
     try:
-        yield
+        yield heed
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -21,9 +21,12 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.sky.angles import wrap_180
+from rsoconsole.tracking.lqe import measured_direction_deg
 
 SAME_OBJECT_ARCSEC = 60.0
 SAME_FRAME_NS = 1_000_000_000
+HIDDEN_SNR = 15.0
+"""Matched signal to noise below which a streak of that length is below tau for certain."""
 
 
 @dataclass(slots=True)
@@ -99,7 +102,8 @@ def summarise(records: Iterable[Any], truth: Sequence[Mapping[str, Any]]) -> dic
     """The figures of ``rsoconsole demo --headless``, without scenario, seed and session.
 
     ``records`` in the session's order; ``truth`` one object an exposure as the simulated
-    observatory wrote it. Errors are distances on the sky, root mean square.
+    observatory wrote it. Errors are distances on the sky, root mean square. Where a satellite was
+    followed ``measured_rms_arcsec`` is that of its own measurements; its neighbours' count apart.
     """
     tally = _Tally()
     for record in records:
@@ -136,29 +140,74 @@ def _against_truth(
     """Figures against what really was there; those of the track against one named satellite."""
     views = [(frame, _satellites(truth, frame.t_mid_utc_ns)) for frame in frames.values()]
     target, share = _followed(views)
+    predicted, outside, nis = _track_figures(views, target)
+    confidences = [found for frame, _ in views if (found := _confidence(frame)) is not None]
+    return {
+        "target": target,
+        "target_share": share,
+        **_measured_figures(views, target),
+        "prediction_rms_arcsec": _rms(predicted),
+        "nis_mean": statistics.fmean(nis) if nis else None,
+        "inside_3sigma": None if not outside else 1.0 - sum(outside) / len(outside),
+        "confidence_min": min(confidences, default=None),
+        **_hidden(views, target),
+    }
+
+
+def _measured_figures(
+    views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]], target: str | None
+) -> dict[str, Any]:
+    """Every measurement against the satellite nearest to it; the target's neighbours apart."""
     measured: list[float] = []
+    neighbours: list[float] = []
     chi2: list[float] = []
     false_measurements = 0
     for frame, satellites in views:
         for measurement in frame.measurements:
-            off = [_offset_arcsec(s, *_place(measurement)) for s in satellites]
-            east, north = min(off, key=lambda pair: math.hypot(*pair), default=(math.inf, 0.0))
+            place = _place(measurement)
+            offsets = [(*_offset_arcsec(each, *place), each["name"]) for each in satellites]
+            nowhere = (math.inf, 0.0, None)
+            east, north, name = min(offsets, key=lambda o: math.hypot(o[0], o[1]), default=nowhere)
             if math.hypot(east, north) > SAME_OBJECT_ARCSEC:
                 false_measurements += 1
-                continue
-            measured.append(math.hypot(east, north))
-            chi2.append(_chi2(measurement, east, north))
-    predicted, outside, nis = _track_figures(views, target)
+            elif target is not None and name != target:
+                neighbours.append(math.hypot(east, north))
+            else:
+                measured.append(math.hypot(east, north))
+                chi2.append(_chi2(measurement, east, north))
     return {
-        "target": target,
-        "target_share": share,
         "false_measurements": false_measurements,
         "measured_rms_arcsec": _rms(measured),
+        "neighbours_rms_arcsec": _rms(neighbours),
         "measured_chi2_mean": statistics.fmean(chi2) if chi2 else None,
-        "prediction_rms_arcsec": _rms(predicted),
-        "nis_mean": statistics.fmean(nis) if nis else None,
-        "inside_3sigma": None if not outside else 1.0 - sum(outside) / len(outside),
     }
+
+
+def _confidence(frame: _Frame) -> float | None:
+    """Of the measurement the track took."""
+    if frame.updated is None or not frame.measurements:
+        return None
+    at = measured_direction_deg(frame.updated, frame.predicted)
+    taken = min(frame.measurements, key=lambda m: math.hypot(*_apart_arcsec(*_place(m), *at)))
+    return taken.confidence
+
+
+def _hidden(
+    views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]], target: str | None
+) -> dict[str, int]:
+    """Followed frames in which clouds or its own fading hid the target, and the other misses.
+
+    Without them a night of clouds would look like a poor detector.
+    """
+    hidden = others = 0
+    for frame, satellites in views:
+        if frame.predicted is None:
+            continue
+        true = next((s for s in satellites if s["name"] == target), None)
+        is_hidden = true is not None and float(true.get("snr_matched", math.inf)) < HIDDEN_SNR
+        hidden += is_hidden
+        others += frame.updated is None and not is_hidden
+    return {"frames_hidden": hidden, "misses_visible": others}
 
 
 def _followed(views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]]) -> tuple[str | None, Any]:
@@ -217,12 +266,16 @@ def _offset_arcsec(
     satellite: Mapping[str, Any], ra_deg: float, dec_deg: float
 ) -> tuple[float, float]:
     """(east, north) of a direction from a satellite's true place."""
-    true_dec_deg = float(satellite["dec_icrs_deg"])
-    dra_deg = wrap_180(ra_deg - float(satellite["ra_icrs_deg"]))
-    return (
-        dra_deg * math.cos(math.radians(true_dec_deg)) * 3600.0,
-        (dec_deg - true_dec_deg) * 3600.0,
-    )
+    at = float(satellite["ra_icrs_deg"]), float(satellite["dec_icrs_deg"])
+    return _apart_arcsec(ra_deg, dec_deg, *at)
+
+
+def _apart_arcsec(
+    ra_deg: float, dec_deg: float, from_ra_deg: float, from_dec_deg: float
+) -> tuple[float, float]:
+    """(east, north) of one direction from another, small angles."""
+    cos_dec = math.cos(math.radians(from_dec_deg))
+    return wrap_180(ra_deg - from_ra_deg) * cos_dec * 3600.0, (dec_deg - from_dec_deg) * 3600.0
 
 
 def _chi2(measurement: Measurement, east: float, north: float) -> float:

@@ -1,4 +1,4 @@
-"""Clock, mount and camera of one observatory, connected and surely released."""
+"""Clock, mount, camera and guard of one observatory, connected and surely released."""
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -10,6 +10,7 @@ import platformdirs
 from rsoconsole.config import APP, Config
 from rsoconsole.instruments.camera import IndiCamera
 from rsoconsole.instruments.clock import SimulatedClock, SystemClock
+from rsoconsole.instruments.guard import open_guard
 from rsoconsole.instruments.mount import IndiMount
 from rsoconsole.instruments.ports import Clock, Instruments
 
@@ -20,13 +21,15 @@ def connect_instruments(
 ) -> Iterator[Instruments]:
     """Connect the configured mount and camera, each in a process of its own, and a clock.
 
+    Where a weather station or a dome is configured, a guard watches them.
+
     The clock is the simulated observatory's where ``indi.simulated`` says so, else the machine's,
     unless one is given. ``log_dir`` gets what libindi prints; None: the user's log folder.
     Raises InstrumentError when server, mount or camera cannot be reached.
     """
     folder = log_dir or platformdirs.user_log_path(APP)
     with ExitStack() as release:
-        mount = IndiMount(config.indi, folder / "mount.log")
+        mount = IndiMount(config.indi, folder / "mount.log", config.mount)
         release.callback(mount.close)
         camera = IndiCamera(config.indi, config.optics, folder / "camera.log")
         release.callback(camera.close)
@@ -42,6 +45,7 @@ def connect_instruments(
             )
             release.callback(own.close)
             clock = own
+        guard = open_guard(config.indi, release)
         yield Instruments(
             clock=clock,
             mount=mount,
@@ -50,4 +54,5 @@ def connect_instruments(
             port=config.indi.port,
             mount_name=config.indi.mount,
             camera_name=config.indi.camera,
+            guard=guard,
         )

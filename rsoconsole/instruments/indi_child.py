@@ -7,10 +7,12 @@ one would abort the process, so each is guarded and does no more than copy value
 import json
 import os
 import queue
+import signal
 import sys
 import threading
 import time
 import traceback
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -18,7 +20,7 @@ from typing import Any
 import PyIndi
 
 from rsoconsole.errors import InstrumentError, RsoconsoleError
-from rsoconsole.instruments.indi_process import SERVER_LOST
+from rsoconsole.instruments.indi_process import END, SERVER_LOST
 
 _STATES = {
     PyIndi.IPS_IDLE: "Idle",
@@ -27,6 +29,7 @@ _STATES = {
     PyIndi.IPS_ALERT: "Alert",
 }
 _DEVICE_S = 3.0
+_UNREAD_LINES = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +42,8 @@ class Vector:
     values: Mapping[str, Any]
     serial: int
     """Counts up with every update of any property."""
+    is_definition: bool
+    """Told to whoever asks what there is, however old the values are by then."""
     arrived_monotonic_s: float
     """When libindi handed it over; time.monotonic(), the same in all processes of a machine."""
 
@@ -64,6 +69,8 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
         self._told = 0
         self._ready = False
         self.last_message = ""
+        self.has_connected_device = False
+        """Whether this client switched the device's connection on: all it tells is new."""
 
     # Callbacks of PyIndi, on its thread.
 
@@ -72,11 +79,11 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
 
     def newProperty(self, prop: Any) -> None:  # noqa: N802 - PyIndi's name
         """A property was defined."""
-        self._guard(self._store, prop)
+        self._guard(self._store, prop, True)
 
     def updateProperty(self, prop: Any) -> None:  # noqa: N802 - PyIndi's name
         """A property changed."""
-        self._guard(self._store, prop)
+        self._guard(self._store, prop, False)
 
     def removeProperty(self, prop: Any) -> None:  # noqa: N802 - PyIndi's name
         """A property went away."""
@@ -108,6 +115,7 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
                 "set indi.mount and indi.camera to what 'indi_getprop' lists"
             )
         if not self._vectors["CONNECTION"].values.get("CONNECT"):
+            self.has_connected_device = True
             self.connectDevice(self.device)
         for name in needed:
             left_s = max(0.1, deadline_s - time.monotonic())
@@ -169,12 +177,12 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
             self.sendNewProperty(prop)
         return before
 
-    def _store(self, prop: Any) -> None:
+    def _store(self, prop: Any, is_definition: bool) -> None:
         # Before anything else: copying a frame's bytes takes its time.
         arrived_s = time.monotonic()
         if prop.getDeviceName() != self.device:
             return
-        vector = self._vector(prop, arrived_s)
+        vector = self._vector(prop, arrived_s, is_definition)
         with self._changed:
             self._vectors[vector.name] = vector
         # The parent hears of a change before the order that brought it about is answered.
@@ -183,7 +191,7 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
             self._told = vector.serial
             self._changed.notify_all()
 
-    def _vector(self, prop: Any, arrived_s: float) -> Vector:
+    def _vector(self, prop: Any, arrived_s: float, is_definition: bool) -> Vector:
         kind = prop.getType()
         values: dict[str, Any] = {}
         if kind == PyIndi.INDI_NUMBER:
@@ -208,6 +216,7 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
             timestamp=prop.getTimestamp() or "",
             values=values,
             serial=self._serial,
+            is_definition=is_definition,
             arrived_monotonic_s=arrived_s,
         )
 
@@ -226,19 +235,30 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
 
 
 class Mouth:
-    """Writes JSON lines to the parent; keeps everybody else's prints off that pipe."""
+    """Writes JSON lines to the parent; keeps everybody else's prints off that pipe.
+
+    A parent that hangs and reads nothing holds nobody up: the oldest lines are dropped.
+    """
 
     def __init__(self) -> None:
         self._out = os.fdopen(os.dup(1), "wb")
         os.dup2(2, 1)
-        self._speaking = threading.Lock()
+        self._unsaid: deque[bytes] = deque(maxlen=_UNREAD_LINES)
+        self._has_more = threading.Semaphore(0)
+        threading.Thread(target=self._write_all, daemon=True, name="mouth").start()
 
     def say(self, message: Mapping[str, Any]) -> None:
-        """One line; a parent that is gone ends this process by its closed stdin, not here."""
-        line = json.dumps(message).encode() + b"\n"
-        with self._speaking:
+        """One line, at once; a parent that is gone ends this process by its closed stdin."""
+        self._unsaid.append(json.dumps(message).encode() + b"\n")
+        self._has_more.release()
+
+    def _write_all(self) -> None:
+        while True:
+            self._has_more.acquire()
+            if not self._unsaid:
+                continue
             try:
-                self._out.write(line)
+                self._out.write(self._unsaid.popleft())
                 self._out.flush()
             except OSError:
                 return
@@ -247,11 +267,20 @@ class Mouth:
 Handler = Callable[[dict[str, Any]], dict[str, Any]]
 
 
-def run_child(mouth: Mouth, slow: Mapping[str, Handler], urgent: Mapping[str, Handler]) -> None:
-    """Obey JSON lines from stdin until it closes.
+def run_child(
+    mouth: Mouth,
+    slow: Mapping[str, Handler],
+    urgent: Mapping[str, Handler],
+    on_order: Callable[[], None] = lambda: None,
+) -> bool:
+    """Obey JSON lines from stdin; True when the parent took its leave, False when it just went.
 
     ``slow`` orders are carried out one after another, ``urgent`` ones at once beside them.
+    ``on_order`` is called as each arrives. Signals meant for the parent are left to it: it may
+    need this process to come to a safe end.
     """
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     waiting: queue.SimpleQueue[tuple[Handler, dict[str, Any]]] = queue.SimpleQueue()
 
     def obey(handler: Handler, order: dict[str, Any]) -> None:
@@ -269,9 +298,19 @@ def run_child(mouth: Mouth, slow: Mapping[str, Handler], urgent: Mapping[str, Ha
 
     threading.Thread(target=work, daemon=True, name="orders").start()
     for line in sys.stdin.buffer:
-        order = json.loads(line)
+        try:
+            order = json.loads(line)
+        except ValueError:
+            # A parent that is killed may leave half an order behind.
+            continue
+        on_order()
+        if order["verb"] == END:
+            return True
         if order["verb"] in urgent:
             handler = urgent[order["verb"]]
             threading.Thread(target=obey, args=(handler, order), daemon=True).start()
-        else:
+        elif order["verb"] in slow:
             waiting.put((slow[order["verb"]], order))
+        else:
+            mouth.say({"id": order["id"], "error": f"nobody here knows '{order['verb']}'"})
+    return False

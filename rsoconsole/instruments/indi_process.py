@@ -7,6 +7,7 @@ a log file, because libindi writes to the terminal.
 import contextlib
 import json
 import logging
+import select
 import subprocess
 import sys
 import threading
@@ -24,6 +25,15 @@ SERVER_LOST = 3
 _START_S = 20.0
 _END_S = 3.0
 _STATUS_S = 1.0
+_TELL_S = 0.1
+_HUNG_S = 3.0
+ARE_YOU_THERE = "are you there"
+END = "end"
+"""The order with which a parent takes its leave; one that merely goes away gives none."""
+
+
+class _LateError(InstrumentError):
+    """No answer came in time."""
 
 
 class IndiProcess:
@@ -68,15 +78,16 @@ class IndiProcess:
                 return
             if self._is_closed:
                 raise InstrumentError(f"the {self.name} has been closed: connect again")
-            if self._process is not None:
-                self._end(self._process)
+            dead = self._process
+            if dead is not None:
+                self._end(dead)
             self._log_path.parent.mkdir(parents=True, exist_ok=True)
-            with self._log_path.open("ab") as log:
+            with self._log_path.open("ab") as printed:
                 process = subprocess.Popen(
                     [sys.executable, "-m", self._module],
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
-                    stderr=log,
+                    stderr=printed,
                     pass_fds=self._descriptors,
                     # Ctrl+C is the engine's to handle: it stops the mount through this child.
                     start_new_session=True,
@@ -90,6 +101,9 @@ class IndiProcess:
             except InstrumentError:
                 self._end(process)
                 raise
+            if dead is not None:
+                words = "the %s's process had ended (status %s): another one is at work"
+                log.warning(words, self.name, dead.returncode)
 
     def restart(self) -> None:
         """A fresh child in place of this one, dead or alive. Raises InstrumentError."""
@@ -97,6 +111,7 @@ class IndiProcess:
             if self._process is not None:
                 self._process.kill()
                 self._end(self._process)
+                self._process = None
             self.start()
 
     def request(self, verb: str, timeout_s: float, **arguments: Any) -> dict[str, Any]:
@@ -109,7 +124,55 @@ class IndiProcess:
             self.start()
         process = self._process
         assert process is not None
-        return self._ask(process, verb, timeout_s, arguments)
+        try:
+            return self._ask(process, verb, timeout_s, arguments)
+        except _LateError:
+            self._end_if_hung(process)
+            raise
+
+    def end_if_hung(self) -> None:
+        """Kill a child that hears nothing any more; the next order starts another one."""
+        process = self._process
+        if process is not None:
+            self._end_if_hung(process)
+
+    def _end_if_hung(self, process: "subprocess.Popen[bytes]") -> None:
+        try:
+            # Whatever it answers, it does so at once, beside all its other work.
+            self._ask(process, ARE_YOU_THERE, _HUNG_S, {})
+        except _LateError:
+            log.warning("the %s's process hangs: it is ended", self.name)
+            process.kill()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(_STATUS_S)
+        except InstrumentError:
+            return
+
+    def tell(self, verb: str, **arguments: Any) -> bool:
+        """Have the child hear something now or never; False when it cannot.
+
+        Waits for no answer, starts no child, and never hangs on one that reads nothing.
+        """
+        process = self._process
+        if process is None or process.stdin is None or process.poll() is not None:
+            return False
+        if not self._writing.acquire(timeout=_TELL_S):
+            return False
+        try:
+            self._next_id += 1
+            line = json.dumps({"id": self._next_id, "verb": verb, **arguments}).encode() + b"\n"
+            poll = select.poll()
+            poll.register(process.stdin.fileno(), select.POLLOUT)
+            # A pipe with any room takes a short line whole.
+            if not any(event == select.POLLOUT for _, event in poll.poll(0)):
+                return False
+            process.stdin.write(line)
+            process.stdin.flush()
+        except (OSError, ValueError):
+            return False
+        finally:
+            self._writing.release()
+        return True
 
     def wait(
         self, is_done: Callable[[], bool], timeout_s: float, *, starts_again: bool = True
@@ -136,10 +199,11 @@ class IndiProcess:
         return True
 
     def close(self) -> None:
-        """End the child by closing its stdin; kill it where that does not help."""
+        """Take leave of the child and close its stdin; kill it where that does not help."""
         with self._starting:
             self._is_closed = True
             if self._process is not None:
+                self.tell(END)
                 self._end(self._process)
 
     def _ask(
@@ -163,7 +227,7 @@ class IndiProcess:
                 raise self._died(process) from error
         answer = self._await_answer(process, number, time.monotonic() + timeout_s)
         if answer is None:
-            raise InstrumentError(
+            raise _LateError(
                 f"the {self.name} did not answer '{verb}' in {timeout_s:.1f} s: "
                 f"see {self._log_path}"
             )

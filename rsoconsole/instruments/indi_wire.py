@@ -6,17 +6,24 @@ A stream of XML elements without a root. Nothing here depends on PyIndi or on an
 import socket
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.etree import ElementTree as ET
 from xml.sax.saxutils import escape, quoteattr
 
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.after_stop import AfterStop, tracking_after_stop
 from rsoconsole.instruments.ports import StopResult
 
 _MEMBER = {"Number": "oneNumber", "Switch": "oneSwitch", "Text": "oneText"}
 _READ_BYTES = 65536
 _REPEAT_ABORT_S = 0.5
+_TRACKING_S = 1.0
+_SETTLE_S = 1.2
+"""A driver may go back to its own idea of tracking at its next look at the mount."""
+_COORDINATES = "EQUATORIAL_EOD_COORD"
+_PARK = "TELESCOPE_PARK"
+_TRACK_STATE = "TELESCOPE_TRACK_STATE"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +60,8 @@ class IndiWire:
         self._waiting: list[IndiVector] = []
         self.last_message = ""
         """The latest words of any device."""
+        self.deleted: list[tuple[str, str]] = []
+        """Devices and properties that went away, for whoever cares to empty it; name "": all."""
 
     def close(self) -> None:
         """Hang up."""
@@ -123,6 +132,9 @@ class IndiWire:
 
     def _take(self, element: ET.Element) -> None:
         self.last_message = element.get("message") or self.last_message
+        if element.tag == "delProperty":
+            self.deleted.append((element.get("device", ""), element.get("name", "")))
+            return
         verb, kind = element.tag[:3], element.tag[3:].removesuffix("Vector")
         if verb not in ("def", "set") or not element.tag.endswith("Vector") or kind == "BLOB":
             return
@@ -145,42 +157,128 @@ class IndiWire:
         )
 
 
-def stop_mount(host: str, port: int, device: str, timeout_s: float = 2.0) -> StopResult:
+def stop_mount(
+    host: str,
+    port: int,
+    device: str,
+    timeout_s: float = 2.0,
+    *,
+    after_stop: AfterStop = "track",
+    had_tracking: bool | None = None,
+) -> StopResult:
     """Abort motion by a connection of its own and read back that it has ended.
 
-    Sends ABORT at once, before anything is known of the mount, and again while it still moves.
-    Never raises: a server that cannot be reached is a result with ``stopped`` false.
+    Sends ABORT at once, before anything is known of the mount, and again while it still moves;
+    then tracking is turned on or off as ``after_stop`` says. ``had_tracking``: whether there was
+    any to restore, where the caller knows better than the mount, which may have been aborted by
+    another way meanwhile. Never raises: a server that cannot be reached is a result with
+    ``stopped`` false.
     """
     begun_s = time.monotonic()
-    detail = "the mount still moves"
-    stopped = False
+    result = StopResult(stopped=False, ms=0.0, path="indi")
     try:
         wire = IndiWire(host, port, timeout_s)
         try:
-            stopped = _abort_and_read_back(wire, device, begun_s + timeout_s)
+            stop = _WireStop(wire, device)
+            aborts = stop.abort(begun_s + timeout_s)
+            if stop.stands:
+                is_tracking = stop.settle_tracking(after_stop, had_tracking)
+                result = replace(result, stopped=True, is_tracking=is_tracking)
+            else:
+                still = f"the mount still moves after {aborts} aborts in {timeout_s:.1f} s"
+                result = replace(result, detail=still if stop.told else _UNTOLD)
         finally:
             wire.close()
     except InstrumentError as error:
-        detail = str(error)
-    return StopResult(
-        stopped=stopped,
-        ms=(time.monotonic() - begun_s) * 1e3,
-        path="indi",
-        detail="" if stopped else detail,
-    )
+        result = replace(result, detail=str(error))
+    return replace(result, ms=(time.monotonic() - begun_s) * 1e3)
 
 
-def _abort_and_read_back(wire: IndiWire, device: str, deadline_s: float) -> bool:
-    def has_coordinates(vector: IndiVector) -> bool:
-        return vector.device == device and vector.name == "EQUATORIAL_EOD_COORD"
+_UNTOLD = "the mount does not answer: look at its driver and its cable, and at the telescope"
 
-    while time.monotonic() < deadline_s:
-        wire.new("Switch", device, "TELESCOPE_ABORT_MOTION", {"ABORT": "On"})
-        # Only an answer given after the order counts, so the state is asked for behind it.
-        wire.ask(device, "EQUATORIAL_EOD_COORD")
-        repeat_s = min(time.monotonic() + _REPEAT_ABORT_S, deadline_s)
-        while (left_s := repeat_s - time.monotonic()) > 0:
-            vector = wire.wait(has_coordinates, left_s)
-            if vector is not None and vector.state != "Busy":
-                return True
-    return False
+
+class _WireStop:
+    """One STOP by plain connection: what the mount said before and after."""
+
+    def __init__(self, wire: IndiWire, device: str) -> None:
+        self._wire, self._device = wire, device
+        self.told: dict[str, IndiVector] = {}
+        """The latest of each property."""
+        self._first: dict[str, IndiVector] = {}
+        self.stands = False
+
+    def abort(self, deadline_s: float) -> int:
+        """ABORT until the mount stands; how often it was sent. Sets ``stands``."""
+        aborts = 0
+        # Answered in order: one line tells how the mount was before the first ABORT.
+        for name in (_TRACK_STATE, _PARK, _COORDINATES):
+            self._wire.ask(self._device, name)
+        while time.monotonic() < deadline_s and not self.stands:
+            self._wire.new("Switch", self._device, "TELESCOPE_ABORT_MOTION", {"ABORT": "On"})
+            aborts += 1
+            # Only an answer given after the order counts, so the state is asked for behind it.
+            self._wire.ask(self._device, _COORDINATES)
+            repeat_s = min(time.monotonic() + _REPEAT_ABORT_S, deadline_s)
+            while not self.stands and (left_s := repeat_s - time.monotonic()) > 0:
+                self._hear(left_s)
+        return aborts
+
+    def settle_tracking(self, after_stop: AfterStop, had_tracking: bool | None) -> bool | None:
+        """Turn tracking on or off as it is to be; whether it is then, None where untold."""
+        was_parking = self._was_busy(_PARK)
+        wanted = tracking_after_stop(
+            after_stop,
+            was_slewing=self._was_busy(_COORDINATES) and not was_parking,
+            was_parking=was_parking,
+            was_tracking=_is_on(self._first.get(_TRACK_STATE), "TRACK_ON"),
+            is_parked=not was_parking and _is_on(self.told.get(_PARK), "PARK"),
+        )
+        if had_tracking and after_stop == "track":
+            wanted = True
+        if _TRACK_STATE not in self.told:
+            return None
+        if wanted is None:
+            return _is_on(self.told[_TRACK_STATE], "TRACK_ON")
+        member = "TRACK_ON" if wanted else "TRACK_OFF"
+        self._wire.new("Switch", self._device, _TRACK_STATE, {member: "On"})
+        del self.told[_TRACK_STATE]
+        self._wire.ask(self._device, _TRACK_STATE)
+        self._await_tracking(member, time.monotonic() + _TRACKING_S)
+        if self._was_busy(_COORDINATES):
+            self._hold_tracking(member, time.monotonic() + _SETTLE_S)
+        tracking = self.told.get(_TRACK_STATE)
+        return None if tracking is None else _is_on(tracking, "TRACK_ON")
+
+    def _await_tracking(self, member: str, ends_s: float) -> None:
+        while (left_s := ends_s - time.monotonic()) > 0:
+            if _is_on(self.told.get(_TRACK_STATE), member):
+                return
+            self._hear(left_s)
+
+    def _hold_tracking(self, member: str, ends_s: float) -> None:
+        """Say again what is wanted of tracking whenever the driver thinks otherwise."""
+        before = self.told.get(_TRACK_STATE)
+        while (left_s := ends_s - time.monotonic()) > 0:
+            self._hear(left_s)
+            now = self.told.get(_TRACK_STATE)
+            if now is not before and not _is_on(now, member):
+                self._wire.new("Switch", self._device, _TRACK_STATE, {member: "On"})
+            before = now
+
+    def _hear(self, timeout_s: float) -> None:
+        vector = self._wire.wait(lambda each: each.device == self._device, timeout_s)
+        if vector is None:
+            return
+        is_first = vector.name not in self._first
+        self._first.setdefault(vector.name, vector)
+        self.told[vector.name] = vector
+        # The first word on the coordinates was asked for before the order.
+        if vector.name == _COORDINATES and not is_first and vector.state != "Busy":
+            self.stands = True
+
+    def _was_busy(self, name: str) -> bool:
+        return name in self._first and self._first[name].state == "Busy"
+
+
+def _is_on(vector: IndiVector | None, member: str) -> bool:
+    return vector is not None and vector.values.get(member) == "On"

@@ -1,11 +1,14 @@
 """The mount port over a child process, with a second way to STOP beside it."""
 
+import logging
 import threading
 import time
+from collections import deque
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.config import IndiConfig
+from rsoconsole.config import IndiConfig, MountConfig
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.indi_process import IndiProcess
 from rsoconsole.instruments.indi_wire import stop_mount
@@ -13,7 +16,10 @@ from rsoconsole.instruments.ports import MountReport, SiteCheck, StopResult
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import separation_deg
 
+log = logging.getLogger(__name__)
+
 _ORDER_S = 12.0
+_MAX_MESSAGES = 100
 _ABORT_ANSWER_S = 0.1
 _KM_PER_DEG = 111.19
 _SITE_TOLERANCE_KM = 1.0
@@ -23,10 +29,14 @@ _STAMP_NS = 1_000
 class IndiMount:
     """A mount behind INDI; safe for several threads."""
 
-    def __init__(self, config: IndiConfig, log_path: Path) -> None:
-        """Describe the mount; ``start`` connects."""
-        self._config = config
+    def __init__(
+        self, config: IndiConfig, log_path: Path, mount: MountConfig | None = None
+    ) -> None:
+        """Describe the mount; ``start`` connects. ``mount`` None: all as by default."""
+        self._config, self._mount = config, mount or MountConfig()
         self._latest: MountReport | None = None
+        self._tracks_after_stop: bool | None = None
+        self._messages: deque[str] = deque(maxlen=_MAX_MESSAGES)
         self.process = IndiProcess(
             name="mount",
             module="rsoconsole.instruments.mount_child",
@@ -35,6 +45,8 @@ class IndiMount:
                 "port": config.port,
                 "device": config.mount,
                 "simulated": config.simulated,
+                "after_stop": self._mount.after_stop,
+                "lease_s": self._mount.lease_s,
             },
             log_path=log_path,
             on_event=self._on_event,
@@ -66,6 +78,7 @@ class IndiMount:
             return self._latest is not None and self._latest.t_utc_ns >= wanted_utc_ns
 
         if not self.process.wait(is_fresh, timeout_s):
+            self.process.end_if_hung()
             raise InstrumentError(
                 f"the mount has not reported for {timeout_s:.0f} s: check its cable and driver"
             )
@@ -74,27 +87,42 @@ class IndiMount:
         return latest
 
     def abort(self, timeout_s: float = 2.0) -> StopResult:
-        """End motion at once and read back that it has ended; never raises."""
+        """End motion at once and read back that it has ended; never raises.
+
+        Whether tracking is then on is ``mount.after_stop``'s affair; "track" restores it only
+        where the mount tracked, or slewed to where it would.
+        """
         begun_s = time.monotonic()
-        answered: list[bool] = []
+        had_tracking = self._tracks_after_stop
+        answered: list[StopResult] = []
         done = threading.Event()
 
         def through_the_process() -> None:
             try:
-                answered.append(bool(self.process.request("abort", timeout_s)["stopped"]))
-            except InstrumentError:
-                answered.append(False)
+                answer = self.process.request(
+                    "abort", timeout_s + _ABORT_ANSWER_S, had_tracking=had_tracking
+                )
+                answered.append(_to_result(answer, begun_s))
+            except InstrumentError as error:
+                log.warning("STOP does not get through the mount's process: %s", error)
             done.set()
 
         if self.process.pid is not None:
             threading.Thread(target=through_the_process, daemon=True, name="stop").start()
-            if done.wait(_ABORT_ANSWER_S) and answered[0]:
-                ms = (time.monotonic() - begun_s) * 1e3
-                return StopResult(stopped=True, ms=ms, path="mount")
+            if done.wait(_ABORT_ANSWER_S) and answered and answered[0].stopped:
+                return answered[0]
         left_s = max(0.2, timeout_s - (time.monotonic() - begun_s))
-        result = stop_mount(self._config.host, self._config.port, self._config.mount, left_s)
-        ms = (time.monotonic() - begun_s) * 1e3
-        return StopResult(stopped=result.stopped, ms=ms, path="indi", detail=result.detail)
+        result = stop_mount(
+            self._config.host,
+            self._config.port,
+            self._config.mount,
+            left_s,
+            after_stop=self._mount.after_stop,
+            had_tracking=had_tracking,
+        )
+        if not result.stopped and answered and answered[0].stopped:
+            return answered[0]
+        return replace(result, ms=(time.monotonic() - begun_s) * 1e3)
 
     def park(self) -> None:
         """Order the mount to its park position."""
@@ -143,6 +171,23 @@ class IndiMount:
             is_consistent=is_consistent, distance_km=distance_km, reported=reported, detail=detail
         )
 
+    def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
+        """Renew the lease on motion; never raises, never waits, starts no process."""
+        if not self.process.tell("keep", lease_s=lease_s, track_until_utc_ns=track_until_utc_ns):
+            log.debug("the mount's process did not hear that the mount is watched")
+
+    def utc_offset_s(self) -> float | None:
+        """The mount's own clock minus the engine's; None when it does not tell the time."""
+        offset = self.process.request("utc_offset", _ORDER_S)["offset_s"]
+        return None if offset is None else float(offset)
+
+    def take_messages(self) -> tuple[str, ...]:
+        """What the mount's process has done of its own accord since this was last asked."""
+        taken = []
+        while self._messages:
+            taken.append(self._messages.popleft())
+        return tuple(taken)
+
     def restart(self) -> None:
         """A fresh process and a fresh connection."""
         self.process.restart()
@@ -154,7 +199,21 @@ class IndiMount:
     def _on_event(self, message: dict[str, Any]) -> None:
         if message.get("event") == "report":
             self._latest = _to_report(message["report"])
+            self._tracks_after_stop = message["tracks_after_stop"]
+        elif message.get("event") == "message":
+            self._messages.append(str(message["text"]))
+            log.warning("%s", message["text"])
 
 
 def _to_report(table: dict[str, Any]) -> MountReport:
     return MountReport(**table)
+
+
+def _to_result(answer: dict[str, Any], begun_s: float) -> StopResult:
+    return StopResult(
+        stopped=bool(answer["stopped"]),
+        ms=(time.monotonic() - begun_s) * 1e3,
+        path="mount",
+        detail=answer["detail"],
+        is_tracking=answer["is_tracking"],
+    )

@@ -1,22 +1,37 @@
 """The mount's process: ICRS degrees to its parent, hours and epoch of date to INDI.
 
-Run as ``python -m rsoconsole.instruments.mount_child``. When its parent goes away it ends motion
-and restores sidereal tracking before it ends itself.
+Run as ``python -m rsoconsole.instruments.mount_child``. It keeps watch while its parent does not
+(``mount_watch``); when the parent goes away it ends motion, restores sidereal tracking, and stays
+until the limit that the parent last named, or until another process watches.
 """
 
-import math
 import os
 import time
 from typing import Any
 
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.after_stop import AfterStop
 from rsoconsole.instruments.indi_child import IndiClient, Mouth, Vector, run_child
-from rsoconsole.sky.angles import deg_to_hours, hours_to_deg, separation_deg, wrap_180, wrap_360
-from rsoconsole.sky.frames import icrs_to_jnow, jnow_to_icrs
+from rsoconsole.instruments.mount_lease import Lease
+from rsoconsole.instruments.mount_mirror import (
+    COORDINATES,
+    PARK,
+    SIDE,
+    TIME,
+    TRACKING,
+    MountMirror,
+)
+from rsoconsole.instruments.mount_owner import MountOwner
+from rsoconsole.instruments.mount_watch import MountWatch
+from rsoconsole.sky.angles import deg_to_hours, hours_to_deg, separation_deg, wrap_360
+from rsoconsole.sky.frames import icrs_to_jnow
 
-_COORDINATES = "EQUATORIAL_EOD_COORD"
-_TELLING = (_COORDINATES, "TELESCOPE_PARK", "TELESCOPE_TRACK_STATE", "TELESCOPE_PIER_SIDE")
+_TELLING = (COORDINATES, PARK, TRACKING, SIDE)
+_ABORT = "TELESCOPE_ABORT_MOTION"
 _ACK_S = 5.0
+_STOP_S = 2.0
+_REPEAT_ABORT_S = 0.5
+_TRACKING_S = 1.0
 _ARRIVED_ALREADY_DEG = 0.05
 _SAME_SITE_DEG = 0.01
 
@@ -27,23 +42,52 @@ class MountChild:
     def __init__(self, mouth: Mouth) -> None:
         self._mouth = mouth
         self._is_simulated = False
+        self._after_stop: AfterStop = "track"
         self._client: IndiClient | None = None
+        self._mirror: MountMirror | None = None
+        self._watch: MountWatch | None = None
 
     def start(self, order: dict[str, Any]) -> dict[str, Any]:
         """Connect to server and mount."""
         self._is_simulated = bool(order["simulated"])
+        self._after_stop = order["after_stop"]
         client = IndiClient(order["device"], self._on_vector)
-        client.open(order["host"], order["port"], (_COORDINATES, "ON_COORD_SET"))
-        self._client = client
+        client.open(order["host"], order["port"], (COORDINATES, "ON_COORD_SET"))
+        self._client, self._mirror = client, MountMirror(client, self._is_simulated)
+        self._watch = MountWatch(
+            lease=Lease(float(order["lease_s"])),
+            mirror=self._mirror,
+            owner=MountOwner(order["host"], order["port"], order["device"]),
+            stop=lambda: self._stop("track"),
+            track=self._track,
+            say=lambda text: self._mouth.say({"event": "message", "text": text}),
+        )
+        self._watch.start()
         if self._is_simulated:
             before = client.send_switch("SIM_REPORT", "NOW")
-            self._expect(client.wait(_COORDINATES, lambda _: True, _ACK_S, before), "report")
+            self._expect(client.wait(COORDINATES, lambda _: True, _ACK_S, before), "report")
+        return {}
+
+    def on_order(self) -> None:
+        """An order has come: somebody is there."""
+        if self._watch is not None:
+            self._watch.lease.heard(time.monotonic())
+
+    def keep(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Somebody watches the mount, and knows when it will run into a limit."""
+        if self._watch is not None:
+            self._watch.keep(float(order["lease_s"]), order["track_until_utc_ns"])
         return {}
 
     def slew(self, order: dict[str, Any]) -> dict[str, Any]:
         """Go to an ICRS direction and track; answers when the mount has taken the order."""
-        client = self._ready()
+        client, mirror = self._ready()
         self._refuse_if_parked()
+        if mirror.is_parking:
+            raise InstrumentError("the mount is on its way to its park position: unpark it first")
+        if self._watch is not None:
+            self._watch.slew_begins()
+            self._watch.let_tracking()
         ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(
             order["ra_icrs_deg"], order["dec_icrs_deg"], order["now_utc_ns"]
         )
@@ -51,7 +95,7 @@ class MountChild:
         if on_set is None or not on_set.values.get("TRACK"):
             self._switch("ON_COORD_SET", "TRACK")
         target = {"RA": deg_to_hours(float(ra_jnow_deg)), "DEC": float(dec_jnow_deg)}
-        before = client.send_numbers(_COORDINATES, target)
+        before = client.send_numbers(COORDINATES, target)
 
         def is_answer(vector: Vector) -> bool:
             if vector.state in ("Busy", "Alert"):
@@ -62,7 +106,7 @@ class MountChild:
             )
             return bool(distance_deg < _ARRIVED_ALREADY_DEG)
 
-        answer = client.wait(_COORDINATES, is_answer, _ACK_S, before)
+        answer = client.wait(COORDINATES, is_answer, _ACK_S, before)
         if answer is None:
             raise InstrumentError(
                 f"the mount did not start to slew in {_ACK_S:.0f} s: "
@@ -74,51 +118,49 @@ class MountChild:
             )
         return {}
 
-    def abort(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """End motion; answers when the mount says that it stands."""
-        client = self._ready()
-        known = client.get(_COORDINATES)
-        was_moving = known is None or known.state == "Busy"
-        before = client.send_switch("TELESCOPE_ABORT_MOTION", "ABORT")
-        if was_moving:
-            stands = client.wait(_COORDINATES, lambda v: v.state != "Busy", _ACK_S, before)
-        else:
-            stands = client.wait("TELESCOPE_ABORT_MOTION", lambda _: True, _ACK_S, before)
-            self._await_report(before)
-        return {"stopped": stands is not None}
+    def abort(self, order: dict[str, Any]) -> dict[str, Any]:
+        """End motion; answers when the mount says that it stands, or has not for 2 s."""
+        return self._stop(self._after_stop, had_tracking=bool(order.get("had_tracking")))
 
     def park(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """Send the mount to its park position."""
-        client = self._ready()
-        before = client.send_switch("TELESCOPE_PARK", "PARK")
-        self._expect(client.wait("TELESCOPE_PARK", lambda _: True, _ACK_S, before), "park")
-        self._await_report(before)
+        """Send the mount to its park position; one that is parked stays so."""
+        client, mirror = self._ready()
+        if mirror.is_parked or mirror.is_parking:
+            return {}
+        before = client.send_switch(PARK, "PARK")
+        answer = self._expect(client.wait(PARK, lambda _: True, _ACK_S, before), "park")
+        self._await_report(answer.serial)
         return {}
 
     def unpark(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """Release the mount."""
-        client = self._ready()
-        if self._is_parked():
-            before = client.send_switch("TELESCOPE_PARK", "UNPARK")
+        """Release the mount; one on its way to its park position is stopped."""
+        client, mirror = self._ready()
+        if mirror.is_parking:
+            self._stop("track")
+        if mirror.is_parked:
+            before = client.send_switch(PARK, "UNPARK")
             released = client.wait(
-                "TELESCOPE_PARK", lambda v: not v.values.get("PARK", False), _ACK_S, before
+                PARK, lambda v: v.state == "Alert" or not v.values.get("PARK"), _ACK_S, before
             )
-            self._expect(released, "unpark")
-            self._await_report(before)
+            self._await_report(self._expect(released, "unpark").serial)
         return {}
 
     def set_tracking(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Sidereal tracking on or off."""
+        """Sidereal tracking on or off; a slew under way takes it at its arrival."""
         self._refuse_if_parked()
-        before = self._switch(
-            "TELESCOPE_TRACK_STATE", "TRACK_ON" if order["is_on"] else "TRACK_OFF"
-        )
-        self._await_report(before)
+        wanted = bool(order["is_on"])
+        if self._watch is not None:
+            self._watch.let_tracking()
+        if self._track(wanted) is not wanted and not self._ready()[1].is_moving:
+            raise InstrumentError(
+                f"the mount did not turn tracking {'on' if wanted else 'off'}: "
+                "look at its driver's log"
+            )
         return {}
 
     def set_site(self, order: dict[str, Any]) -> dict[str, Any]:
         """Tell the mount where it stands; INDI's longitude runs from 0 to 360 east."""
-        client = self._ready()
+        client, _ = self._ready()
         latitude_deg = float(order["latitude_deg"])
         before = client.send_numbers(
             "GEOGRAPHIC_COORD",
@@ -140,118 +182,142 @@ class MountChild:
 
     def site(self, _order: dict[str, Any]) -> dict[str, Any]:
         """Where the mount believes to stand."""
-        vector = self._ready().get("GEOGRAPHIC_COORD")
-        if vector is None:
-            return {"site": None}
-        return {
-            "site": {
-                "latitude_deg": vector.values["LAT"],
-                "longitude_deg": wrap_180(vector.values["LONG"]),
-                "elevation_m": vector.values.get("ELEV", 0.0),
-            }
-        }
+        return {"site": self._ready()[1].site()}
+
+    def utc_offset(self, _order: dict[str, Any]) -> dict[str, Any]:
+        """How far the mount's clock is off."""
+        client, mirror = self._ready()
+        if self._is_simulated:
+            before = client.send_switch("SIM_REPORT", "NOW")
+            client.wait(TIME, lambda _: True, _ACK_S, before)
+        return {"offset_s": mirror.utc_offset_s()}
 
     def report(self, _order: dict[str, Any]) -> dict[str, Any]:
-        """The mount's state: INDI speaks only of changes, so the last word still holds."""
-        vector = self._ready().get(_COORDINATES)
-        assert vector is not None
-        return {"report": self._report(vector, time.time_ns())}
+        """The mount's state."""
+        return {"report": self._ready()[1].fresh_report()}
 
-    def leave_safely(self) -> None:
-        """End motion and restore sidereal tracking: nobody is left to watch the mount."""
-        if self._client is None:
+    def leave(self, *, is_orderly: bool) -> None:
+        """End motion and restore sidereal tracking; then watch on where the parent just went.
+
+        A mount on its way to its park position is let go there, and one that stands still
+        stays still: both are safe.
+        """
+        if self._watch is None or self._mirror is None:
             return
-        self.abort({})
-        if not self._is_parked() and self._client.get("TELESCOPE_TRACK_STATE") is not None:
-            self._switch("TELESCOPE_TRACK_STATE", "TRACK_ON")
+        self._watch.end()
+        if not self._watch.is_taken_over and not self._mirror.is_parking:
+            self._stop("track")
+        if not is_orderly:
+            self._watch.stand_guard()
+        self._watch.owner.release()
+
+    def _stop(self, after_stop: AfterStop, *, had_tracking: bool = False) -> dict[str, Any]:
+        """ABORT, again while the mount still moves, and the read-back; then tracking as wanted.
+
+        ``had_tracking``: there was some when STOP was called for, whatever came meanwhile.
+        """
+        client, mirror = self._ready()
+        was_moving = mirror.is_moving or client.get(COORDINATES) is None
+        wanted = mirror.tracking_after(after_stop)
+        if had_tracking and after_stop == "track" and not mirror.is_parked:
+            wanted = True
+        first, aborts, stands = client.serial(), 0, None
+        ends_s = time.monotonic() + _STOP_S
+        while stands is None and (left_s := ends_s - time.monotonic()) > 0:
+            client.send_switch(_ABORT, "ABORT")
+            aborts += 1
+            awaited = COORDINATES if was_moving else _ABORT
+            stands = client.wait(
+                awaited,
+                lambda v: v.name != COORDINATES or v.state != "Busy",
+                min(left_s, _REPEAT_ABORT_S),
+                first,
+            )
+        if stands is not None and not was_moving:
+            self._await_report(stands.serial)
+        is_tracking = None
+        if stands is not None:
+            is_tracking = mirror.is_tracking if wanted is None else self._track(wanted)
+            if wanted is not None and self._watch is not None:
+                self._watch.hold_tracking(wanted)
+        detail = "" if stands else f"the mount still moves after {aborts} aborts in {_STOP_S:g} s"
+        return {"stopped": stands is not None, "is_tracking": is_tracking, "detail": detail}
+
+    def _track(self, is_on: bool) -> bool | None:
+        """Tracking on or off, and whether it is then; None for a mount that does not tell."""
+        client, mirror = self._ready()
+        if client.get(TRACKING) is None:
+            return None
+        member = "TRACK_ON" if is_on else "TRACK_OFF"
+        answer = self._switch(TRACKING, member)
+        client.wait(TRACKING, lambda v: bool(v.values.get(member)), _TRACKING_S, answer.serial - 1)
+        self._await_report(answer.serial)
+        return mirror.is_tracking
 
     def _on_vector(self, vector: Vector) -> None:
-        if vector.name not in _TELLING or self._client is None:
+        if vector.name not in _TELLING or self._client is None or self._mirror is None:
             return
-        if self._is_simulated:
-            # The simulated mount sends its time just before its coordinates.
-            if vector.name == _COORDINATES:
-                sim_time = self._client.get("SIM_TIME")
-                self._say(vector, int(sim_time.values["UTC_NS"]) if sim_time else 0)
-            return
-        coordinates = self._client.get(_COORDINATES)
-        if coordinates is not None:
-            self._say(coordinates, time.time_ns())
+        # The simulated mount sends its time just before its coordinates.
+        if not self._is_simulated or vector.name == COORDINATES:
+            coordinates = self._client.get(COORDINATES)
+            if coordinates is not None:
+                self._tell(coordinates)
+        if self._watch is not None:
+            self._watch.look(is_moving=self._mirror.is_moving)
 
-    def _say(self, vector: Vector, t_utc_ns: int) -> None:
-        self._mouth.say({"event": "report", "report": self._report(vector, t_utc_ns)})
-
-    def _report(self, vector: Vector, t_utc_ns: int) -> dict[str, Any]:
-        client = self._ready()
-        ra_deg, dec_deg = jnow_to_icrs(
-            hours_to_deg(vector.values["RA"]), vector.values["DEC"], t_utc_ns
+    def _tell(self, coordinates: Vector) -> None:
+        assert self._mirror is not None
+        self._mouth.say(
+            {
+                "event": "report",
+                "report": self._mirror.report(coordinates, self._mirror.now_utc_ns()),
+                "tracks_after_stop": self._mirror.tracking_after("track"),
+            }
         )
-        if not (math.isfinite(float(ra_deg)) and math.isfinite(float(dec_deg))):
-            raise InstrumentError("the mount reports no direction: home or align it")
-        park, side = client.get("TELESCOPE_PARK"), client.get("TELESCOPE_PIER_SIDE")
-        tracking = client.get("TELESCOPE_TRACK_STATE")
-        is_slewing = vector.state == "Busy" or (park is not None and park.state == "Busy")
-        is_parked = self._is_parked()
-        pier_side = None
-        if side is not None and side.values.get("PIER_EAST") != side.values.get("PIER_WEST"):
-            pier_side = "east" if side.values["PIER_EAST"] else "west"
-        return {
-            "t_utc_ns": t_utc_ns,
-            "ra_icrs_deg": float(ra_deg),
-            "dec_icrs_deg": float(dec_deg),
-            "is_slewing": is_slewing,
-            "is_parked": is_parked,
-            "is_tracking": not is_parked
-            and (tracking is None or bool(tracking.values.get("TRACK_ON"))),
-            "pier_side": pier_side,
-        }
-
-    def _is_parked(self) -> bool:
-        park = self._ready().get("TELESCOPE_PARK")
-        return park is not None and park.state != "Busy" and bool(park.values.get("PARK"))
 
     def _refuse_if_parked(self) -> None:
-        if self._is_parked():
+        if self._ready()[1].is_parked:
             raise InstrumentError("the mount is parked and takes no orders: unpark it first")
 
-    def _switch(self, name: str, member: str) -> int:
-        client = self._ready()
+    def _switch(self, name: str, member: str) -> Vector:
+        client, _ = self._ready()
         before = client.send_switch(name, member)
-        self._expect(client.wait(name, lambda _: True, _ACK_S, before), f"set {name}")
-        return before
+        return self._expect(client.wait(name, lambda _: True, _ACK_S, before), f"set {name}")
 
-    def _await_report(self, before: int) -> None:
-        """The simulated mount reports after every order: wait, so that nobody sees it older."""
+    def _await_report(self, answered: int) -> None:
+        """The simulated mount reports behind every answer: wait, so that nobody sees it older."""
         if self._is_simulated:
-            self._ready().wait(_COORDINATES, lambda _: True, _ACK_S, before)
+            self._ready()[0].wait(COORDINATES, lambda _: True, _ACK_S, answered)
 
-    def _expect(self, answer: Vector | None, what: str) -> None:
-        words = self._ready().last_message
+    def _expect(self, answer: Vector | None, what: str) -> Vector:
+        words = self._ready()[0].last_message
         if answer is None:
             raise InstrumentError(
                 f"the mount did not {what} in {_ACK_S:.0f} s: look at its driver's log. {words}"
             )
         if answer.state == "Alert":
             raise InstrumentError(f"the mount refused to {what}: {words or 'no reason given'}")
+        return answer
 
-    def _ready(self) -> IndiClient:
-        if self._client is None:
+    def _ready(self) -> tuple[IndiClient, MountMirror]:
+        if self._client is None or self._mirror is None:
             raise InstrumentError("the mount is not connected: start it first")
-        return self._client
+        return self._client, self._mirror
 
 
 def main() -> None:
     """Obey until the parent goes away."""
     child = MountChild(Mouth())
     orders = [child.start, child.slew, child.park, child.unpark, child.set_tracking]
-    orders += [child.set_site, child.site]
+    orders += [child.set_site, child.site, child.utc_offset]
     try:
-        run_child(
+        is_orderly = run_child(
             child._mouth,
             slow={order.__name__: order for order in orders},
-            urgent={"abort": child.abort, "report": child.report},
+            urgent={"abort": child.abort, "report": child.report, "keep": child.keep},
+            on_order=child.on_order,
         )
-        child.leave_safely()
+        child.leave(is_orderly=is_orderly)
     finally:
         # PyIndi's threads do not survive an orderly end of the interpreter.
         os._exit(0)

@@ -26,6 +26,9 @@ class MountReport:
     is_tracking: bool
     pier_side: PierSide | None
     """Side of the pier the telescope is on; None when the mount does not tell."""
+    age_s: float = 0.0
+    """How old the driver's word was, wall clock; 0 in the simulated observatory. A mount that
+    only tracks may be silent for long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +41,8 @@ class StopResult:
     path: Literal["mount", "indi"]
     """Through the mount's own process, or by a second plain connection to the INDI server."""
     detail: str = ""
+    is_tracking: bool | None = None
+    """Whether the mount tracked afterwards, by read-back; None where that is not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +54,27 @@ class SiteCheck:
     """None when the mount does not tell its site."""
     reported: Site | None
     detail: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkyReport:
+    """What the weather station and the dome say, at one instant."""
+
+    weather: Literal["ok", "warning", "alert", "silent"] | None
+    """None where no station is configured; "silent" where it is and does not answer."""
+    dome: Literal["open", "closed", "moving", "silent"] | None
+    detail: str = ""
+    """In the driver's words, or why it is silent."""
+
+
+class GuardPort(Protocol):
+    """Whoever watches weather and dome."""
+
+    def look(self) -> SkyReport:
+        """The latest word, at once; never raises."""
+
+    def close(self) -> None:
+        """Hang up."""
 
 
 class Clock(Protocol):
@@ -112,6 +138,17 @@ class MountPort(Protocol):
     def check_site(self, site: Site) -> SiteCheck:
         """Compare the mount's site with the configured one."""
 
+    def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
+        """Renew the lease on motion: somebody watches the mount.
+
+        Without another call within ``lease_s`` (wall clock) a slew is ended and the mount goes
+        back to sidereal tracking; at ``track_until_utc_ns`` (the instant of the next limit, by
+        the machine's clock) tracking ends unless a later one has been given. Never raises.
+        """
+
+    def utc_offset_s(self) -> float | None:
+        """The mount's own clock minus the engine's; None when it does not tell the time."""
+
     def restart(self) -> None:
         """A fresh process and a fresh connection."""
 
@@ -160,3 +197,5 @@ class Instruments:
     port: int
     mount_name: str
     camera_name: str
+    guard: GuardPort | None = None
+    """None where neither weather station nor dome is configured."""

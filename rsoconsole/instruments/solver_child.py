@@ -1,6 +1,7 @@
 """The parent's side of the solver process: start, ask with a deadline, kill, start again."""
 
 import contextlib
+import logging
 import socket
 import subprocess
 import sys
@@ -10,6 +11,8 @@ from multiprocessing.connection import Connection
 
 from rsoconsole.errors import SolverError
 from rsoconsole.instruments.solver_process import MatchReply, MatchRequest, Ready
+
+log = logging.getLogger(__name__)
 
 _CODE = (
     "import sys; sys.path[:] = sys.argv[2:]; "
@@ -80,7 +83,7 @@ class SolverChild:
                 connection.send(request)
                 return connection
             except (EOFError, OSError):
-                self._kill(0.0)
+                self._bury()
         raise SolverError("the solver process dies as soon as it starts: reinstall rsoconsole")
 
     def _await_ready(self, connection: Connection) -> None:
@@ -99,16 +102,18 @@ class SolverChild:
             if connection.poll(max(0.0, ends - time.monotonic())):
                 return connection.recv()
         except (EOFError, OSError) as error:
-            self._restart()
+            self._bury()
+            self._ensure()
             raise SolverDied from error
-        self._restart()
+        self._kill(0.0)
+        self._ensure()
         raise SolverTimeout
 
     def _ensure(self) -> Connection:
         if self._connection is not None and self._process is not None:
             if self._process.poll() is None:
                 return self._connection
-            self._kill(0.0)
+            self._bury()
         ours, theirs = socket.socketpair()
         try:
             self._process = subprocess.Popen(
@@ -128,9 +133,12 @@ class SolverChild:
         self._is_ready = False
         return self._connection
 
-    def _restart(self) -> None:
+    def _bury(self) -> None:
+        """Clear away a process that ended without being told to, and say so."""
+        process = self._process
         self._kill(0.0)
-        self._ensure()
+        status = None if process is None else process.returncode
+        log.warning("the plate solver's process ended (status %s): another one starts", status)
 
     def _kill(self, grace_s: float) -> None:
         """Close the socket, which ends a healthy process, and kill one that does not listen."""

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from rsoconsole.config import ExposureConfig
-from rsoconsole.records import Detection, Frame, Measurement, Solution, Source
+from rsoconsole.records import Detection, Frame, FrameTaken, Measurement, Solution, Source
 from rsoconsole.sky.wcs import jacobian_arcsec_px, pixel_to_sky
 
 AIR_ARCSEC_ROOT_S = 0.40
@@ -15,7 +15,7 @@ AIR_ARCSEC_ROOT_S = 0.40
 """
 
 
-def shutter_mid_utc_ns(frame: Frame, exposure: ExposureConfig) -> int | None:
+def shutter_mid_utc_ns(frame: Frame | FrameTaken, exposure: ExposureConfig) -> int | None:
     """Middle of the exposure by the shutter: the header's plus the camera's known latency."""
     if frame.t_mid_utc_ns is None:
         return None
@@ -25,7 +25,7 @@ def shutter_mid_utc_ns(frame: Frame, exposure: ExposureConfig) -> int | None:
 def measure(
     detection: Detection,
     solution: Solution,
-    frame: Frame,
+    frame: Frame | FrameTaken,
     exposure: ExposureConfig,
     source: Source = "network",
 ) -> Measurement | None:

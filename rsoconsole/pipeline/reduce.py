@@ -3,7 +3,9 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.measure import measure
@@ -11,6 +13,9 @@ from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.detector import Proposer, StreakDetector
+from rsoconsole.vision.stars import StarList
+
+BRIGHTEST_STARS = slice(20, 60)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,11 +29,8 @@ class Reduction:
     star_count: int
     fwhm_px: float | None
     absence: str
-    """Why there is no measurement, when there is none."""
+    """Why there is no measurement, when there is none; ``pipeline.absence`` tells what hides it."""
     stage_ms: dict[str, float] = field(default_factory=dict)
-
-
-FEW_STARS = 8
 
 
 class FrameReducer:
@@ -76,27 +78,40 @@ class FrameReducer:
         if isinstance(solution, Solution):
             made = (measure(d, solution, frame, self._config.exposure) for d in found.detections)
             measurements = tuple(m for m in made if m is not None)
+        star_count = len(analysis.stars.x_px)
         return Reduction(
-            detections=found,
+            detections=replace(
+                found, star_count=star_count, star_flux_adu=typical_flux_adu(analysis.stars)
+            ),
             solution=solution,
             measurements=measurements,
-            star_count=len(analysis.stars.x_px),
+            star_count=star_count,
             fwhm_px=analysis.stars.median_fwhm_px,
-            absence=_absence(found, solution, frame, len(analysis.stars.x_px)),
+            absence=plain_absence(found, solution, frame.t_mid_utc_ns),
             stage_ms=stage_ms,
         )
 
 
-def _absence(
-    found: Detections, solution: Solution | NotSolved | None, frame: Frame, star_count: int
+def typical_flux_adu(stars: StarList) -> float | None:
+    """Median flux of the 20th to 60th brightest star; None where there are fewer.
+
+    What cloud takes away shows in it before stars disappear; the very brightest are saturated
+    and few, so that each that enters the field would count.
+    """
+    if len(stars) < BRIGHTEST_STARS.stop:
+        return None
+    return float(np.median(stars.flux[BRIGHTEST_STARS]))
+
+
+def plain_absence(
+    found: Detections, solution: Solution | NotSolved | None, t_mid_utc_ns: int | None
 ) -> str:
+    """Why a frame without a measurement has none, by its own records alone."""
     if not found.detections:
-        if star_count < FEW_STARS:
-            return f"no detection, only {star_count} stars: cloud?"
         return "no detection"
     if isinstance(solution, NotSolved):
         return f"detected, but not solved: {solution.reason}"
-    if frame.t_mid_utc_ns is None:
+    if t_mid_utc_ns is None:
         return "the frame has no time"
     return "not measured"
 

@@ -46,7 +46,8 @@ class SessionReader:
         if not self._database.is_file():
             what = "does not exist" if not self.folder.exists() else f"holds no {DATABASE}"
             raise SessionError(
-                f"{self.folder} {what}: name a session's folder ('rsoconsole sessions' lists them)"
+                f"{self.folder} {what}: name a session's folder, such as 'rsoconsole engine' and "
+                "'rsoconsole demo' name when they begin (session.root, a folder a night)"
             )
         ((application_id,),) = self._fetch("PRAGMA application_id")
         if application_id != APPLICATION_ID:

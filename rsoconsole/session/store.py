@@ -1,5 +1,6 @@
 """Sessions under one root: their names, what is in each, how much disk they take."""
 
+import os
 import re
 import unicodedata
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.schema import DATABASE
 
 _MAX_TITLE = 40
+LOOKED_AT = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +57,42 @@ def list_sessions(root: Path) -> tuple[SessionSummary, ...]:
     except OSError as error:
         raise SessionError(f"{root} cannot be looked into: {error}") from error
     return tuple(summarise(folder) for folder in folders)
+
+
+def cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
+    """The newest session under ``root`` if its engine died before it could close it.
+
+    Sessions of simulated and of real nights are told apart; one whose engine still lives is not
+    cut off. Raises SessionError when the root cannot be looked into.
+    """
+    try:
+        folders = [path for path in root.iterdir() if (path / DATABASE).exists()]
+        newest = sorted(folders, key=lambda path: (path / DATABASE).stat().st_mtime, reverse=True)
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise SessionError(f"{root} cannot be looked into: {error}") from error
+    for folder in newest[:LOOKED_AT]:
+        try:
+            about = SessionReader(folder).about()
+        except SessionError:
+            continue
+        if about.get("is_simulated") is is_simulated:
+            is_over = about.get("is_closed") is True or _is_alive(about.get("pid"))
+            return None if is_over else folder
+    return None
+
+
+def _is_alive(pid: object) -> bool:
+    if not isinstance(pid, int):
+        return False
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def summarise(folder: Path) -> SessionSummary:

@@ -1,10 +1,14 @@
 """Short ways to say INDI property vectors, stamped with simulated time."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import datetime, timedelta, timezone
+from math import isfinite
 from typing import Any
 
 from indipydriver import (
+    LightMember,
+    LightVector,
     NumberMember,
     NumberVector,
     SwitchMember,
@@ -58,6 +62,12 @@ def texts(name: str, group: str, values: Mapping[str, str], *, perm: str = "ro")
     )
 
 
+def lights(name: str, group: str, values: Mapping[str, str], *, state: str = "Ok") -> Any:
+    """A light vector; every light and the whole are Idle, Ok, Busy or Alert."""
+    members = [LightMember(key, key, value) for key, value in values.items()]
+    return LightVector(name, name, group, state, members)
+
+
 def turn_on(vector: Any, member: str | None) -> bool:
     """Set exactly this member of a switch vector on; True when that changed anything."""
     before = {key: vector[key] for key in vector}
@@ -69,3 +79,14 @@ def turn_on(vector: Any, member: str | None) -> bool:
 def asked_for(event: Mapping[str, str]) -> str | None:
     """The member that a new switch vector turns on."""
     return next((key for key, value in event.items() if value == "On"), None)
+
+
+def asked_numbers(device: Any, event: Mapping[str, str]) -> dict[str, float]:
+    """The members of a new number vector; those that are no numbers are passed over."""
+    found = {}
+    for key, value in event.items():
+        with suppress(TypeError, ValueError):
+            number = float(device.indi_number_to_float(value))
+            if isfinite(number):
+                found[key] = number
+    return found

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +17,8 @@ from rsoconsole.errors import InstrumentError
 HOST = "127.0.0.1"
 MOUNT_NAME = "Telescope Simulator"
 CAMERA_NAME = "CCD Simulator"
+WEATHER_NAME = "Weather Simulator"
+DOME_NAME = "Dome Simulator"
 _START_S = 60.0
 
 
@@ -28,6 +31,8 @@ class Observatory:
         self.port = port
         self.mount_name = MOUNT_NAME
         self.camera_name = CAMERA_NAME
+        self.weather_name = WEATHER_NAME
+        self.dome_name = DOME_NAME
 
     def stop(self, timeout_s: float = 5.0) -> None:
         """End it; a process that does not go in time is killed."""
@@ -63,13 +68,17 @@ def start_observatory(
     height_px: int | None = None,
     log_path: Path | None = None,
     stage: str | None = None,
+    weather: Sequence[tuple[float, str]] = (),
+    dome: Sequence[tuple[float, str]] = (),
 ) -> Observatory:
     """Start the observatory in a process of its own and wait until it listens on 127.0.0.1.
 
     ``speed``: virtual seconds a wall second, 0 or infinity for at once. ``truth_path``: a file
     that gets one JSON line a frame. ``width_px``, ``height_px``: a smaller sensor. ``stage``:
-    ``module:function`` giving another stage than the scenarios'. Raises InstrumentError when the
-    observatory does not come up, with the last of what it said.
+    ``module:function`` giving another stage than the scenarios'. ``weather``, ``dome``: what they
+    become, as (seconds since the night's start, "ok" | "warning" | "alert") and (seconds, "open" |
+    "closed" | "moving"); fine and open unless told. Raises InstrumentError when the observatory
+    does not come up, with the last of what it said.
     """
     settings = {
         "scenario": scenario_name,
@@ -79,6 +88,8 @@ def start_observatory(
         "width_px": width_px,
         "height_px": height_px,
         "stage": stage,
+        "weather": list(weather),
+        "dome": list(dome),
     }
     with _log_file(log_path) as log:
         process = subprocess.Popen(

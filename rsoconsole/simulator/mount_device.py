@@ -8,10 +8,19 @@ from typing import Any
 from indipydriver import Device
 
 from rsoconsole.records import Site
-from rsoconsole.simulator.indi_vectors import asked_for, numbers, stamp, switches, texts, turn_on
+from rsoconsole.simulator.indi_vectors import (
+    asked_for,
+    asked_numbers,
+    numbers,
+    stamp,
+    switches,
+    texts,
+    turn_on,
+)
+from rsoconsole.simulator.mount_faults import MountFaults
 from rsoconsole.simulator.mount_model import MountModel
 from rsoconsole.sky.angles import deg_to_hours, hours_to_deg, wrap_360
-from rsoconsole.sky.times import utc_ns_to_iso
+from rsoconsole.sky.times import iso_to_utc_ns, utc_ns_to_iso
 
 _GROUP = "Main Control"
 
@@ -62,9 +71,9 @@ class MountDevice:
         # libindi's clients do not see the stamps of vectors.
         self._sim_time = texts("SIM_TIME", _GROUP, {"UTC_NS": str(now_utc_ns())})
         self._reporting = asyncio.Lock()
-        self._time = texts(
-            "TIME_UTC", "Site", {"UTC": self._iso(now_utc_ns()), "OFFSET": "0"}, perm="rw"
-        )
+        self.faults = MountFaults()
+        self._clock_error_ns = 0
+        self._time = texts("TIME_UTC", "Site", {"UTC": self._iso(), "OFFSET": "0"}, perm="rw")
         others = [
             # A fresh client asks for a report with its simulated time.
             switches("SIM_REPORT", _GROUP, ("NOW",), None, rule="AtMostOne"),
@@ -103,6 +112,7 @@ class MountDevice:
                 self._side,
                 self._site,
                 self._time,
+                self.faults.vector,
                 *others,
             ],
         )
@@ -115,17 +125,23 @@ class MountDevice:
             "TELESCOPE_ABORT_MOTION": self._handle_abort,
             "TELESCOPE_PARK": self._handle_park,
             "TELESCOPE_TRACK_STATE": self._handle_tracking,
+            "GEOGRAPHIC_COORD": self._handle_site,
+            "TIME_UTC": self._handle_time,
+            "SIM_FAULTS": self._handle_faults,
+            "SIM_REPORT": self._handle_report,
         }
         action = actions.get(event.vectorname)
-        if event.vectorname == "SIM_REPORT":
-            await self.report()
-        elif action is not None:
+        if self.faults.ignores(event):
+            return
+        if action is not None:
             await action(event)
         else:
             await self._acknowledge(event.vector)
 
     async def report(self) -> None:
         """Tell every client the mount's present state; time and coordinates come last."""
+        if self.faults.is_silent:
+            return
         async with self._reporting:
             t_utc_ns = self._now_utc_ns()
             now = self._model.instant(t_utc_ns)
@@ -143,6 +159,34 @@ class MountDevice:
             await self._coordinates.send_setVector(
                 timestamp=stamp(t_utc_ns), state="Busy" if now.is_slewing else "Ok"
             )
+
+    def refresh(self) -> None:
+        """Bring up to date what is told only when somebody asks."""
+        self._time["UTC"] = self._iso()
+        self._sim_time["UTC_NS"] = str(self._now_utc_ns())
+
+    async def _handle_report(self, _event: Any) -> None:
+        await self._acknowledge(self._time)
+        await self.report()
+
+    async def _handle_site(self, event: Any) -> None:
+        """The mount believes what it is told; where it stands and what it shows stays."""
+        for key, value in asked_numbers(self.device, event).items():
+            self._site[key] = repr(wrap_360(value) if key == "LONG" else value)
+        await self._acknowledge(self._site)
+
+    async def _handle_time(self, event: Any) -> None:
+        try:
+            told_utc_ns = iso_to_utc_ns(event["UTC"])
+        except (KeyError, ValueError):
+            await self._refuse("UTC is a time like 2023-06-22T03:04:05", self._time)
+            return
+        self._clock_error_ns = told_utc_ns - self._now_utc_ns()
+        await self._acknowledge(self._time)
+
+    async def _handle_faults(self, event: Any) -> None:
+        self.faults.set(asked_numbers(self.device, event))
+        await self._acknowledge(self.faults.vector)
 
     async def _handle_coordinates(self, event: Any) -> None:
         t_utc_ns = self._now_utc_ns()
@@ -173,6 +217,8 @@ class MountDevice:
     async def _handle_abort(self, _event: Any) -> None:
         t_utc_ns = self._now_utc_ns()
         self._model.abort(t_utc_ns)
+        if self.faults.abort_ends_tracking:
+            self._model.set_tracking(False, t_utc_ns)
         turn_on(self._abort, None)
         await self._acknowledge(self._abort)
         await self.report()
@@ -202,10 +248,13 @@ class MountDevice:
         turn_on(self._tracking, asked_for(event))
         await self._acknowledge(self._tracking)
         await self.report()
+        if asked_for(event) == "TRACK_OFF" and self.faults.takes_back_tracking_off():
+            self._model.set_tracking(True, t_utc_ns)
+            await self.report()
 
     async def _acknowledge(self, vector: Any) -> None:
         if vector is self._time:
-            self._time["UTC"] = self._iso(self._now_utc_ns())
+            self._time["UTC"] = self._iso()
         await vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state="Ok")
 
     async def _refuse(self, why: str, vector: Any = None) -> None:
@@ -213,6 +262,6 @@ class MountDevice:
         await self.device.send_device_message(why, t)
         await (vector or self._coordinates).send_setVector(timestamp=t, state="Alert")
 
-    @staticmethod
-    def _iso(t_utc_ns: int) -> str:
-        return utc_ns_to_iso(t_utc_ns, 0).rstrip("Z")
+    def _iso(self) -> str:
+        """The mount's own clock; real ones tell whole seconds, this one more."""
+        return utc_ns_to_iso(self._now_utc_ns() + self._clock_error_ns, 3).rstrip("Z")

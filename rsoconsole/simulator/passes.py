@@ -1,7 +1,7 @@
 """Satellites crossing one exposure: their streaks, and the truth of them."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,11 @@ from rsoconsole.simulator.render import FieldContent, Streak, cloud_at
 from rsoconsole.simulator.sensor import SensorModel, vignetting
 from rsoconsole.simulator.truth import SatelliteTruth
 from rsoconsole.sky.sun import lit_fraction
+from rsoconsole.sky.times import IntArray
 from rsoconsole.sky.wcs import sky_to_pixel
+
+ExtraMagnitude = Callable[[IntArray], FloatArray]
+"""What a satellite loses by its own turning at instants (n,), in magnitudes (n,)."""
 
 NS = 1_000_000_000
 MARGIN_PX = 250.0
@@ -36,7 +40,7 @@ class SatellitePass:
 
 
 def satellite_passes(
-    satellites: Iterable[Satellite],
+    satellites: Iterable[tuple[Satellite, ExtraMagnitude]],
     *,
     site: Site,
     sensor: SensorModel,
@@ -54,7 +58,7 @@ def satellite_passes(
     offsets = np.rint(np.linspace(0.0, exposure_s, _NODES) * NS).astype(np.int64)
     t_utc_ns = np.int64(t_start_utc_ns) + offsets
     found = []
-    for satellite in satellites:
+    for satellite, extra_mag in satellites:
         places = satellite.astrometric_place(site, t_utc_ns)
         # Over a few hundredths of a second the rates of the instant serve.
         x, y = sky_to_pixel(
@@ -65,7 +69,8 @@ def satellite_passes(
         x, y = x + wander_px[0], y + wander_px[1]
         if not np.all(np.isfinite(x)) or not _is_near(sensor, x, y):
             continue
-        per_second = sensor.electrons(satellite.magnitude(places), 1.0)
+        magnitude = satellite.magnitude(places) + extra_mag(t_utc_ns)
+        per_second = sensor.electrons(magnitude, 1.0)
         mean = float(np.trapezoid(per_second, dx=1.0 / (_NODES - 1)))
         brightness = per_second / mean if mean > 0.0 else np.zeros(_NODES)
         lit = lit_fraction(places.position_gcrs_km, places.t_utc_ns)

@@ -11,6 +11,7 @@ from rsoconsole.errors import ConfigError
 from rsoconsole.orbit.elements import ElementSet, parse_elements
 from rsoconsole.records import Site
 from rsoconsole.resources import resource
+from rsoconsole.simulator.brightness import BrightnessHistory, Turning
 from rsoconsole.simulator.clouds import CloudDeck
 from rsoconsole.sky.times import iso_to_utc_ns
 
@@ -18,6 +19,8 @@ DAYTONA_BEACH = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
 PAPER_FIELD_DEG = 1.635
 """Width of the field of an ASI1600 behind 620 mm."""
 CLEAR = CloudDeck(schedule=())
+STEADY = BrightnessHistory()
+NIGHT_FRAMES = 40
 DEFAULT_SCENARIO = "intelsat-14"
 
 
@@ -28,6 +31,7 @@ class ScenarioSatellite:
     element_set: ElementSet
     standard_magnitude: float
     """Fully lit, at 36,000 km."""
+    brightness: BrightnessHistory = STEADY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +50,8 @@ class Scenario:
     start_hour_angle_deg: float
     """Where the telescope stands at the start, of date, with the paper's field of view."""
     start_declination_deg: float
+    frames: int = NIGHT_FRAMES
+    """Exposures, at the default cadence, in which all of the night's story has happened."""
     site: Site = DAYTONA_BEACH
     clouds: CloudDeck = CLEAR
     seeing_arcsec: float = 2.8
@@ -75,7 +81,7 @@ def scenario_named(name: str) -> Scenario:
 @lru_cache(maxsize=1)
 def all_scenarios() -> dict[str, Scenario]:
     """Every scenario by name, the default first."""
-    scenarios = (_intelsat_14(), _ses_10(), _intelsat_21(), _empty())
+    scenarios = (_intelsat_14(), _ses_10(), _intelsat_21(), _cloud_bank(), _empty())
     return {scenario.name: scenario for scenario in scenarios}
 
 
@@ -86,23 +92,42 @@ def _element_sets() -> dict[int, ElementSet]:
     return {element_set.norad_id: element_set for element_set in sets}
 
 
-def _satellites(magnitudes: dict[int, float]) -> tuple[ScenarioSatellite, ...]:
+def _satellites(
+    magnitudes: dict[int, float], brightness: dict[int, BrightnessHistory] | None = None
+) -> tuple[ScenarioSatellite, ...]:
     sets = _element_sets()
     return tuple(
-        ScenarioSatellite(element_set=sets[norad_id], standard_magnitude=magnitude)
+        ScenarioSatellite(
+            element_set=sets[norad_id],
+            standard_magnitude=magnitude,
+            brightness=(brightness or {}).get(norad_id, STEADY),
+        )
         for norad_id, magnitude in magnitudes.items()
     )
 
 
 def _intelsat_14() -> Scenario:
-    """Real objects between 2 and 3 deg away (Intelsat 11, Intelsat 32e, WGS F3, SES 14) are left
+    """The paper tells of a handful of missed detections and of a loss in the last frames, under a
+    clear sky, and does not say why. Here the satellite itself fades: once a slow turn shows
+    a side darker by two and a half magnitudes, and near the end it dims for good, as a panel does
+    that leaves the mirror. That is a stand-in: nobody measured it, and a satellite in service
+    does not turn like this. A star under an end of the streak takes another frame.
+
+    Real objects between 2 and 3 deg away (Intelsat 11, Intelsat 32e, WGS F3, SES 14) are left
     out, so that the sweep can meet only one; the neighbours kept lie beyond its ends."""
+    fading = BrightnessHistory(
+        schedule=((0.0, 0.0), (930.0, 0.0), (1110.0, 5.0)),
+        # Steeper slopes would hide one end of a streak and shift its middle.
+        turning=Turning(
+            period_s=600.0, first_s=330.0, depth_mag=2.5, sharpness=3, jitter_s=20.0, last_s=400.0
+        ),
+    )
     return Scenario(
         name="intelsat-14",
         title="Intelsat 14, a clear night",
-        description="one satellite in reach, found by sweeping along the belt",
+        description="one satellite, found by a sweep of the belt; it fades now and then, and away",
         t_start_utc_ns=iso_to_utc_ns("2023-06-23T05:30:00Z"),
-        satellites=_satellites({36097: 12.2, 39172: 11.9, 38867: 12.4}),
+        satellites=_satellites({36097: 12.2, 39172: 11.9, 38867: 12.4}, {36097: fading}),
         target_norad_id=36097,
         target_hour_angle_deg=-41.02,
         start_hour_angle_deg=-39.5,
@@ -111,12 +136,16 @@ def _intelsat_14() -> Scenario:
 
 
 def _ses_10() -> Scenario:
+    """The paper takes the most confident of two detections. SES-17 is made so faint that its
+    confidence is the lower one and not every frame shows it: two equally bright satellites would
+    leave to chance which is locked. It begins after a star has passed under the streak of SES-10,
+    which would leave the first frame to the rival."""
     return Scenario(
         name="ses-10",
         title="SES-10 with SES-17 beside it",
-        description="two satellites 0.19 deg apart in one field, the fainter one a rival",
-        t_start_utc_ns=iso_to_utc_ns("2023-06-22T07:00:00Z"),
-        satellites=_satellites({42432: 11.9, 49332: 12.7, 41382: 12.3, 32768: 12.5, 42740: 12.0}),
+        description="two satellites 0.18 deg apart in one field, the fainter one a rival",
+        t_start_utc_ns=iso_to_utc_ns("2023-06-22T07:01:00Z"),
+        satellites=_satellites({42432: 11.9, 49332: 14.5, 41382: 12.3, 32768: 12.5, 42740: 12.0}),
         target_norad_id=42432,
         target_hour_angle_deg=-16.26,
         start_hour_angle_deg=-14.8,
@@ -125,13 +154,16 @@ def _ses_10() -> Scenario:
 
 
 def _intelsat_21() -> Scenario:
-    """Amazonas 6, at the time 1.1 deg west of Intelsat 21, is left out."""
+    """A smooth veil thickens again and again until the confidence is near tau, and one thick
+    patch hides the satellite some 150 s after lock.
+
+    Amazonas 6, at the time 1.1 deg west of Intelsat 21, is left out."""
     return Scenario(
         name="intelsat-21",
         title="Intelsat 21 through thin clouds",
         description="moving clouds dim the satellite again and again and hide it once",
         t_start_utc_ns=iso_to_utc_ns("2023-06-23T06:00:00Z"),
-        satellites=_satellites({38749: 12.1, 39078: 12.2, 35942: 12.6, 42934: 12.3, 40874: 12.4}),
+        satellites=_intelsat_21_and_neighbours(),
         target_norad_id=38749,
         target_hour_angle_deg=-26.39,
         start_hour_angle_deg=-24.9,
@@ -144,18 +176,56 @@ def _intelsat_21() -> Scenario:
                 (270.0, 7.0),
                 (296.0, 7.0),
                 (308.0, 0.6),
-                (420.0, 0.25),
-                (500.0, 0.9),
-                (560.0, 0.4),
-                (700.0, 0.3),
-                (760.0, 1.1),
-                (840.0, 0.4),
-                (1000.0, 0.8),
+                (400.0, 1.2),
+                (430.0, 2.28),
+                (490.0, 2.28),
+                (530.0, 0.9),
+                (590.0, 0.4),
+                (640.0, 2.25),
+                (690.0, 2.25),
+                (740.0, 0.3),
+                (840.0, 1.5),
+                (870.0, 2.3),
+                (920.0, 2.3),
+                (960.0, 0.8),
+                (1080.0, 1.9),
+                (1100.0, 1.9),
                 (1200.0, 0.2),
             ),
-            structure=0.35,
+            structure=0.03,
         ),
     )
+
+
+def _cloud_bank() -> Scenario:
+    """Intelsat 21 again, and an overcast of ten minutes that lets nothing through."""
+    return Scenario(
+        name="cloud-bank",
+        title="Intelsat 21 behind ten minutes of cloud",
+        description="a bank of clouds hides stars and satellite for ten minutes after lock",
+        t_start_utc_ns=iso_to_utc_ns("2023-06-23T06:00:00Z"),
+        satellites=_intelsat_21_and_neighbours(),
+        target_norad_id=38749,
+        target_hour_angle_deg=-26.39,
+        start_hour_angle_deg=-24.9,
+        start_declination_deg=-4.80,
+        frames=45,
+        clouds=CloudDeck(
+            schedule=(
+                (0.0, 0.05),
+                (400.0, 0.1),
+                (420.0, 9.0),
+                (1020.0, 9.0),
+                (1040.0, 0.2),
+                (1800.0, 0.1),
+            ),
+            structure=0.2,
+        ),
+    )
+
+
+def _intelsat_21_and_neighbours() -> tuple[ScenarioSatellite, ...]:
+    return _satellites({38749: 12.1, 39078: 12.2, 35942: 12.6, 42934: 12.3, 40874: 12.4})
 
 
 def _empty() -> Scenario:

@@ -13,20 +13,27 @@ import numpy.typing as npt
 from rsoconsole.config import OpticsConfig
 from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.records import FloatArray, Site, Wcs
+from rsoconsole.simulator.brightness import BrightnessHistory
 from rsoconsole.simulator.faint_stars import faint_stars
 from rsoconsole.simulator.imperfections import (
     SHUTTER_SIGMA_S,
     air_sigma_arcsec,
     catalogue_errors_arcsec,
 )
-from rsoconsole.simulator.passes import MARGIN_PX, dimmed, satellite_passes, satellite_truth
+from rsoconsole.simulator.passes import (
+    MARGIN_PX,
+    ExtraMagnitude,
+    dimmed,
+    satellite_passes,
+    satellite_truth,
+)
 from rsoconsole.simulator.render import FieldContent, FramePixels, frame_rng, render
 from rsoconsole.simulator.scenarios import Scenario
 from rsoconsole.simulator.sensor import SensorModel
 from rsoconsole.simulator.truth import FrameTruth
 from rsoconsole.sky.frames import icrs_to_altaz
 from rsoconsole.sky.star_catalogue import StarCatalogue
-from rsoconsole.sky.times import lst_deg
+from rsoconsole.sky.times import IntArray, lst_deg
 from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel, tan_wcs, wcs_cards
 
 NS = 1_000_000_000
@@ -107,7 +114,7 @@ class Scene:
         air = frame_rng(self.seed, t_start_utc_ns, _SHUTTER)
         wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
         passes = satellite_passes(
-            self.satellites,
+            self._with_brightness(),
             site=self.site,
             sensor=self.sensor,
             wcs=wcs,
@@ -134,6 +141,18 @@ class Scene:
             satellites=satellites,
         )
         return pixels, truth
+
+    def _with_brightness(self) -> list[tuple[Satellite, ExtraMagnitude]]:
+        """Each satellite with the history of its own brightness."""
+
+        def of(history: BrightnessHistory) -> ExtraMagnitude:
+            def extra_mag(t_utc_ns: IntArray) -> FloatArray:
+                return history.extra_mag((t_utc_ns - self.scenario.t_start_utc_ns) / NS, self.seed)
+
+            return extra_mag
+
+        histories = (of(each.brightness) for each in self.scenario.satellites)
+        return list(zip(self.satellites, histories, strict=True))
 
     def field_content(self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float) -> FieldContent:
         """All that the exposure shows but satellites: sky, clouds, cosmic rays, stars."""

@@ -22,11 +22,12 @@ from indipyserver import IPyServer
 from rsoconsole.simulator.camera_device import CameraDevice, CameraTraits
 from rsoconsole.simulator.clock_device import ClockDevice
 from rsoconsole.simulator.indi_vectors import stamp
-from rsoconsole.simulator.launch import CAMERA_NAME, HOST, MOUNT_NAME
+from rsoconsole.simulator.launch import CAMERA_NAME, DOME_NAME, HOST, MOUNT_NAME, WEATHER_NAME
 from rsoconsole.simulator.mount_device import MountDevice
 from rsoconsole.simulator.mount_model import MountModel
 from rsoconsole.simulator.stage import Stage, open_stage
 from rsoconsole.simulator.virtual_clock import VirtualClock
+from rsoconsole.simulator.weather_and_dome import DomeDevice, Schedule, WeatherDevice
 from rsoconsole.sky.frames import icrs_to_jnow
 
 _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
@@ -46,6 +47,10 @@ class ObservatorySettings:
     height_px: int | None = None
     stage: str | None = None
     """``module:function`` that opens another stage than the scenarios'."""
+    weather: Schedule = ()
+    """(seconds since the start, "ok" | "warning" | "alert") in order; ok before the first."""
+    dome: Schedule = ()
+    """(seconds since the start, "open" | "closed" | "moving") in order; open before the first."""
 
     def to_json(self) -> str:
         """One line."""
@@ -89,8 +94,11 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
             mount_name=MOUNT_NAME,
             spawn=self._spawn,
         )
+        night = (stage.t_start_utc_ns, self._present_utc_ns)
+        self._weather = WeatherDevice(WEATHER_NAME, settings.weather, *night)
+        self._dome = DomeDevice(DOME_NAME, settings.dome, *night)
         self._timekeeper = ClockDevice(self._clock, self._report, self._spawn)
-        parts = (self._mount, self._camera, self._timekeeper)
+        parts = (self._mount, self._camera, self._weather, self._dome, self._timekeeper)
         self._handlers = {part.device.devicename: part.handle for part in parts}
         super().__init__(*(part.device for part in parts))
         self.auto_send_def = False
@@ -98,7 +106,8 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
     async def rxevent(self, event: Any) -> None:
         """A client asked something of a property."""
         if isinstance(event, getProperties):
-            # Definitions, too, are stamped with simulated time.
+            # Definitions, too, are stamped with simulated time, and are of that instant.
+            self._mount.refresh()
             await event.vector.send_defVector(timestamp=stamp(self._clock.now_utc_ns))
         else:
             await self._handlers[event.devicename](event)
@@ -107,6 +116,8 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
         return self._clock.now_utc_ns
 
     async def _report(self) -> None:
+        await self._weather.pass_time()
+        await self._dome.pass_time()
         await self._camera.pass_time()
         await self._mount.report()
 
@@ -120,9 +131,21 @@ class ObservatoryServer(IPyServer):  # type: ignore[misc]
     """IPyServer that lets a client go when it hangs up, instead of reading its silence for ever."""
 
     async def handle_data(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Serve one client."""
-        with contextlib.suppress(ConnectionError):
-            await super().handle_data(_HangUpReader(reader, writer), writer)
+        """Serve one client, at a seat of its own.
+
+        At a used one, what was still being sent to the client before would end this one too.
+        """
+        self.con_id += 1
+        seat = type(self.connectionpool[0])(self.con_id, self.xml_data_que)
+        self.connectionpool.append(seat)
+        try:
+            with contextlib.suppress(ConnectionError):
+                await seat.handle_data(_HangUpReader(reader, writer), writer)
+        finally:
+            self.connectionpool.remove(seat)
+            writer.close()
+            with contextlib.suppress(ConnectionError):
+                await writer.wait_closed()
 
 
 class _HangUpReader:
@@ -147,7 +170,7 @@ async def serve(settings: ObservatorySettings) -> None:
     """Serve until stdin closes; the first line on stdout is ``{"port": N}``."""
     loop = asyncio.get_running_loop()
     driver = ObservatoryDriver(open_stage(settings), settings)
-    server = ObservatoryServer(driver, host=HOST, port=0, maxconnections=10)
+    server = ObservatoryServer(driver, host=HOST, port=0, maxconnections=1)
     running = loop.create_task(server.asyncrun())
     while server.server is None and not running.done():
         await asyncio.sleep(0.005)

@@ -20,10 +20,27 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.tracking import lqe
-from rsoconsole.tracking.association import Motion, disagreement, pair_disagreement
+from rsoconsole.tracking.association import (
+    Motion,
+    disagreement,
+    motion_between,
+    pair_disagreement,
+    pair_misfit_arcsec,
+)
+from rsoconsole.tracking.neighbours import (
+    LEAST_MARGIN,
+    Field,
+    Neighbour,
+    best_match,
+    remembered,
+)
 
 Record = Any
 Choice = Literal["nearest", "most confident"]
+
+NOTHING_SEEN = "no detection"
+NOTHING_FITS = "nothing fits the prediction"
+CANNOT_TELL = "cannot be told apart from its neighbour"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,8 +52,10 @@ class Seen:
     exposure_s: float
     measurements: tuple[Measurement, ...]
     """Most confident first."""
-    absence: str = "no detection"
-    """Why there are none, when there are none."""
+    absence: str = NOTHING_SEEN
+    """What a miss of this frame is put down to."""
+    field: Field | None = None
+    """What the frame could show; None where that is not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +79,8 @@ class Following:
     """Last state of the filter: updated, or predicted to the frame that missed."""
     taken: Measurement | None = None
     """The last measurement the track took."""
+    neighbours: tuple[Neighbour, ...] = ()
+    """What moves alike beside it."""
 
 
 def follow(
@@ -93,31 +114,62 @@ def _reason(before: Following, after: Following, records: tuple[Record, ...], se
 def _acquire(
     before: Following, seen: Seen, settings: FollowSettings
 ) -> tuple[Following, tuple[Record, ...]]:
-    """Two successive frames whose measurements agree on one motion start a track."""
+    """Two successive frames whose measurements agree on one motion start a track.
+
+    The most confident one that has a partner leads. Every measurement hears its verdict once: a
+    candidate that waits for a second frame hears it with that frame.
+    """
     usable = tuple(m for m in seen.measurements if not m.is_clipped)
     clipped = tuple(
-        NotFollowed(
-            frame_id=seen.frame_id, measurement=m, reason="clipped by the frame: starts no track"
-        )
+        _not_followed(m, "clipped by the frame: starts no track")
         for m in seen.measurements
         if m.is_clipped
     )
-    refused: list[Record] = []
     for second in usable:
-        for first in before.candidates:
-            reason = pair_disagreement(first, second, seen.exposure_s)
-            if reason is None:
-                track = lqe.initialise(first, second, settings.filter)
-                others = tuple(
-                    NotFollowed(frame_id=seen.frame_id, measurement=m, reason="another one leads")
-                    for m in usable
-                    if m is not second
-                )
-                after = Following(state="TRACK", track=track, taken=second)
-                return after, (track, *others, *clipped)
-            refused.append(NotFollowed(frame_id=seen.frame_id, measurement=second, reason=reason))
+        partners = [
+            first
+            for first in before.candidates
+            if pair_disagreement(first, second, seen.exposure_s) is None
+        ]
+        if partners:
+            first = min(partners, key=lambda m: pair_misfit_arcsec(m, second, seen.exposure_s))
+            others = tuple(
+                m for m in (*before.candidates, *usable) if m is not first and m is not second
+            )
+            track = lqe.initialise(first, second, settings.filter)
+            told = (_not_followed(m, "another one leads") for m in others)
+            after = Following(
+                state="TRACK",
+                track=track,
+                taken=second,
+                neighbours=_beside((), track, second, seen),
+            )
+            return after, (track, *told, *clipped)
+    alone = tuple(_not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
-    return Following(state=state, candidates=usable), (*refused, *clipped)
+    return Following(state=state, candidates=usable), (*alone, *clipped)
+
+
+def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: Seen) -> str:
+    """Why a candidate came to nothing, by what came nearest to being its second."""
+    if not usable:
+        return f"no second frame: {seen.absence}"
+    nearest = min(usable, key=lambda m: pair_misfit_arcsec(first, m, seen.exposure_s))
+    return f"no second frame: {pair_disagreement(first, nearest, seen.exposure_s)}"
+
+
+def _beside(
+    before: tuple[Neighbour, ...], track: TrackState, taken: Measurement, seen: Seen
+) -> tuple[Neighbour, ...]:
+    if taken.is_clipped:
+        return before  # where it was taken is not where it is
+    expected = expected_motion(track, seen.exposure_s)
+    others = tuple(
+        m
+        for m in seen.measurements
+        if m is not taken and not m.is_clipped and disagreement(m, expected) is None
+    )
+    return remembered(before, taken, others)
 
 
 def _follow_track(
@@ -125,48 +177,116 @@ def _follow_track(
 ) -> tuple[Following, tuple[Record, ...]]:
     predicted = lqe.predict(track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     expected = expected_motion(predicted, seen.exposure_s)
-    refused: list[Record] = []
-    fitting: list[tuple[Measurement, TrackState]] = []
-    for measurement in seen.measurements:
-        updated = lqe.update(predicted, measurement, settings.filter)
-        nis = updated.nis or 0.0
-        # The paper's rule asks for nothing but confidence.
-        reason = None
-        if settings.choice == "nearest":
-            reason = disagreement(measurement, expected)
-            if reason is None and lqe.is_gated_out(nis, settings.filter):
-                reason = f"NIS {nis:.1f} above the gate {settings.filter.gate_nis:.1f}"
-        if reason is None:
-            fitting.append((measurement, updated))
-        else:
-            refused.append(
-                NotFollowed(frame_id=seen.frame_id, measurement=measurement, reason=reason, nis=nis)
-            )
-    if fitting:
-        return _take(fitting, predicted, refused, settings)
-    reason = "nothing fits the prediction" if seen.measurements else seen.absence
-    return _coast(before, predicted, seen, settings, (predicted, *refused), reason)
-
-
-def _take(
-    fitting: list[tuple[Measurement, TrackState]],
-    predicted: TrackState,
-    refused: list[Record],
-    settings: FollowSettings,
-) -> tuple[Following, tuple[Record, ...]]:
+    updated = {m: lqe.update(predicted, m, settings.filter) for m in seen.measurements}
+    reasons: dict[Measurement, str] = {}
+    if settings.choice == "nearest":  # the paper's rule asks for nothing but confidence
+        reasons = _refusals(predicted, expected, updated, before.neighbours, seen, settings)
+    fitting = [m for m in seen.measurements if m not in reasons]
+    if not fitting:
+        reason = seen.absence
+        if seen.measurements and reason == NOTHING_SEEN:
+            reason = NOTHING_FITS
+        if CANNOT_TELL in reasons.values():
+            reason = reason.replace(NOTHING_FITS, CANNOT_TELL)
+        refused = _verdicts(reasons, updated)
+        return _coast(before, predicted, seen, settings, (predicted, *refused), reason)
+    chosen = fitting[0]
     if settings.choice == "nearest":
-        chosen, updated = min(fitting, key=lambda pair: pair[1].nis or 0.0)
-    else:
-        chosen, updated = fitting[0]
-    others = [
-        NotFollowed(
-            frame_id=updated.frame_id, measurement=m, reason="another one is taken", nis=state.nis
-        )
-        for m, state in fitting
-        if m is not chosen
-    ]
-    after = Following(state="TRACK", track=updated, taken=chosen)
-    return after, (predicted, updated, *refused, *others)
+        chosen = min(fitting, key=lambda m: _nis(updated[m]))
+    reasons |= {m: "another one is taken" for m in fitting if m is not chosen}
+    after = Following(
+        state="TRACK",
+        track=updated[chosen],
+        taken=chosen,
+        neighbours=_beside(before.neighbours, updated[chosen], chosen, seen),
+    )
+    return after, (predicted, updated[chosen], *_verdicts(reasons, updated))
+
+
+def _refusals(  # noqa: PLR0917 -- one call, each argument a different thing
+    predicted: TrackState,
+    expected: Motion,
+    updated: dict[Measurement, TrackState],
+    neighbours: tuple[Neighbour, ...],
+    seen: Seen,
+    settings: FollowSettings,
+) -> dict[Measurement, str]:
+    """Which measurements do not belong to the track, and why: motion, position, neighbours."""
+    reasons: dict[Measurement, str] = {}
+    for measurement in updated:
+        reason = disagreement(measurement, expected)
+        if reason is None and measurement.is_clipped:
+            reason = _too_far_for_clipped(measurement, predicted, expected)
+        if reason is not None:
+            reasons[measurement] = reason
+    alike = tuple(m for m in updated if m not in reasons and not m.is_clipped)
+    strangers = _strangers(alike, predicted, expected, neighbours, seen, settings)
+    for measurement, state in updated.items():
+        if measurement in reasons:
+            continue
+        if lqe.is_gated_out(_nis(state), settings.filter):
+            gate = settings.filter.gate_nis
+            reasons[measurement] = f"NIS {_nis(state):.1f} above the gate {gate:.1f}"
+        elif measurement in strangers:
+            reasons[measurement] = strangers[measurement]
+    return reasons
+
+
+def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
+    alike: tuple[Measurement, ...],
+    predicted: TrackState,
+    expected: Motion,
+    neighbours: tuple[Neighbour, ...],
+    seen: Seen,
+    settings: FollowSettings,
+) -> dict[Measurement, str]:
+    """Which of those that move alike are not what is followed, or may not be, and why."""
+    if not neighbours or not alike:
+        return {}
+    match = best_match(
+        alike,
+        predicted,
+        neighbours,
+        streak_arcsec=expected.length_arcsec,
+        field=seen.field,
+    )
+    # The paper's bounds are wider than any slot: no position could ever meet a margin in them.
+    if settings.filter.preset == "tuned" and match.margin < LEAST_MARGIN:
+        return dict.fromkeys(alike, CANNOT_TELL)
+    others = (m for m in alike if m is not match.measurement)
+    return dict.fromkeys(others, "stands where a neighbour of the one followed was")
+
+
+def _too_far_for_clipped(
+    measurement: Measurement, predicted: TrackState, expected: Motion
+) -> str | None:
+    """Why the visible part of a streak cannot be the track's; None when it can.
+
+    Its own covariance says little along the streak, but its midpoint lies within half a streak
+    of the whole one's.
+    """
+    to = (measurement.ra_icrs_deg, measurement.dec_icrs_deg)
+    away = motion_between(*lqe.direction_icrs_deg(predicted), *to).length_arcsec
+    allowed = expected.length_arcsec / 2.0 + three_sigma_deg(predicted) * 3600.0
+    if away <= allowed:
+        return None
+    return f"clipped, and {away:.0f} arcsec from the prediction, {allowed:.0f} at most"
+
+
+def _verdicts(
+    reasons: dict[Measurement, str], updated: dict[Measurement, TrackState]
+) -> tuple[NotFollowed, ...]:
+    return tuple(_not_followed(m, reason, updated[m].nis) for m, reason in reasons.items())
+
+
+def _not_followed(measurement: Measurement, reason: str, nis: float | None = None) -> NotFollowed:
+    return NotFollowed(
+        frame_id=measurement.frame_id, measurement=measurement, reason=reason, nis=nis
+    )
+
+
+def _nis(state: TrackState) -> float:
+    return state.nis or 0.0
 
 
 def _coast(  # noqa: PLR0917 -- one call, each argument a different thing

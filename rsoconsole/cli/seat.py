@@ -1,0 +1,60 @@
+"""The verb console: the operator's seat."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rsoconsole.cli import output
+from rsoconsole.cli.telescope import SocketOption
+from rsoconsole.config import Config, IndiConfig, load_config
+from rsoconsole.errors import ConfigError
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verb into the program."""
+    app.command()(console)
+
+
+def console(
+    session: Annotated[
+        Path | None, typer.Option(help="Show this session's folder, read-only, without an engine.")
+    ] = None,
+    read_only: Annotated[
+        bool, typer.Option("--read-only", help="Only look; STOP works all the same.")
+    ] = False,
+    socket: SocketOption = None,
+) -> None:
+    """The operator's seat: attaches to the running engine and shows its whole night.
+
+    Leaving it, or losing it, changes nothing for the telescope.
+
+    Keys: x or ctrl+x STOP, a arm or disarm, h hold or resume, p park, l log,
+    q leave, F1 help. Works from 40 x 12 on, at its best from 80 x 24.
+    NO_COLOR=1 and TEXTUAL_THEME=textual-light are heeded.
+
+    Example: rsoconsole console
+    """
+    from rsoconsole.console import run_console
+
+    ending = run_console(
+        socket=socket, session=session, read_only=read_only, stop_directly=stop_past_engine
+    )
+    if ending == "stop engine":
+        output.complain("the engine stops the mount and ends")
+
+
+def stop_past_engine(indi: IndiConfig | None) -> tuple[bool, str]:
+    """Stop the mount by a connection of its own to the INDI server: (it stands, how or why not).
+
+    ``indi`` as the session has it; None: as configured.
+    """
+    from rsoconsole.instruments.indi_wire import stop_mount
+
+    try:
+        config = load_config()
+    except (ConfigError, OSError):
+        config = Config()
+    indi = indi or config.indi
+    result = stop_mount(indi.host, indi.port, indi.mount, after_stop=config.mount.after_stop)
+    return result.stopped, result.path if result.stopped else result.detail or "no reason given"

@@ -1,0 +1,159 @@
+"""The console as an application: colours, the keys that work everywhere, the two watches."""
+
+import asyncio
+import contextlib
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, ClassVar
+
+from textual.app import App, SystemCommand
+from textual.binding import Binding, BindingType
+from textual.screen import Screen
+from textual.theme import Theme
+from textual.widgets import Input, TextArea
+
+from rsoconsole.config import IndiConfig
+from rsoconsole.console.dialogs import HelpDialog
+from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.live import LiveScreen
+from rsoconsole.console.messages import EngineSeen, NightSeen
+from rsoconsole.console.night import NightView
+from rsoconsole.console.orders import Orders
+from rsoconsole.console.picture import Picture
+from rsoconsole.console.watch import EngineWatch, SessionWatch, Wire
+
+NIGHT_THEME = Theme(
+    name="night",
+    primary="#8fa8c8",
+    secondary="#7f8fa8",
+    success="#6fbf73",
+    warning="#e0b050",
+    error="#e06058",
+    foreground="#d0d0d0",
+    background="#101014",
+    surface="#1a1a20",
+    panel="#24242c",
+    dark=True,
+)
+
+StopDirectly = Callable[[IndiConfig | None], tuple[bool, str]]
+"""Stops the mount past the engine: (it stands, how or what is wrong)."""
+
+
+class ConsoleApp(App[str]):
+    """The operator's seat. Its result is "quit" or "stop engine"."""
+
+    TITLE = "rsoconsole"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("ctrl+x", "stop", "STOP", priority=True),
+        Binding("x", "stop_by_letter", "STOP", priority=True, show=False),
+        Binding("f1,question_mark", "help", "Help"),
+        # Leaving is never by accident: the screen asks first.
+        Binding("ctrl+q,ctrl+c", "leave", "Leave", priority=True, show=False),
+    ]
+
+    def __init__(
+        self,
+        wire: Callable[[], Wire],
+        *,
+        session: Path | None = None,
+        read_only: bool = False,
+        owns_engine: bool = False,
+        stop_directly: StopDirectly | None = None,
+    ) -> None:
+        super().__init__()
+        self._loop_of_app: asyncio.AbstractEventLoop | None = None
+        self._is_recorded = session is not None
+        self._engine_watch = EngineWatch(wire(), self._engine_seen)
+        self._session_watch = SessionWatch(self._night_seen)
+        self._session_watch.follow(session)
+        past_engine = None
+        if stop_directly is not None and session is None:
+            directly = stop_directly
+
+            def past_engine() -> tuple[bool, str]:
+                return directly(self._session_watch.indi)
+
+        self.live = LiveScreen(
+            Orders(wire, past_engine),
+            read_only=read_only or session is not None,
+            owns_engine=owns_engine,
+            ask_now=self._engine_watch.ask_now,
+            from_thread=self._from_thread,
+        )
+
+    def on_mount(self) -> None:
+        """The screen first, the watches after it."""
+        self._loop_of_app = asyncio.get_running_loop()
+        self.register_theme(NIGHT_THEME)
+        if "TEXTUAL_THEME" not in os.environ:
+            self.theme = NIGHT_THEME.name
+        self.push_screen(self.live)
+        self._session_watch.start()
+        if self._is_recorded:
+            self._engine_seen(EngineView(reach="recorded"))
+        else:
+            self._engine_watch.start()
+
+    def on_unmount(self) -> None:
+        """Nobody looks any more."""
+        self._engine_watch.close()
+        self._session_watch.close()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """The bare letter is a letter where one types; ctrl+x is STOP there too."""
+        if action == "stop_by_letter":
+            return not isinstance(self.focused, Input | TextArea)
+        return super().check_action(action, parameters)
+
+    def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:  # noqa: ARG002 -- the same on each
+        """Every action by name, and the colours."""
+        live = self.live
+        yield SystemCommand("STOP", "end every motion and exposure, disarm", self.action_stop)
+        yield SystemCommand(
+            "Arm or disarm", "hand the mount over, or back", live.action_arm_or_disarm
+        )
+        hold = live.action_hold_or_resume
+        yield SystemCommand("Hold or resume", "no slews for now, or give the mount back", hold)
+        yield SystemCommand("Park", "asks once; disarms and parks the mount", live.action_park)
+        yield SystemCommand("Unpark", "releases a parked mount; nothing moves", live.action_unpark)
+        yield SystemCommand("Log", "the whole log, and back", live.action_log)
+        yield SystemCommand("Leave", "asks what becomes of the engine", live.action_leave)
+        yield SystemCommand("Help", "keys and signs", self.action_help)
+        yield SystemCommand("Colours", "light, dark and others", self.action_change_theme)
+
+    async def action_quit(self) -> None:
+        """Never without asking."""
+        self.action_leave()
+
+    def action_stop(self) -> None:
+        """STOP, on every screen."""
+        self.live.stop()
+
+    def action_stop_by_letter(self) -> None:
+        """STOP."""
+        self.live.stop()
+
+    def action_help(self) -> None:
+        """Keys and signs."""
+        if not isinstance(self.screen, HelpDialog):
+            self.push_screen(HelpDialog())
+
+    def action_leave(self) -> None:
+        """As the screen has it."""
+        if self.screen is self.live:
+            self.live.action_leave()
+
+    def _night_seen(self, night: NightView, picture: Picture | None) -> None:
+        self._from_thread(self.live.post_message, NightSeen(night, picture))
+
+    def _engine_seen(self, engine: EngineView) -> None:
+        self._session_watch.follow(engine.session)
+        self._from_thread(self.live.post_message, EngineSeen(engine))
+
+    def _from_thread(self, call: Callable[..., Any], *arguments: Any) -> None:
+        """Have it called by the application; nothing when that has ended."""
+        with contextlib.suppress(RuntimeError):
+            if self._loop_of_app is not None:
+                self._loop_of_app.call_soon_threadsafe(call, *arguments)

@@ -1,0 +1,236 @@
+"""What the operator is asked, and the help. STOP works in each of them: the app binds it first."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Generic, Literal, TypeVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.events import Key
+from textual.screen import ModalScreen
+from textual.widgets import Button, Static
+
+Leave = Literal["leave", "stop engine", "stay"]
+Result = TypeVar("Result")
+
+HELP = """\
+x ctrl+x   STOP: end every motion and exposure, disarm. Everywhere;
+           inside fields ctrl+x
+a          arm: hand the mount to the engine; once more: disarm
+h          hold: no slews, still measured; once more: resume
+p          park: disarm and send the mount to its park position; asks
+l          the whole log, and back; arrows and page keys move in it
+esc        put away a dialog, the log, or what came of a STOP
+q          leave; asks what becomes of the engine
+ctrl+p     every action by name, and the colours
+F1 ?       this help
+
+State      IDLE waits to be armed, SEARCH looks, ACQUIRE has one frame,
+           TRACK measures, COAST predicts, MANUAL is yours, LOST, FAULT
+Picture    [━] followed   (━) other detections   + where it was expected
+Plots      fat dots measured, small dots 3 sigma, ○ nothing measured,
+           ▲ ▼ beyond the axis; the newest frame at the right
+Times are UTC; under simulation they are the observatory's own."""
+
+
+class Dialog(ModalScreen[Result], Generic[Result]):
+    """A box in the middle, put away by Esc."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape", "put_away", "Back"),
+        Binding("up,left", "app.focus_previous", show=False),
+        Binding("down,right", "app.focus_next", show=False),
+    ]
+    DEFAULT_CSS = """
+    Dialog { align: center middle; }
+    Dialog > VerticalScroll {
+        width: 78; max-width: 100%; height: auto; max-height: 100%;
+        background: $surface; border: solid $primary; padding: 0 1;
+    }
+    Dialog Static { height: auto; }
+    Dialog Button { margin: 0 1 0 0; }
+    Dialog Button:focus { text-style: bold reverse; }
+    Dialog .choices { height: auto; margin: 1 0 0 0; }
+    Dialog Tick:focus { text-style: bold reverse; }
+    Dialog .remedy { padding: 0 0 0 4; color: $text-muted; }
+    """
+
+    def action_put_away(self) -> None:
+        """Close without a choice."""
+        self.dismiss(None)
+
+
+class HelpDialog(Dialog[None]):
+    """The keys and the signs."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("question_mark,f1,q", "put_away", "Back", show=False)
+    ]
+
+    def compose(self) -> ComposeResult:
+        """One page of text."""
+        with VerticalScroll() as box:
+            box.border_title = "help"
+            box.border_subtitle = "esc back"
+            yield Static(HELP, markup=False)
+
+
+class Tick(Static, can_focus=True):
+    """A line with a box to tick; the tick is a sign, not a colour."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("space,enter", "tick", "Tick")]
+
+    def __init__(self, words: str, *, id: str) -> None:  # noqa: A002 -- as all widgets have it
+        super().__init__(f"[ ] {words}", markup=False, id=id)
+        self._words = words
+        self.is_on = False
+
+    def action_tick(self) -> None:
+        """Tick, or not."""
+        self.is_on = not self.is_on
+        self.update(f"[{'x' if self.is_on else ' '}] {self._words}")
+
+    def on_click(self) -> None:
+        """The same by the mouse."""
+        self.action_tick()
+
+
+class MessageDialog(Dialog[None]):
+    """Words that need to be read."""
+
+    def __init__(self, title: str, text: str) -> None:
+        super().__init__()
+        self._title, self._text = title, text
+
+    def compose(self) -> ComposeResult:
+        """The words and a way out."""
+        with VerticalScroll() as box:
+            box.border_title = self._title
+            yield Static(self._text, markup=False)
+            with Horizontal(classes="choices"):
+                yield Button("Back", id="back", compact=True)
+
+    def on_button_pressed(self, event: Button.Pressed) -> None:
+        """Back."""
+        event.stop()
+        self.dismiss(None)
+
+
+class ArmDialog(Dialog[tuple[str, ...] | None]):
+    """The checks that stand against arming; those ticked are overridden by name.
+
+    Gives the names to override, or None.
+    """
+
+    def __init__(self, message: str, checks: Sequence[Mapping[str, Any]]) -> None:
+        super().__init__()
+        self._message = message
+        self._failed = [check for check in checks if not check.get("ok")]
+
+    def compose(self) -> ComposeResult:
+        """The message, a box to tick for each failed check, and the two ways on."""
+        with VerticalScroll() as box:
+            box.border_title = "not armed"
+            box.border_subtitle = "space ticks · ↑↓ move · esc back"
+            yield Static(self._message, markup=False)
+            for number, check in enumerate(self._failed):
+                words = f"{check.get('name')}: {check.get('detail') or 'failed'}"
+                yield Tick(words, id=f"check-{number}")
+                if check.get("remedy"):
+                    yield Static(str(check["remedy"]), markup=False, classes="remedy")
+            with Vertical(classes="choices"):
+                yield Button("Stay disarmed", id="stay", compact=True)
+                if self._failed:
+                    yield Button("Arm, overriding the ticked", id="arm", compact=True)
+
+    def on_button_pressed(self, event: Button.Pressed) -> None:
+        """Arm anyway, or not."""
+        event.stop()
+        if event.button.id != "arm":
+            self.dismiss(None)
+            return
+        ticked = [
+            str(check.get("name"))
+            for number, check in enumerate(self._failed)
+            if self.query_one(f"#check-{number}", Tick).is_on
+        ]
+        self.dismiss(tuple(ticked))
+
+
+class ConfirmDialog(Dialog[bool | None]):
+    """Asks once; nothing happens but by the second button or its letter. Gives True or not."""
+
+    def __init__(self, title: str, text: str, *, yes: str, letter: str) -> None:
+        super().__init__()
+        self._title, self._text, self._yes, self._letter = title, text, yes, letter
+
+    def compose(self) -> ComposeResult:
+        """What would be done, and the two ways on."""
+        with VerticalScroll() as box:
+            box.border_title = self._title
+            yield Static(self._text, markup=False)
+            with Vertical(classes="choices"):
+                yield Button("esc  Back", id="back", compact=True)
+                yield Button(f"{self._letter}  {self._yes}", id="yes", compact=True)
+
+    def on_mount(self) -> None:
+        """Enter does nothing that moves."""
+        self.query_one("#back", Button).focus()
+
+    def on_button_pressed(self, event: Button.Pressed) -> None:
+        """Done, or not."""
+        event.stop()
+        self.dismiss(event.button.id == "yes")
+
+    def on_key(self, event: Key) -> None:
+        """By letter."""
+        if event.key == self._letter:
+            event.stop()
+            self.dismiss(True)
+
+
+class LeaveDialog(Dialog[Leave | None]):
+    """What becomes of the engine when the console is left."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("l", "choose('leave')", "Leave it running"),
+        Binding("s", "choose('stop engine')", "Stop the engine"),
+        Binding("q", "put_away", "Stay", show=False),
+    ]
+
+    def __init__(self, state_words: str, *, proposes_stop: bool) -> None:
+        super().__init__()
+        self._state_words = state_words
+        self._proposes_stop = proposes_stop
+
+    def compose(self) -> ComposeResult:
+        """Three plain choices; the proposed one has the focus."""
+        choices = [
+            ("leave", "l  Leave: the engine keeps running and recording"),
+            ("stop-engine", "s  Stop the engine: the mount stops, the session is closed"),
+            ("stay", "esc  Stay here"),
+        ]
+        with VerticalScroll() as box:
+            box.border_title = "leave the console"
+            yield Static(self._state_words, markup=False)
+            with Vertical(classes="choices"):
+                for name, words in choices:
+                    yield Button(words, id=name, compact=True)
+
+    def on_mount(self) -> None:
+        """Enter does what is proposed."""
+        self.query_one("#stop-engine" if self._proposes_stop else "#leave", Button).focus()
+
+    def on_button_pressed(self, event: Button.Pressed) -> None:
+        """One of the three."""
+        event.stop()
+        names: dict[str, Leave] = {
+            "leave": "leave",
+            "stop-engine": "stop engine",
+            "stay": "stay",
+        }
+        self.dismiss(names[event.button.id or "stay"])
+
+    def action_choose(self, choice: Leave) -> None:
+        """By letter."""
+        self.dismiss(choice)

@@ -1,0 +1,84 @@
+"""What the console knows of the engine: its own words, or that it is silent or gone."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+Reach = Literal["unknown", "attached", "silent", "gone", "recorded"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineView:
+    """The engine at one instant, as far as it can be reached."""
+
+    reach: Reach = "unknown"
+    """silent: it runs and does not answer; recorded: none is asked, a session is looked at."""
+    since_utc_ns: int | None = None
+    """The frame clock's last word, where the engine is silent or gone."""
+    detail: str = ""
+    """What went wrong, in words."""
+    state: str | None = None
+    holder: str | None = None
+    is_held: bool = False
+    """Autonomy has the mount and gives it no slews."""
+    frame: int | None = None
+    ra_icrs_deg: float | None = None
+    dec_icrs_deg: float | None = None
+    alt_deg: float | None = None
+    az_deg: float | None = None
+    target: str | None = None
+    now_utc_ns: int | None = None
+    session: Path | None = None
+    faults: tuple[str, ...] = ()
+    lifted: tuple[str, ...] = ()
+    """Limits and checks that the operator has overridden, by name."""
+    next_limit: str | None = None
+
+    @property
+    def is_attached(self) -> bool:
+        """True while the engine answers."""
+        return self.reach == "attached"
+
+    @property
+    def wants_resuming(self) -> bool:
+        """True while autonomy waits for the operator's word to go on."""
+        return self.is_held or self.holder == "operator"
+
+
+def engine_view(data: Mapping[str, Any]) -> EngineView:
+    """The engine's answer to ``status``; what is missing or odd in it counts as not said."""
+    session = _text(data.get("session"))
+    return EngineView(
+        reach="attached",
+        state=_text(data.get("state")),
+        holder=_text(data.get("holder")),
+        is_held=data.get("is_held") is True,
+        frame=_whole(data.get("frame")),
+        ra_icrs_deg=_number(data.get("ra")),
+        dec_icrs_deg=_number(data.get("dec")),
+        alt_deg=_number(data.get("alt")),
+        az_deg=_number(data.get("az")),
+        target=_text(data.get("target")),
+        now_utc_ns=_whole(data.get("now_utc_ns")) or _whole(data.get("t_utc_ns")),
+        session=Path(session) if session else None,
+        faults=_texts(data.get("faults")),
+        lifted=_texts(data.get("lifted")),
+        next_limit=_text(data.get("next_limit")),
+    )
+
+
+def _text(value: Any) -> str | None:
+    return value if isinstance(value, str) and value else None
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def _whole(value: Any) -> int | None:
+    return value if isinstance(value, int) and not isinstance(value, bool) else None
+
+
+def _texts(value: Any) -> tuple[str, ...]:
+    return tuple(str(item) for item in value) if isinstance(value, list | tuple) else ()

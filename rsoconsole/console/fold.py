@@ -1,0 +1,134 @@
+"""Where each pane of the seat lies, for a terminal of any size.
+
+The big things stay as long as they fit: below 80 x 24 the plots fold into one strip each, then
+the picture goes, then the log. State, holder, target and STOP stay to the last.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+FULL = (80, 24)
+WITH_PICTURE = (60, 16)
+ONE_LINE_TOP_COLUMNS = 74
+BANNER_ROWS = {"wide": 3, "narrow": 5}
+WIDE_BANNER_COLUMNS = 72
+
+Name = Literal[
+    "top", "alert", "frame", "confidence", "east", "north", "nis", "facts", "log", "keys"
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    """A rectangle of cells."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+def fold(
+    width: int,
+    height: int,
+    *,
+    has_alert: bool = False,
+    is_log_open: bool = False,
+    aspect: float = 4 / 3,
+) -> dict[Name, Box]:
+    """The box of every pane that has room; panes without one are not shown.
+
+    ``aspect`` is the camera's width over its height; ``is_log_open`` gives the log all panes.
+    """
+    boxes: dict[Name, Box] = {}
+    top_rows = 1 if width >= ONE_LINE_TOP_COLUMNS else 2
+    alert_rows = (1 if width >= FULL[0] else 2) if has_alert else 0
+    y0 = top_rows + alert_rows
+    y1 = height - 1
+    _put(boxes, "top", Box(x=0, y=0, width=width, height=min(top_rows, height)))
+    _put(boxes, "alert", Box(x=0, y=top_rows, width=width, height=min(alert_rows, y1 - top_rows)))
+    if y1 >= top_rows:
+        boxes["keys"] = Box(x=0, y=y1, width=width, height=1)
+    if is_log_open:
+        _put(boxes, "log", Box(x=0, y=y0, width=width, height=y1 - y0))
+        return boxes
+    facts_rows = min(3, max(0, y1 - y0))
+    middle = Box(x=0, y=y0, width=width, height=max(0, y1 - y0 - facts_rows))
+    if width >= FULL[0] and height >= FULL[1]:
+        _full(boxes, middle, facts_rows, aspect)
+    elif width >= WITH_PICTURE[0] and height >= WITH_PICTURE[1]:
+        _strips(boxes, middle, aspect)
+        _put(boxes, "facts", Box(x=0, y=y1 - facts_rows, width=width, height=facts_rows))
+    else:
+        _bare(boxes, Box(x=0, y=y0, width=width, height=max(0, y1 - y0)), facts_rows)
+    return boxes
+
+
+def banner_box(width: int, height: int, *, has_alert: bool = False) -> Box:
+    """Where what came of a STOP lies: under state, holder and alert, over everything else.
+
+    The keys stay free of it; in a terminal of a few lines it covers the alert, then the keys.
+    """
+    boxes = fold(width, height, has_alert=has_alert)
+    wanted = BANNER_ROWS["wide" if width >= WIDE_BANNER_COLUMNS else "narrow"]
+    y = boxes["top"].height
+    alert = boxes.get("alert")
+    if alert is not None and height - 1 - (y + alert.height) >= wanted:
+        y += alert.height
+    y = max(min(y, height - 1), 0)
+    return Box(x=0, y=y, width=width, height=max(min(wanted, height - 1 - y), 1))
+
+
+def _put(boxes: dict[Name, Box], name: Name, box: Box) -> None:
+    if box.height > 0 and box.width > 0:
+        boxes[name] = box
+
+
+def _full(boxes: dict[Name, Box], middle: Box, facts_rows: int, aspect: float) -> None:
+    """Picture left, plots right, then figures, then the log."""
+    panes_rows = min(middle.height - 4, max(14, round(middle.height * 0.76)))
+    frame_columns = _frame_columns(panes_rows - 2, aspect, int(middle.width * 0.56))
+    boxes["frame"] = Box(x=0, y=middle.y, width=frame_columns, height=panes_rows)
+    x, columns = frame_columns + 1, middle.width - frame_columns - 1
+    each = (panes_rows - 1) // 3
+    rows: dict[Name, int] = {"confidence": panes_rows - 1 - 2 * each, "east": each, "north": each}
+    y = middle.y
+    for name, n in rows.items():
+        boxes[name] = Box(x=x, y=y, width=columns, height=n)
+        y += n
+    boxes["nis"] = Box(x=x, y=y, width=columns, height=1)
+    y += 1
+    boxes["facts"] = Box(x=0, y=y, width=middle.width, height=facts_rows)
+    y += facts_rows
+    bottom = middle.y + middle.height + facts_rows
+    _put(boxes, "log", Box(x=0, y=y, width=middle.width, height=bottom - y))
+
+
+def _strips(boxes: dict[Name, Box], middle: Box, aspect: float) -> None:
+    """Picture left; one row for each plot and the log right of it."""
+    frame_columns = _frame_columns(middle.height - 2, aspect, middle.width // 2)
+    boxes["frame"] = Box(x=0, y=middle.y, width=frame_columns, height=middle.height)
+    x, columns = frame_columns + 1, middle.width - frame_columns - 1
+    names: tuple[Name, ...] = ("confidence", "east", "north")
+    for offset, name in enumerate(names):
+        boxes[name] = Box(x=x, y=middle.y + offset, width=columns, height=1)
+    _put(boxes, "log", Box(x=x, y=middle.y + 3, width=columns, height=middle.height - 3))
+
+
+def _bare(boxes: dict[Name, Box], middle: Box, facts_rows: int) -> None:
+    """One column: figures, a row for each plot, and what is left for the log."""
+    _put(boxes, "facts", Box(x=0, y=middle.y, width=middle.width, height=facts_rows))
+    y = middle.y + facts_rows
+    bottom = middle.y + middle.height
+    if bottom - y >= 3:
+        names: tuple[Name, ...] = ("confidence", "east", "north")
+        for name in names:
+            boxes[name] = Box(x=0, y=y, width=middle.width, height=1)
+            y += 1
+    _put(boxes, "log", Box(x=0, y=y, width=middle.width, height=bottom - y))
+
+
+def _frame_columns(picture_rows: int, aspect: float, at_most: int) -> int:
+    """Columns of a picture that many rows high: a cell is about twice as high as wide."""
+    return max(1, min(math.ceil(2 * picture_rows * aspect), at_most))

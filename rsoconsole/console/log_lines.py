@@ -1,0 +1,167 @@
+"""The log in the operator's words: one line for what happened, none for what is routine."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import singledispatch
+from typing import Any, Literal
+
+from rsoconsole.records import (
+    Event,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    ParameterChange,
+    StateChange,
+)
+from rsoconsole.sky.angles import format_dec, format_ra
+
+Level = Literal["info", "good", "warning", "alarm"]
+
+ACCEPTED = "accepted"
+LOOK_BACK_LINES = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogLine:
+    """One line of the log."""
+
+    t_utc_ns: int
+    frame_id: int | None
+    level: Level
+    text: str
+    kind: str = ""
+    """The record's."""
+    times: int = 1
+    """How many records it stands for."""
+    asked: str = ""
+    """What an operator wanted, without what came of it."""
+    is_accepted: bool = False
+    """True for an intention that waits for its outcome."""
+
+
+def append_line(log: list[LogLine], line: LogLine) -> None:
+    """Add a line, or make one of it and the last where both say the same of one frame.
+
+    What a frame refused several times over is one line, and so are misses in a row for one
+    reason; a miss that changed the state is told by that change.
+    """
+    if log and log[-1].kind == line.kind == "Miss" and log[-1].text == line.text:
+        log[-1] = replace(line, times=log[-1].times + 1)
+        return
+    last = log[-1] if log and log[-1].frame_id == line.frame_id else None
+    if last is not None and last.kind == line.kind == "NotFollowed":
+        log[-1] = replace(last, times=last.times + 1)
+    elif (
+        last is not None
+        and (last.kind, line.kind) == ("Miss", "StateChange")
+        and line.text.endswith(last.text.removeprefix("miss"))
+    ):
+        log[-1] = line
+    else:
+        if line.kind == "OperatorAction":
+            _forget_acceptance(log, line)
+        log.append(line)
+
+
+def _forget_acceptance(log: list[LogLine], line: LogLine) -> None:
+    """What came of an intention says that it was accepted, too."""
+    for index in range(max(len(log) - LOOK_BACK_LINES, 0), len(log)):
+        if log[index].is_accepted and log[index].asked == line.asked:
+            del log[index]
+            return
+
+
+@singledispatch
+def _words(record: Any) -> tuple[Level, str] | None:
+    """Kinds that are routine have no line."""
+    _ = record
+    return None
+
+
+def line_of(record: Any, t_utc_ns: int) -> LogLine | None:
+    """The record's line; None for what is routine."""
+    words = _words(record)
+    if words is None:
+        return None
+    frame_id = getattr(record, "frame_id", None) or None
+    is_action = isinstance(record, OperatorAction)
+    return LogLine(
+        t_utc_ns=t_utc_ns,
+        frame_id=frame_id,
+        level=words[0],
+        text=words[1],
+        kind=type(record).__name__,
+        asked=f"{record.by} {record.verb} {_details(record.arguments)}" if is_action else "",
+        is_accepted=is_action and record.outcome == ACCEPTED,
+    )
+
+
+@_words.register
+def _(record: StateChange) -> tuple[Level, str]:
+    levels: dict[str, Level] = {
+        "TRACK": "good",
+        "COAST": "warning",
+        "LOST": "warning",
+        "FAULT": "alarm",
+    }
+    return levels.get(record.after, "info"), f"{record.before} → {record.after}: {record.reason}"
+
+
+@_words.register
+def _(record: Miss) -> tuple[Level, str]:
+    return "warning", f"miss: {record.reason}"
+
+
+@_words.register
+def _(record: NotSolved) -> tuple[Level, str]:
+    return "warning", f"not plate-solved: {record.reason}"
+
+
+@_words.register
+def _(record: NotFollowed) -> tuple[Level, str]:
+    return "info", f"not taken: {record.reason}"
+
+
+@_words.register
+def _(record: Event) -> tuple[Level, str]:
+    prefix = {"info": "", "warning": "warning: ", "alarm": "ALARM: "}[record.level]
+    return record.level, prefix + record.text
+
+
+@_words.register
+def _(record: OperatorAction) -> tuple[Level, str]:
+    details = _details(record.arguments)
+    level: Level = "alarm" if record.verb == "stop" else "info"
+    verb = "STOP" if record.verb == "stop" else record.verb
+    return level, f"{record.by}: {verb}: {record.outcome}{f' ({details})' if details else ''}"
+
+
+@_words.register
+def _(record: ParameterChange) -> tuple[Level, str]:
+    return "info", f"{record.by}: {record.name} {record.before} → {record.after}"
+
+
+def _details(arguments: Mapping[str, Any]) -> str:
+    """What was asked for, a direction first and in sexagesimal; empty arguments say nothing."""
+    rest = dict(arguments)
+    parts: list[str] = []
+    ra, dec = rest.get("ra_icrs_deg"), rest.get("dec_icrs_deg")
+    if _is_number(ra) and _is_number(dec):
+        parts.append(f"α {format_ra(rest.pop('ra_icrs_deg'), 1)}")
+        parts[-1] += f" δ {format_dec(rest.pop('dec_icrs_deg'), 0)}"
+    parts += [f"{key} {_plain(value)}" for key, value in rest.items() if value not in _EMPTY]
+    return ", ".join(parts)
+
+
+_EMPTY: tuple[Any, ...] = (None, "", [], (), {})
+
+
+def _is_number(value: Any) -> bool:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and math.isfinite(value)
+
+
+def _plain(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)

@@ -1,0 +1,104 @@
+"""The log, newest line first; what is longer than the pane goes on below, indented."""
+
+import textwrap
+from functools import lru_cache
+from typing import ClassVar
+
+from rich.segment import Segment
+from textual.events import Resize
+from textual.geometry import Size
+from textual.scroll_view import ScrollView
+from textual.strip import Strip
+
+from rsoconsole.console.log_lines import Level, LogLine
+from rsoconsole.console.words import clock_text
+
+WITH_FRAME_COLUMNS = 60
+"""A narrower log leaves the frame's number out."""
+MOST_ROWS = 3
+"""Of one line."""
+
+
+class LogPane(ScrollView):
+    """Shows the log's lines; scrolls when it has the focus."""
+
+    COMPONENT_CLASSES: ClassVar[set[str]] = {"log--good", "log--warning", "log--alarm"}
+    DEFAULT_CSS = """
+    LogPane { background: $background; scrollbar-size: 0 0; }
+    LogPane:focus { scrollbar-size: 1 1; }
+    LogPane > .log--good { color: $text-success; }
+    LogPane > .log--warning { color: $text-warning; }
+    LogPane > .log--alarm { color: $text-error; text-style: bold; }
+    """
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
+        super().__init__(id=id)
+        self.can_focus = False
+        self._lines: tuple[LogLine, ...] = ()
+        self._rows: list[tuple[Level, str, bool]] = []
+        """Level, words, and whether the line goes on in the next row; newest first."""
+
+    @property
+    def lines(self) -> tuple[LogLine, ...]:
+        """What is shown, oldest first."""
+        return self._lines
+
+    def show(self, lines: tuple[LogLine, ...]) -> None:
+        """Show these; one who has scrolled back keeps the place."""
+        if lines == self._lines:
+            return
+        self._lines = lines
+        before = len(self._rows)
+        self._lay_out()
+        grown = len(self._rows) - before
+        if self.scroll_offset.y > 0 and grown > 0:
+            self.scroll_to(y=self.scroll_offset.y + grown, animate=False)
+
+    def on_resize(self, _event: Resize) -> None:
+        """Another width, other breaks."""
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        # The scroll bar's column is left free, so that opening the log breaks no line anew.
+        width = self.outer_size.width - 1
+        self._rows = [
+            (line.level, row, number < len(rows))
+            for line in reversed(self._lines)
+            for rows in (log_rows(line, width),)
+            for number, row in enumerate(rows, 1)
+        ]
+        self.virtual_size = Size(0, len(self._rows))
+        self.refresh()
+
+    def render_line(self, y: int) -> Strip:
+        """One row, as many down from the newest as it is scrolled."""
+        width = self.scrollable_content_region.width
+        index = y + self.scroll_offset.y
+        if index >= len(self._rows):
+            words = " nothing has happened yet" if not self._rows and y == 0 else ""
+            return Strip([Segment(words.ljust(width)[:width], self.rich_style)])
+        level, text, goes_on = self._rows[index]
+        if goes_on and y == self.size.height - 1:
+            text = f"{text[: width - 2]} …"
+        style = self.rich_style
+        if level != "info":
+            style += self.get_component_rich_style(f"log--{level}")
+        return Strip([Segment(text.ljust(width)[:width], style)])
+
+
+@lru_cache(maxsize=8192)
+def log_rows(line: LogLine, width: int) -> tuple[str, ...]:
+    """One line of the log over as many rows as it takes, at most ``MOST_ROWS``."""
+    head = f" {clock_text(line.t_utc_ns)[:8]} "
+    if width >= WITH_FRAME_COLUMNS:
+        head += f"{line.frame_id:04d} " if line.frame_id is not None else "     "
+    times = f" ({line.times} times)" if line.times > 1 else ""
+    rows = textwrap.wrap(
+        line.text + times,
+        max(width, len(head) + 8),
+        initial_indent=head,
+        subsequent_indent=" " * len(head),
+        max_lines=MOST_ROWS,
+        placeholder=" …",
+    )
+    return tuple(rows) or (head,)

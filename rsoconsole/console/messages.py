@@ -1,0 +1,41 @@
+"""What the watches and the intentions tell the live screen, from their threads."""
+
+from textual.message import Message
+
+from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.night import NightView
+from rsoconsole.console.picture import Picture
+from rsoconsole.console.stop import StopNews
+from rsoconsole.control import Outcome
+
+
+class NightSeen(Message):
+    """The session has grown, or another one is read."""
+
+    def __init__(self, night: NightView, picture: Picture | None) -> None:
+        super().__init__()
+        self.night, self.picture = night, picture
+
+
+class EngineSeen(Message):
+    """The engine said something else than before, or nothing."""
+
+    def __init__(self, engine: EngineView) -> None:
+        super().__init__()
+        self.engine = engine
+
+
+class OutcomeCame(Message):
+    """What came of an intention; ``stops``: how many STOPs there had been when it was sent."""
+
+    def __init__(self, verb: str, outcome: Outcome, stops: int) -> None:
+        super().__init__()
+        self.verb, self.outcome, self.stops = verb, outcome, stops
+
+
+class StopNewsCame(Message):
+    """How a STOP stands."""
+
+    def __init__(self, news: StopNews) -> None:
+        super().__init__()
+        self.news = news

@@ -1,0 +1,270 @@
+"""What a session says of its night so far: a fold over its records, for whoever shows it."""
+
+import math
+from dataclasses import dataclass, replace
+from functools import singledispatchmethod
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.config import Config
+from rsoconsole.console.log_lines import LogLine, append_line, line_of
+from rsoconsole.records import (
+    CycleTiming,
+    Detections,
+    FrameTaken,
+    LoopState,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    ParameterChange,
+    SlewCommand,
+    Solution,
+    StateChange,
+    TrackState,
+)
+
+FRAMES_IN_DETAIL = 8
+"""How many of the last frames keep what a picture of them needs; pictures come late."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameRow:
+    """One exposure, as the plots show it."""
+
+    frame_id: int
+    is_reduced: bool = False
+    """False while it is not known yet what the frame shows."""
+    confidence: float | None = None
+    """Of the best detection above tau; None without one."""
+    miss: str | None = None
+    residual_arcsec: tuple[float, float] | None = None
+    """(d alpha cos delta, d delta), measured minus predicted; None when nothing was taken."""
+    sigma_arcsec: tuple[float, float] | None = None
+    """One sigma of the residual; of the prediction where nothing was taken."""
+    nis: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameDetail:
+    """What one of the last frames showed."""
+
+    taken: FrameTaken | None = None
+    detections: Detections | None = None
+    solution: Solution | NotSolved | None = None
+    predicted: TrackState | None = None
+    updated: TrackState | None = None
+    measurements: tuple[Measurement, ...] = ()
+    not_followed: tuple[NotFollowed, ...] = ()
+
+    @property
+    def followed(self) -> Measurement | None:
+        """The measurement the track took."""
+        refused = {(n.measurement.x_px, n.measurement.y_px) for n in self.not_followed}
+        taken = [m for m in self.measurements if (m.x_px, m.y_px) not in refused]
+        return taken[0] if self.updated is not None and taken else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pointing:
+    """Where the telescope looked, or was sent, at an instant."""
+
+    t_utc_ns: int
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    is_ordered: bool = False
+    """True for a slew of which no frame has been seen yet."""
+    alt_deg: float | None = None
+    az_deg: float | None = None
+    """None where the session does not say its site."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NightView:
+    """A session at one instant; nothing in it changes any more."""
+
+    folder: Path | None = None
+    title: str = ""
+    is_closed: bool = False
+    is_simulated: bool = False
+    fault: str | None = None
+    """Why the session cannot be read at this moment."""
+    tau: float = 0.1
+    rows: tuple[FrameRow, ...] = ()
+    log: tuple[LogLine, ...] = ()
+    """Oldest first."""
+    state: LoopState | None = None
+    state_since_utc_ns: int | None = None
+    last_utc_ns: int | None = None
+    frame: FrameTaken | None = None
+    pointing: Pointing | None = None
+    track: TrackState | None = None
+    timing: CycleTiming | None = None
+    slew: SlewCommand | None = None
+
+
+class Night:
+    """Takes a session's records in order; gives views of what they add up to."""
+
+    def __init__(self, folder: Path, about: dict[str, Any], config: Config | None) -> None:
+        self._view = NightView(
+            folder=folder,
+            title=str(about.get("title") or ""),
+            is_closed=about.get("is_closed") is True,
+            is_simulated=about.get("is_simulated") is True,
+            tau=config.detector.tau if config is not None else 0.1,
+        )
+        self._site = config.site.to_site() if config is not None else None
+        self._rows: dict[int, FrameRow] = {}
+        self._details: dict[int, FrameDetail] = {}
+        self._log: list[LogLine] = []
+
+    def view(self) -> NightView:
+        """What has been taken so far."""
+        self._see_horizon()
+        return replace(self._view, rows=tuple(self._rows.values()), log=tuple(self._log))
+
+    def detail(self, frame_id: int) -> FrameDetail:
+        """What that frame showed; empty for one long past."""
+        return self._details.get(frame_id, FrameDetail())
+
+    def newest_frames(self) -> tuple[int, ...]:
+        """The last frames, newest first."""
+        return tuple(reversed(self._details))
+
+    def close(self) -> None:
+        """The session is closed: nothing more will come."""
+        self._view = replace(self._view, is_closed=True)
+
+    def take(self, t_utc_ns: int, record: Any) -> None:
+        """One record of the log, in order."""
+        # A record that could not be written leaves an alarm at instant 0 in its place.
+        self._view = replace(
+            self._view, last_utc_ns=max(t_utc_ns, self._view.last_utc_ns or 0) or None
+        )
+        self._fold(record, t_utc_ns)
+        line = line_of(record, t_utc_ns)
+        if line is not None:
+            append_line(self._log, line)
+
+    @singledispatchmethod
+    def _fold(self, record: Any, t_utc_ns: int) -> None:
+        """Kinds that change nothing but the log."""
+
+    @_fold.register
+    def _(self, record: FrameTaken, t_utc_ns: int) -> None:
+        self._view = replace(self._view, frame=record)
+        ra, dec = record.pointing_ra_icrs_deg, record.pointing_dec_icrs_deg
+        if ra is not None and dec is not None:
+            self._look(record.t_start_utc_ns or t_utc_ns, ra, dec)
+        self._rows[record.frame_id] = FrameRow(frame_id=record.frame_id)
+        self._details[record.frame_id] = FrameDetail(taken=record)
+        while len(self._details) > FRAMES_IN_DETAIL:
+            del self._details[next(iter(self._details))]
+
+    @_fold.register
+    def _(self, record: Detections, _t_utc_ns: int) -> None:
+        best = max((d.confidence for d in record.detections), default=None)
+        self._change(record.frame_id, confidence=best, is_reduced=True)
+        self._detail(record.frame_id, detections=record)
+
+    @_fold.register
+    def _(self, record: Solution, t_utc_ns: int) -> None:
+        taken = self.detail(record.frame_id).taken
+        t_ns = taken.t_start_utc_ns if taken is not None else None
+        self._look(t_ns or t_utc_ns, record.ra_icrs_deg, record.dec_icrs_deg)
+        self._detail(record.frame_id, solution=record)
+
+    @_fold.register
+    def _(self, record: NotSolved, _t_utc_ns: int) -> None:
+        self._detail(record.frame_id, solution=record)
+
+    @_fold.register
+    def _(self, record: Measurement, _t_utc_ns: int) -> None:
+        if record.frame_id in self._details:
+            before = self._details[record.frame_id].measurements
+            self._detail(record.frame_id, measurements=(*before, record))
+
+    @_fold.register
+    def _(self, record: NotFollowed, _t_utc_ns: int) -> None:
+        if record.frame_id in self._details:
+            before = self._details[record.frame_id].not_followed
+            self._detail(record.frame_id, not_followed=(*before, record))
+
+    @_fold.register
+    def _(self, record: TrackState, _t_utc_ns: int) -> None:
+        self._view = replace(self._view, track=record)
+        if record.kind == "predicted":
+            self._change(record.frame_id, sigma_arcsec=predicted_sigma_arcsec(record))
+            self._detail(record.frame_id, predicted=record)
+            return
+        self._detail(record.frame_id, updated=record)
+        if record.innovation_arcsec is not None:
+            self._change(
+                record.frame_id,
+                residual_arcsec=record.innovation_arcsec,
+                sigma_arcsec=record.sigma_innovation_arcsec,
+                nis=record.nis,
+            )
+
+    @_fold.register
+    def _(self, record: Miss, _t_utc_ns: int) -> None:
+        self._change(record.frame_id, miss=record.reason, is_reduced=True)
+
+    @_fold.register
+    def _(self, record: StateChange, t_utc_ns: int) -> None:
+        is_tracked = record.after in {"TRACK", "COAST"}
+        self._view = replace(
+            self._view,
+            state=record.after,
+            state_since_utc_ns=t_utc_ns,
+            track=self._view.track if is_tracked else None,
+        )
+
+    @_fold.register
+    def _(self, record: ParameterChange, _t_utc_ns: int) -> None:
+        if record.name == "detector.tau" and not isinstance(record.after, str):
+            self._view = replace(self._view, tau=float(record.after))
+
+    @_fold.register
+    def _(self, record: CycleTiming, _t_utc_ns: int) -> None:
+        self._view = replace(self._view, timing=record)
+
+    @_fold.register
+    def _(self, record: SlewCommand, _t_utc_ns: int) -> None:
+        self._view = replace(self._view, slew=record)
+        self._look(record.t_aim_utc_ns, record.ra_icrs_deg, record.dec_icrs_deg, is_ordered=True)
+
+    def _look(self, t_utc_ns: int, ra: float, dec: float, *, is_ordered: bool = False) -> None:
+        pointing = Pointing(
+            t_utc_ns=t_utc_ns, ra_icrs_deg=ra % 360.0, dec_icrs_deg=dec, is_ordered=is_ordered
+        )
+        self._view = replace(self._view, pointing=pointing)
+
+    def _see_horizon(self) -> None:
+        """Altitude and azimuth of the pointing, for whoever looks now."""
+        pointing = self._view.pointing
+        if pointing is None or pointing.alt_deg is not None or self._site is None:
+            return
+        from rsoconsole.sky.frames import icrs_to_altaz
+
+        alt_deg, az_deg = icrs_to_altaz(
+            self._site, pointing.ra_icrs_deg, pointing.dec_icrs_deg, pointing.t_utc_ns
+        )
+        pointing = replace(pointing, alt_deg=alt_deg, az_deg=az_deg)
+        self._view = replace(self._view, pointing=pointing)
+
+    def _change(self, frame_id: int, **changes: Any) -> None:
+        row = self._rows.get(frame_id, FrameRow(frame_id=frame_id))
+        self._rows[frame_id] = replace(row, **changes)
+
+    def _detail(self, frame_id: int, **changes: Any) -> None:
+        if frame_id in self._details:
+            self._details[frame_id] = replace(self._details[frame_id], **changes)
+
+
+def predicted_sigma_arcsec(track: TrackState) -> tuple[float, float]:
+    """One sigma (east, north) on the sky of a state's position."""
+    cos_dec = math.cos(math.radians(track.x[2]))
+    east_deg = math.sqrt(max(track.P[0][0], 0.0)) * cos_dec
+    return east_deg * 3600.0, math.sqrt(max(track.P[2][2], 0.0)) * 3600.0

@@ -1,0 +1,114 @@
+"""What each plot pane says and draws, from a view of the night: title, dots, the NIS line."""
+
+from collections.abc import Sequence
+
+from rsoconsole.console.night import FrameRow, NightView
+from rsoconsole.console.plot import (
+    Column,
+    Line,
+    confidence_plot,
+    confidence_strip,
+    residual_plot,
+    residual_strip,
+    sparkline,
+)
+from rsoconsole.console.words import arcsec_text, clipped, unsigned_text
+
+MISS = "○"
+STRIP_LABEL_COLUMNS = 22
+NIS_BAND = (0.05, 7.38)
+"""Between these lie 95 % of the NIS of a sound filter with two degrees of freedom."""
+NIS_FRAMES = 10
+AXES = {"east": 0, "north": 1}
+AXIS_NAMES = {"east": "RA·cosδ", "north": "δ"}
+
+
+def confidence_lines(night: NightView, width: int, height: int) -> list[Line]:
+    """Each frame's best detection, misses at 0 under their own sign, tau as a line."""
+    columns = [
+        Column(value=row.confidence, mark=MISS if row.is_reduced and row.confidence is None else "")
+        for row in night.rows
+    ]
+    last = next((row for row in reversed(night.rows) if row.is_reduced), None)
+    now = _confidence_words(last)
+    if height <= 1:
+        label = f" conf {now} τ {_share(night.tau)}"
+        return [_strip(label, width, confidence_strip(columns, night.tau, _strip_room(width)))]
+    title = rule(f"confidence {now}", f"{MISS} miss  τ {_share(night.tau)}", width)
+    return [title, *confidence_plot(columns, night.tau, width, height - 1)]
+
+
+def residual_lines(night: NightView, axis: str, width: int, height: int) -> list[Line]:
+    """Measured minus predicted on one axis, in 3-sigma bounds; coasted frames on zero."""
+    columns = [_column(row, AXES[axis]) for row in night.rows]
+    name = AXIS_NAMES[axis]
+    last = next((c for c in reversed(columns) if c.bound is not None), None)
+    value = "" if last is None or last.value is None else arcsec_text(last.value)
+    if last is not None and last.value is None:
+        value = f"{MISS} coasted"
+    bound = "3σ -" if last is None or last.bound is None else f"3σ {unsigned_text(last.bound)}"
+    if height <= 1:
+        short = {"east": "RA", "north": "δ "}[axis]
+        label = f" {short} {value or '-'} {bound}"
+        return [_strip(label, width, residual_strip(columns, _strip_room(width)))]
+    return [
+        rule(f"{name} residual {value}", bound, width),
+        *residual_plot(columns, width, height - 1),
+    ]
+
+
+def nis_lines(night: NightView, width: int, _height: int) -> list[Line]:
+    """The normalised innovation squared of the last frames against its band."""
+    values = [row.nis for row in night.rows if row.nis is not None]
+    if not values:
+        return [rule("NIS: no update yet", "", width)]
+    recent = values[-NIS_FRAMES:]
+    mean = sum(recent) / len(recent)
+    is_in_band = NIS_BAND[0] <= mean <= NIS_BAND[1]
+    spark = sparkline(recent, 12.0, NIS_FRAMES)
+    words = "in band" if is_in_band else ("too small" if mean < NIS_BAND[0] else "TOO LARGE")
+    return [rule(f"NIS {mean:.1f} of 2 {spark} {words}", frames_words(night.rows, width), width)]
+
+
+def frames_words(rows: Sequence[FrameRow], width: int) -> str:
+    """How much of the night the plots show."""
+    room = max(width - 6, 0)
+    return f"last {room} of {len(rows)}" if len(rows) > room else f"{len(rows)} frames"
+
+
+def rule(left: str, right: str, width: int) -> Line:
+    """A title in a line; what is right is dropped first."""
+    head = f"─ {left.strip()} "
+    tail = f" {right} ─" if right else ""
+    if len(head) + len(tail) > width:
+        tail = ""
+    fill = "─" * max(width - len(head) - len(tail), 0)
+    return clipped([("─ ", "dim"), (left.strip(), "title"), (f" {fill}{tail}", "dim")], width)
+
+
+def _column(row: FrameRow, axis: int) -> Column:
+    bound = None if row.sigma_arcsec is None else 3.0 * row.sigma_arcsec[axis]
+    if row.residual_arcsec is not None:
+        return Column(value=row.residual_arcsec[axis], bound=bound)
+    return Column(bound=bound, mark=MISS if row.miss is not None and bound is not None else "")
+
+
+def _confidence_words(row: FrameRow | None) -> str:
+    if row is None:
+        return ""
+    if row.confidence is not None:
+        return _share(row.confidence)
+    return "no detection"
+
+
+def _share(value: float) -> str:
+    return f"{value:.2f}".removeprefix("0")
+
+
+def _strip_room(width: int) -> int:
+    return max(width - STRIP_LABEL_COLUMNS - 1, 0)
+
+
+def _strip(label: str, width: int, strip: Line) -> Line:
+    columns = min(STRIP_LABEL_COLUMNS, width)
+    return clipped([(f"{label[:columns]:<{columns}}", ""), *strip], width)

@@ -1,0 +1,176 @@
+"""The seat's widgets: they show lines and pictures that others have made; they decide nothing."""
+
+from collections.abc import Callable
+from typing import ClassVar
+
+from rich.segment import Segment
+from rich.style import Style
+from textual.content import Content
+from textual.events import Resize
+from textual.strip import Strip
+from textual.widget import Widget
+
+from rsoconsole.console.picture import GREYS, Picture, fitted_cells, overlay, runs, shrunk
+from rsoconsole.console.plot import Line
+
+Build = Callable[[int, int], list[Line]]
+"""(width, height) -> the lines to show."""
+
+INKS = {
+    "": "",
+    "dim": "$text-muted",
+    "good": "$text-success",
+    "warn": "$text-warning",
+    "alarm": "bold $text-error",
+    "title": "bold",
+}
+
+
+class LinesPane(Widget):
+    """Shows lines; drawn again only when they differ from those before."""
+
+    DEFAULT_CSS = "LinesPane { text-wrap: nowrap; text-overflow: clip; }"
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
+        super().__init__(id=id)
+        self._build: Build | None = None
+        self._lines: list[Line] = []
+
+    def show(self, build: Build) -> None:
+        """From now on show what ``build`` makes for this pane's size."""
+        self._build = build
+        self._rebuild()
+
+    @property
+    def text(self) -> str:
+        """What is shown, plain."""
+        return "\n".join("".join(text for text, _ in line) for line in self._lines)
+
+    def on_resize(self, _event: Resize) -> None:
+        """Another size, other lines."""
+        self._rebuild()
+
+    def _rebuild(self) -> None:
+        if self._build is None or not self.size.width or not self.size.height:
+            return
+        lines = self._build(self.size.width, self.size.height)
+        if lines != self._lines:
+            self._lines = lines
+            self.refresh()
+
+    def render(self) -> Content:
+        """The lines, inked."""
+        rows = [
+            Content.assemble(*((text, INKS[ink]) for text, ink in line)) for line in self._lines
+        ]
+        return Content("\n").join(rows)
+
+
+class FramePane(Widget):
+    """A title, the picture in half blocks with its marks, a caption."""
+
+    COMPONENT_CLASSES: ClassVar[set[str]] = {
+        "frame--followed",
+        "frame--candidate",
+        "frame--predicted",
+        "frame--title",
+        "frame--caption",
+    }
+    DEFAULT_CSS = """
+    FramePane > .frame--followed { color: black; background: #ffd75f; text-style: bold; }
+    FramePane > .frame--candidate { color: #ffd75f; background: black; }
+    FramePane > .frame--predicted { color: #87d7ff; background: black; text-style: bold; }
+    FramePane > .frame--title { text-style: bold; }
+    FramePane > .frame--caption { color: $text-muted; }
+    """
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
+        super().__init__(id=id)
+        self._picture: Picture | None = None
+        self._title = self._caption = ""
+        self._strips: list[Strip] = []
+
+    @property
+    def picture(self) -> Picture | None:
+        """What is shown."""
+        return self._picture
+
+    def show(self, picture: Picture | None, title: str, caption: str) -> None:
+        """Show a frame; nothing is computed again when it is the same."""
+        is_same = picture is self._picture and (title, caption) == (self._title, self._caption)
+        if is_same and self._strips:
+            return
+        self._picture, self._title, self._caption = picture, title, caption
+        self._redraw()
+
+    def on_resize(self, _event: Resize) -> None:
+        """Another size, another picture."""
+        self._redraw()
+
+    def notify_style_update(self) -> None:
+        """Another theme: draw in its colours."""
+        super().notify_style_update()
+        self._strips = []
+
+    def render_line(self, y: int) -> Strip:
+        """One row of cells, made when the frame came."""
+        if not self._strips:
+            self._strips = self._make_strips()
+        return self._strips[y] if y < len(self._strips) else Strip.blank(self.size.width)
+
+    def _redraw(self) -> None:
+        self._strips = []
+        self.refresh()
+
+    def _make_strips(self) -> list[Strip]:
+        width, height = self.size
+        title = f"─ {self._title} ".ljust(width, "─")[:width]
+        caption = f" {self._caption}".ljust(width)[:width]
+        rows = max(height - 2, 0)
+        return [
+            self._text(title, "frame--title"),
+            *self._picture_strips(width, rows),
+            self._text(caption, "frame--caption"),
+        ]
+
+    def _picture_strips(self, width: int, rows: int) -> list[Strip]:
+        if not width or not rows:
+            return []
+        if self._picture is None:
+            words = "no picture yet".center(width)[:width]
+            return [
+                self._text(words if row == rows // 2 else " " * width, "frame--caption")
+                for row in range(rows)
+            ]
+        columns, used = fitted_cells(self._picture.aspect, width, rows)
+        greys = shrunk(self._picture.light, columns, used)
+        marks = overlay(self._picture.marks, columns, used)
+        blank = Strip.blank(width)
+        return [
+            self._row(runs(greys, marks, row)).adjust_cell_length(width) for row in range(used)
+        ] + [blank] * (rows - used)
+
+    def _row(self, parts: list[tuple[str, tuple[int, int] | str]]) -> Strip:
+        return Strip([Segment(text, self._style(key)) for text, key in parts])
+
+    def _style(self, key: tuple[int, int] | str) -> Style:
+        if isinstance(key, str):
+            return self.get_component_rich_style(f"frame--{key}")
+        upper, lower = (round(grey * 255 / (GREYS - 1)) for grey in key)
+        return Style(color=f"rgb({upper},{upper},{upper})", bgcolor=f"rgb({lower},{lower},{lower})")
+
+    def _text(self, text: str, name: str) -> Strip:
+        return Strip([Segment(text, self.get_component_rich_style(name))])
+
+
+class StopBanner(LinesPane):
+    """What came of a STOP, over everything else until it is put away."""
+
+    DEFAULT_CSS = """
+    StopBanner {
+        display: none; layer: over; position: absolute; width: 100%; height: 3;
+        background: $error; color: $text; text-style: bold; text-align: center;
+        content-align: center middle; text-wrap: wrap;
+    }
+    StopBanner.-stopped { background: $success; }
+    """

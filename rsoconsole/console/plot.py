@@ -1,0 +1,204 @@
+"""Plots in cells: the newest exposure at the right, braille dots for the height.
+
+A line is a list of (text, ink); ink is a word for a colour, and no more than a repetition of
+what the marks say.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+Ink = Literal["", "dim", "good", "warn", "alarm", "title"]
+Line = list[tuple[str, Ink]]
+
+AXIS_COLUMNS = 6
+MAX_SPREAD = 3
+"""Cells an exposure takes at most, while there are few."""
+_BRAILLE = 0x2800
+_LEFT = (0x01, 0x02, 0x04, 0x40)
+_RIGHT = (0x08, 0x10, 0x20, 0x80)
+_RANK: dict[Ink, int] = {"": 0, "dim": 1, "good": 2, "warn": 3, "alarm": 4, "title": 0}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """One exposure of a plot."""
+
+    value: float | None = None
+    bound: float | None = None
+    """Half width of the expected band about 0."""
+    mark: str = ""
+    """Shown instead of a value: a miss, a coasted frame."""
+
+
+@dataclass(slots=True)
+class Canvas:
+    """Cells with 2 x 4 dots each, over ``low`` to ``high``."""
+
+    columns: int
+    rows: int
+    low: float
+    high: float
+    _dots: dict[tuple[int, int], int] = field(default_factory=dict)
+    _inks: dict[tuple[int, int], Ink] = field(default_factory=dict)
+    _glyphs: dict[tuple[int, int], str] = field(default_factory=dict)
+
+    def point(self, column: int, value: float, ink: Ink) -> None:
+        """A fat dot; an arrow at the edge for what lies beyond it."""
+        if not self.low <= value <= self.high:
+            row = 0 if value > self.high else self.rows - 1
+            self.glyph(column, row, "▲" if value > self.high else "▼", ink)
+            return
+        top = min(max(round(self._level(value) - 0.5), 0), 4 * self.rows - 2)
+        for level in (top, top + 1):
+            self._dot(column, level, _LEFT[level % 4] | _RIGHT[level % 4], ink)
+
+    def thin(self, column: int, value: float) -> None:
+        """A small dot of a line; beyond the edge it lies on the edge."""
+        clipped = min(max(value, self.low), self.high)
+        level = min(max(round(self._level(clipped)), 0), 4 * self.rows - 1)
+        self._dot(column, level, _LEFT[level % 4], "dim")
+
+    def glyph(self, column: int, row: int, text: str, ink: Ink) -> None:
+        """A sign of its own in a cell."""
+        self._glyphs[column, row] = text
+        self._inks[column, row] = ink
+
+    def row_of(self, value: float) -> int:
+        """The row in which a value lies."""
+        return min(max(round(self._level(value)) // 4, 0), self.rows - 1)
+
+    def line(self, row: int) -> Line:
+        """One row as runs of one ink."""
+        line: Line = []
+        for column in range(self.columns):
+            at = column, row
+            dots = self._dots.get(at)
+            text = self._glyphs.get(at) or (chr(_BRAILLE | dots) if dots else " ")
+            ink = self._inks.get(at, "")
+            if line and line[-1][1] == ink:
+                line[-1] = (line[-1][0] + text, ink)
+            else:
+                line.append((text, ink))
+        return line
+
+    def _level(self, value: float) -> float:
+        return (self.high - value) / (self.high - self.low) * (4 * self.rows - 1)
+
+    def _dot(self, column: int, level: int, dots: int, ink: Ink) -> None:
+        at = column, level // 4
+        self._dots[at] = self._dots.get(at, 0) | dots
+        if _RANK[ink] >= _RANK[self._inks.get(at, "")]:
+            self._inks[at] = ink
+
+
+def residual_plot(columns: Sequence[Column], width: int, rows: int) -> list[Line]:
+    """Residuals as fat dots in their bounds on a symmetric axis; misses as marks on zero."""
+    shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
+    limit = residual_limit(shown)
+    canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, -limit, limit)
+    _draw_residuals(canvas, shown, has_bounds=True)
+    labels = {0: _figure(limit), rows - 1: _figure(-limit)}
+    if rows % 2:
+        labels[rows // 2] = "0"
+    return [_with_axis(labels.get(row, ""), canvas.line(row)) for row in range(rows)]
+
+
+def confidence_plot(columns: Sequence[Column], tau: float, width: int, rows: int) -> list[Line]:
+    """Confidences between 0 and 1 as fat dots, tau as a line, misses as marks at 0."""
+    shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
+    canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, 0.0, 1.0)
+    for column in range(canvas.columns):
+        canvas.thin(column, tau)
+    _draw_confidences(canvas, shown, tau)
+    labels = {0: "1", rows - 1: "0"}
+    if rows > 2 and canvas.row_of(tau) not in labels:
+        labels[canvas.row_of(tau)] = "τ"
+    return [_with_axis(labels.get(row, ""), canvas.line(row)) for row in range(rows)]
+
+
+def residual_strip(columns: Sequence[Column], width: int) -> Line:
+    """The same in one row, without bounds."""
+    shown = list(columns)[-max(width, 0) :]
+    limit = residual_limit(shown)
+    canvas = Canvas(max(width, 0), 1, -limit, limit)
+    _draw_residuals(canvas, shown, has_bounds=False)
+    return canvas.line(0)
+
+
+def confidence_strip(columns: Sequence[Column], tau: float, width: int) -> Line:
+    """The same in one row."""
+    shown = list(columns)[-max(width, 0) :]
+    canvas = Canvas(max(width, 0), 1, 0.0, 1.0)
+    _draw_confidences(canvas, shown, tau)
+    return canvas.line(0)
+
+
+def residual_limit(columns: Sequence[Column]) -> float:
+    """A round half height that shows every residual and the bounds as they usually are.
+
+    Bounds just after a miss are many times as wide: they lie on the edge, or the residuals that
+    matter would lie on zero. Those of coasted frames count only where there is nothing else.
+    """
+    measured = [c for c in columns if c.value is not None]
+    values = [abs(c.value) for c in measured if c.value is not None]
+    bounds = sorted(c.bound for c in measured if c.bound is not None)
+    others = [c.bound for c in columns if c.bound is not None]
+    usual = [1.2 * bounds[len(bounds) // 2]] if bounds else []
+    return _round_up(max([*values, *usual] or others or [1.0]) * 1.05)
+
+
+def sparkline(values: Sequence[float | None], high: float, width: int) -> str:
+    """Eighths of blocks between 0 and ``high``; a gap where there is no value."""
+    blocks = "▁▂▃▄▅▆▇█"
+    shown = list(values)[-max(width, 0) :]
+    return "".join(" " if v is None else blocks[min(max(int(v / high * 8), 0), 7)] for v in shown)
+
+
+def _draw_residuals(canvas: Canvas, shown: Sequence[Column], *, has_bounds: bool) -> None:
+    for at, cells, what in _placed(canvas, shown):
+        if what.bound is not None and has_bounds:
+            for column in range(at, at + cells):
+                canvas.thin(column, what.bound)
+                canvas.thin(column, -what.bound)
+        if what.value is not None:
+            is_outside = what.bound is not None and abs(what.value) > what.bound
+            canvas.point(at, what.value, "alarm" if is_outside else "good")
+        elif what.mark:
+            canvas.glyph(at, canvas.rows // 2, what.mark, "warn")
+
+
+def _draw_confidences(canvas: Canvas, shown: Sequence[Column], tau: float) -> None:
+    for at, _, what in _placed(canvas, shown):
+        if what.value is not None:
+            canvas.point(at, min(what.value, 1.0), "good" if what.value >= tau else "warn")
+        if what.mark:
+            canvas.glyph(at, canvas.rows - 1, what.mark, "warn")
+
+
+def _placed(canvas: Canvas, shown: Sequence[Column]) -> list[tuple[int, int, Column]]:
+    """(column, cells to the next, exposure); a young night is spread out."""
+    cells = max(1, min(MAX_SPREAD, canvas.columns // max(len(shown), 1)))
+    start = canvas.columns - len(shown) * cells
+    return [(start + n * cells, cells, what) for n, what in enumerate(shown)]
+
+
+def _with_axis(label: str, line: Line) -> Line:
+    return [
+        (f"{label:>{AXIS_COLUMNS - 1}}┤" if label else " " * (AXIS_COLUMNS - 1) + "│", "dim"),
+        *line,
+    ]
+
+
+def _round_up(value: float) -> float:
+    """The next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
+    if value <= 0.0 or not math.isfinite(value):
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(value))
+    steps = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0)
+    return next(step * power for step in steps if value <= step * power * (1 + 1e-9))
+
+
+def _figure(value: float) -> str:
+    return f"{value:.3g}"

@@ -1,0 +1,66 @@
+"""How a console is opened: over the running engine, or over one session."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rsoconsole.control import ControlClient
+from rsoconsole.errors import ControlError, RsoconsoleError
+from rsoconsole.session.reader import SessionReader
+
+if TYPE_CHECKING:
+    from rsoconsole.console.app import StopDirectly
+
+ATTACH_S = 2.0
+
+
+def run_console(
+    *,
+    socket: Path | None = None,
+    session: Path | None = None,
+    read_only: bool = False,
+    owns_engine: bool = False,
+    stop_directly: "StopDirectly | None" = None,
+) -> str:
+    """Open the seat and stay until it is left: "quit", or "stop engine" when that was asked for.
+
+    ``socket`` is the engine's, None the default one. With ``session`` that folder is shown,
+    read-only, live while it grows, and no engine is asked. ``owns_engine`` proposes to stop the
+    engine on leaving, and waits for one that is only starting. ``stop_directly`` stops the mount
+    where the engine does not; it is given the session's INDI settings, or None.
+
+    Raises ControlError when there is no engine, SessionError when ``session`` holds none,
+    RsoconsoleError where there is no terminal.
+    """
+    if session is not None:
+        SessionReader(session)
+    elif not owns_engine:
+        _expect_engine(socket)
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise RsoconsoleError(
+            "the console needs a terminal: 'rsoconsole status' and 'rsoconsole stop' do not"
+        )
+    from rsoconsole.console.app import ConsoleApp
+
+    app = ConsoleApp(
+        lambda: ControlClient(socket, by="console"),
+        session=session,
+        read_only=read_only,
+        owns_engine=owns_engine,
+        stop_directly=stop_directly,
+    )
+    return app.run() or "quit"
+
+
+def _expect_engine(socket: Path | None) -> None:
+    try:
+        outcome = ControlClient(socket, by="console").send("status", timeout_s=ATTACH_S)
+    except ControlError as error:
+        if isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError):
+            raise ControlError(
+                "no engine is running: start one with 'rsoconsole engine', or 'rsoconsole demo' "
+                "for a simulated night; --session DIR shows a recorded one"
+            ) from error
+        raise
+    if not outcome.ok:
+        raise ControlError(outcome.message)

@@ -1,0 +1,241 @@
+"""The two that look outside, each on a thread of its own: one reads, one asks the engine.
+
+They hand what they found to a callback, which must return at once. No other part of the console
+opens a file of the session; a hanging engine keeps nobody from the past.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Protocol
+
+from rsoconsole.config import Config, IndiConfig
+from rsoconsole.console.engine_view import EngineView, engine_view
+from rsoconsole.console.night import Night, NightView
+from rsoconsole.console.picture import Picture, marks_of, read_preview
+from rsoconsole.control import Outcome
+from rsoconsole.errors import ControlError, SessionError
+from rsoconsole.session.reader import SessionReader
+
+log = logging.getLogger(__name__)
+
+READ_S = 0.25
+ASK_S = 0.5
+ANSWER_S = 1.0
+STARTING_S = 30.0
+"""An engine that has never answered is waited for so long before it is called gone."""
+SHOW_WHILE_READING_S = 0.3
+CLOSED_CHECK_S = 2.0
+
+
+class Wire(Protocol):
+    """The operator's end of the wire, as ``ControlClient`` is."""
+
+    def send(self, verb: str, *, timeout_s: float = 5.0, **arguments: Any) -> Outcome:
+        """Raises ControlError when no engine runs or it does not answer."""
+
+
+class SessionWatch:
+    """Reads a session as it grows: its records four times a second, its newest picture."""
+
+    def __init__(self, on_seen: Callable[[NightView, Picture | None], None]) -> None:
+        self._on_seen = on_seen
+        self._wanted: Path | None = None
+        self._wake = threading.Event()
+        self._is_closing = False
+        self._reader: SessionReader | None = None
+        self._night: Night | None = None
+        self._seq = 0
+        self._picture: Picture | None = None
+        self._closed_seen_s = 0.0
+        self.indi: IndiConfig | None = None
+        """How the session's engine reaches its instruments; None until that is read."""
+        self._thread = threading.Thread(target=self._run, name="console-session", daemon=True)
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def follow(self, folder: Path | None) -> None:
+        """Read that session from now on (any thread)."""
+        if folder is not None and folder != self._wanted:
+            self._wanted = folder
+            self._wake.set()
+
+    def close(self) -> None:
+        """End, without waiting for a slow disk."""
+        self._is_closing = True
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join(0.5)
+
+    def _run(self) -> None:
+        while not self._is_closing:
+            try:
+                self._look()
+            except SessionError as error:
+                self._say_fault(str(error))
+            except Exception as error:  # the seat must go on, whatever lies in the folder
+                log.exception("the session cannot be shown")
+                self._say_fault(f"the session cannot be shown: {error}")
+            self._wake.wait(READ_S)
+            self._wake.clear()
+
+    def _look(self) -> None:
+        wanted = self._wanted
+        if wanted is None:
+            return
+        if self._reader is None or self._reader.folder != wanted:
+            self._open(wanted)
+        has_news = self._read_records()
+        # The records first: decoding a picture loads a large library.
+        if has_news:
+            self._show()
+        if self._read_picture():
+            self._show()
+
+    def _open(self, folder: Path) -> None:
+        reader = SessionReader(folder)
+        config: Config | None = None
+        try:
+            config = reader.config()
+        except SessionError as error:
+            log.warning("%s", error)
+        self._night = Night(folder, reader.about(), config)
+        self._reader, self._seq, self._picture = reader, 0, None
+        self.indi = config.indi if config is not None else None
+        self._show()
+
+    def _read_records(self) -> bool:
+        assert self._reader is not None
+        assert self._night is not None
+        before = self._seq
+        shown_s = time.monotonic()
+        for seq, t_utc_ns, record in self._reader.records(since_seq=self._seq):
+            self._night.take(t_utc_ns, record)
+            self._seq = seq
+            if self._is_closing:
+                return False
+            if time.monotonic() - shown_s > SHOW_WHILE_READING_S:
+                self._show()
+                shown_s = time.monotonic()
+        return self._seq != before or self._has_closed()
+
+    def _has_closed(self) -> bool:
+        assert self._reader is not None
+        assert self._night is not None
+        now_s = time.monotonic()
+        if self._night.view().is_closed or now_s - self._closed_seen_s < CLOSED_CHECK_S:
+            return False
+        self._closed_seen_s = now_s
+        if self._reader.about().get("is_closed") is True:
+            self._night.close()
+            return True
+        return False
+
+    def _read_picture(self) -> bool:
+        """The newest frame's preview that is there; True when it is another than before."""
+        assert self._reader is not None
+        assert self._night is not None
+        for frame_id in self._night.newest_frames():
+            if self._picture is not None and self._picture.frame_id >= frame_id:
+                return self._mark_again()
+            path = self._reader.preview_path(frame_id)
+            light = read_preview(path) if path is not None else None
+            if light is not None:
+                detail = self._night.detail(frame_id)
+                self._picture = Picture(
+                    frame_id=frame_id, light=light, detail=detail, marks=marks_of(detail)
+                )
+                return True
+        return False
+
+    def _mark_again(self) -> bool:
+        """A picture may be there before everything that is said of its frame."""
+        assert self._night is not None
+        if self._picture is None or self._picture.frame_id not in self._night.newest_frames():
+            return False
+        detail = self._night.detail(self._picture.frame_id)
+        if detail == self._picture.detail:
+            return False
+        self._picture = replace(self._picture, detail=detail, marks=marks_of(detail))
+        return True
+
+    def _show(self) -> None:
+        if self._night is not None and not self._is_closing:
+            self._on_seen(self._night.view(), self._picture)
+
+    def _say_fault(self, text: str) -> None:
+        view = self._night.view() if self._night is not None else NightView(folder=self._wanted)
+        self._on_seen(replace(view, fault=text), self._picture)
+
+
+class EngineWatch:
+    """Asks the engine how it is, twice a second."""
+
+    def __init__(self, wire: Wire, on_seen: Callable[[EngineView], None]) -> None:
+        self._wire = wire
+        self._on_seen = on_seen
+        self._last = EngineView()
+        self._has_met = False
+        self._began_s = time.monotonic()
+        self._wake = threading.Event()
+        self._is_closing = False
+        self._thread = threading.Thread(target=self._run, name="console-engine", daemon=True)
+
+    def start(self) -> None:
+        """Begin to ask."""
+        self._thread.start()
+
+    def ask_now(self) -> None:
+        """Something has changed: do not wait for the next turn (any thread)."""
+        self._wake.set()
+
+    def close(self) -> None:
+        """End, without waiting for an engine that hangs."""
+        self._is_closing = True
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join(0.3)
+
+    def _run(self) -> None:
+        while not self._is_closing:
+            seen = self._ask()
+            if seen != self._last and not self._is_closing:
+                self._last = seen
+                self._on_seen(seen)
+            self._wake.wait(ASK_S)
+            self._wake.clear()
+
+    def _ask(self) -> EngineView:
+        try:
+            outcome = self._wire.send("status", timeout_s=ANSWER_S)
+        except ControlError as error:
+            return self._out_of_reach(error)
+        except Exception as error:  # whatever it says, the seat goes on
+            log.exception("status")
+            return replace(self._last, reach="silent", detail=str(error))
+        if not outcome.ok:
+            return replace(self._last, reach="silent", detail=outcome.message)
+        self._has_met = True
+        return engine_view(outcome.data)
+
+    def _out_of_reach(self, error: ControlError) -> EngineView:
+        is_gone = isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError)
+        if not self._has_met and time.monotonic() - self._began_s < STARTING_S:
+            return EngineView(detail=str(error))
+        since = self._last.since_utc_ns
+        if self._last.is_attached:
+            since = self._last.now_utc_ns
+        return replace(
+            self._last,
+            reach="gone" if is_gone else "silent",
+            since_utc_ns=since,
+            detail=str(error),
+            faults=(),
+            lifted=(),
+            next_limit=None,
+        )

@@ -1,0 +1,318 @@
+"""The seat's lines of text, made to fit: what is said, never how it is drawn."""
+
+import math
+import re
+import textwrap
+from collections.abc import Sequence
+
+from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.night import NightView, predicted_sigma_arcsec
+from rsoconsole.console.picture import Picture
+from rsoconsole.console.plot import Ink, Line
+from rsoconsole.records import NotSolved, Solution
+from rsoconsole.sky.angles import format_dec, format_ra
+from rsoconsole.sky.times import utc_ns_to_iso
+
+HOLDERS = {
+    "autonomy": "AUTO has the mount",
+    "operator": "YOU have the mount",
+    "nobody": "nobody has the mount",
+}
+ARROWS = "→↘↓↙←↖↑↗"
+NS_PER_S = 1_000_000_000
+OLD_S = 120.0
+"""A direction older than this is shown with its instant."""
+LIMIT_SOON_MIN = 60
+WIDE_COLUMNS = 72
+STAGES = {
+    "read": "read",
+    "process": "proc",
+    "detect": "det",
+    "solve": "solve",
+    "filter": "filt",
+    "order": "order",
+}
+"""What of a cycle is shown, and under which short name."""
+STATE_INKS: dict[str, Ink] = {
+    "TRACK": "good",
+    "COAST": "warn",
+    "LOST": "warn",
+    "FAULT": "alarm",
+}
+
+
+def clock_text(t_utc_ns: int | None) -> str:
+    """hh:mm:ssZ of an instant."""
+    return "--:--:--Z" if not t_utc_ns else utc_ns_to_iso(t_utc_ns, 0)[11:19] + "Z"
+
+
+def duration_text(seconds: float) -> str:
+    """8s, 12m04, 3h05."""
+    whole = max(int(seconds), 0)
+    if whole < 60:
+        return f"{whole}s"
+    if whole < 3600:
+        return f"{whole // 60}m{whole % 60:02d}"
+    return f"{whole // 3600}h{whole % 3600 // 60:02d}"
+
+
+def arcsec_text(value: float) -> str:
+    """A signed error in arcsec, arcmin when large."""
+    return f"{value:+.2f}″" if abs(value) < 100 else f"{value / 60:+.1f}′"
+
+
+def unsigned_text(value: float) -> str:
+    """The same without a sign."""
+    return arcsec_text(abs(value)).lstrip("+")
+
+
+def present_utc_ns(night: NightView, engine: EngineView) -> int | None:
+    """The frame clock: the engine's word, else the last that was heard of it."""
+    if engine.is_attached and engine.now_utc_ns:
+        return engine.now_utc_ns
+    return max(engine.since_utc_ns or 0, night.last_utc_ns or 0) or None
+
+
+def top_lines(night: NightView, engine: EngineView, width: int, rows: int) -> list[Line]:
+    """State and since when, who holds the mount, the target, the frame clock."""
+    now = present_utc_ns(night, engine)
+    state_words, holder = _state_words(night, engine, now)
+    target = engine.target or ""
+    state = engine.state if engine.is_attached else night.state
+    is_followed = state in {"TRACK", "COAST"} and engine.reach in {"attached", "recorded"}
+    if not target and is_followed:
+        target = "unidentified"
+    target_words = (f"target {target}" if target else "no target", "" if target else "dim")
+    clock = f"{clock_text(now)} "
+    gap = ("  ", "")
+    if rows <= 1:
+        left: Line = [(" ", ""), state_words, gap, holder, gap, target_words]  # type: ignore[list-item]
+        return [justified(left, clock, width)]
+    first: Line = [(" ", ""), state_words]
+    second: Line = [(" ", ""), holder, gap, target_words]  # type: ignore[list-item]
+    return [justified(first, clock, width), clipped(second, width)]
+
+
+def _state_words(
+    night: NightView, engine: EngineView, now: int | None
+) -> tuple[tuple[str, Ink], tuple[str, Ink]]:
+    if engine.reach == "unknown":
+        return ("waiting for the engine to start", "title"), ("", "")
+    if engine.reach in {"gone", "silent"}:
+        word = "ENGINE GONE" if engine.reach == "gone" else "ENGINE SILENT"
+        was = f"was {night.state}" if night.state else "nothing seen of it"
+        return (f"{word} at {clock_text(engine.since_utc_ns or now)}", "alarm"), (was, "title")
+    if engine.reach == "recorded":
+        kind = "RECORDED" if night.is_closed else "NO ENGINE ASKED"
+        return (f"{kind}: {night.state or 'no state'}", "title"), ("read only", "dim")
+    state = engine.state or night.state or "?"
+    since = ""
+    if night.state == state and night.state_since_utc_ns and now:
+        since = " " + duration_text((now - night.state_since_utc_ns) / NS_PER_S)
+    holder = HOLDERS.get(engine.holder or "", f"{engine.holder or 'unknown'} has the mount")
+    ink: Ink = "warn" if engine.holder == "operator" else "title"
+    if engine.is_held:
+        return (f"{state}{since} HELD", "warn"), (holder, ink)
+    return (state + since, STATE_INKS.get(state, "title")), (holder, ink)
+
+
+def alert_text(night: NightView, engine: EngineView) -> str:
+    """What must not be missed; empty when all is well."""
+    parts: list[str] = []
+    if engine.reach == "gone":
+        parts.append("'rsoconsole stop' stops the mount without it; 'rsoconsole engine' starts one")
+    elif engine.reach == "silent":
+        parts.append("the engine does not answer: 'rsoconsole stop' works without it")
+    parts += [f"FAULT {fault}" for fault in engine.faults]
+    if engine.lifted:
+        parts.append(f"overridden: {', '.join(engine.lifted)}")
+    if night.fault is not None:
+        parts.append(night.fault)
+    if engine.is_attached and engine.session is None:
+        parts.append("this engine does not say where its session lies: update it")
+    return " · ".join(parts)
+
+
+def fact_lines(night: NightView, engine: EngineView, width: int, rows: int) -> list[Line]:
+    """Where it is, how it moves, how sure that is, how long a cycle takes; most important first."""
+    groups = [_place_items(night, engine), _motion_items(night), _cycle_items(night, engine)]
+    if rows >= 3 and width >= WIDE_COLUMNS:
+        return [line for group in groups for line in _packed(group, width, 1)]
+    return _packed([item for group in groups for item in group], width, rows)
+
+
+def _place_items(night: NightView, engine: EngineView) -> list[str]:
+    ra, dec = engine.ra_icrs_deg, engine.dec_icrs_deg
+    alt, az = engine.alt_deg, engine.az_deg
+    word, age = "", ""
+    if ra is None and night.track is not None:
+        ra, dec = night.track.x[0] % 360.0, night.track.x[2]
+    if ra is None and night.pointing is not None:
+        pointing = night.pointing
+        word = "sent to " if pointing.is_ordered else "pointing "
+        ra, dec = pointing.ra_icrs_deg, pointing.dec_icrs_deg
+        alt, az = pointing.alt_deg, pointing.az_deg
+        is_old = (present_utc_ns(night, engine) or 0) - pointing.t_utc_ns > OLD_S * NS_PER_S
+        if is_old:
+            word, age = f"last {word}", f"as of {clock_text(pointing.t_utc_ns)[:8]}"
+    if ra is None or dec is None:
+        items = ["no direction yet"]
+    else:
+        items = [f"{word}α {format_ra(ra, 1)} δ {format_dec(dec, 0)}"]
+    if alt is not None and az is not None:
+        items.append(f"alt {alt:.1f} az {az:.1f}")
+    return [item for item in (*items, age, _limit_text(engine.next_limit)) if item]
+
+
+def _limit_text(next_limit: str | None) -> str:
+    """What the mount runs into if it only tracks on, where that is soon."""
+    if not next_limit:
+        return ""
+    minutes = re.search(r"in (\d+) min", next_limit)
+    is_far = minutes is not None and int(minutes[1]) >= LIMIT_SOON_MIN
+    return "" if is_far else f"limit if tracking: {next_limit}"
+
+
+def _motion_items(night: NightView) -> list[str]:
+    track = night.track
+    if track is None:
+        is_looking = night.slew is not None and night.state in {"SEARCH", "ACQUIRE"}
+        reason = f": {night.slew.reason}" if is_looking and night.slew is not None else ""
+        return [f"looking{reason}" if is_looking else "nothing is followed"]
+    _, ra_rate, dec, dec_rate = track.x
+    cos_dec = _cos_deg(dec)
+    east, north = predicted_sigma_arcsec(track)
+    items = [
+        f"rate {ra_rate * cos_dec * 3600:+.2f} {dec_rate * 3600:+.2f} ″/s",
+        f"3σ {unsigned_text(3 * max(east, north))}",
+    ]
+    if track.misses:
+        items.append(f"coasted {track.misses} frame{'s' if track.misses > 1 else ''}")
+    if night.slew is not None:
+        items.append(f"slew: {night.slew.reason}")
+    return items
+
+
+def _cycle_items(night: NightView, engine: EngineView) -> list[str]:
+    items: list[str] = []
+    if night.timing is not None:
+        stages = night.timing.stage_ms
+        if "total" in stages:
+            items.append(f"cycle {_short(stages['total'] / 1000)} s")
+        items += [
+            f"{STAGES[stage]} {_short(stages[stage] / 1000)}" for stage in STAGES if stage in stages
+        ]
+    if not items:
+        items.append("no cycle yet")
+    if engine.reach == "recorded" and night.folder is not None:
+        items.append(night.folder.name)
+    return items
+
+
+def _short(value: float) -> str:
+    return f"{value:.2f}".removeprefix("0")
+
+
+def frame_title(night: NightView, picture: Picture | None) -> str:
+    """What is in the picture: which frame, how long, whether it was solved."""
+    if picture is None:
+        frame = night.frame
+        return "no frame yet" if frame is None else f"frame {frame.frame_id:04d}, picture to come"
+    parts = [f"frame {picture.frame_id:04d}"]
+    taken = picture.detail.taken
+    if taken is not None and taken.exposure_s is not None:
+        parts.append(f"{taken.exposure_s:g} s")
+    if isinstance(picture.detail.solution, NotSolved):
+        parts.append("not solved")
+    return " · ".join(parts)
+
+
+def frame_caption(picture: Picture | None) -> str:
+    """Where north is, how wide the field, how many stars, from the frame's plate."""
+    frame = picture.detail.taken if picture is not None else None
+    solution = picture.detail.solution if picture is not None else None
+    if frame is None or not isinstance(solution, Solution):
+        return ""
+    wide, high = (n * solution.scale_arcsec_px / 60 for n in (frame.width_px, frame.height_px))
+    stars = f"{solution.matched} stars σ {_short(solution.rms_arcsec)}″"
+    return f"N{_north_arrow(solution)}E{_east_arrow(solution)} {wide:.0f}′×{high:.0f}′ {stars}"
+
+
+def _north_arrow(solution: Solution) -> str:
+    """Row 0 is at the top: +y is down, and lies at the plate's rotation east of north."""
+    sign = -1.0 if solution.is_flipped else 1.0
+    x, y = sign * _sin_deg(solution.rotation_deg), _cos_deg(solution.rotation_deg)
+    return _arrow(x, y)
+
+
+def _east_arrow(solution: Solution) -> str:
+    sign = -1.0 if solution.is_flipped else 1.0
+    x, y = -sign * _cos_deg(solution.rotation_deg), _sin_deg(solution.rotation_deg)
+    return _arrow(x, y)
+
+
+def _arrow(x: float, y: float) -> str:
+    return ARROWS[round(math.degrees(math.atan2(y, x)) / 45.0) % 8]
+
+
+def justified(left: Line, right: str, width: int) -> Line:
+    """``left``, and ``right`` at the right edge, which is kept when there is too little room."""
+    room = width - len(right)
+    cut = clipped(left, max(room, 0))
+    pad = max(room - _columns(cut), 0)
+    return [*cut, (" " * pad, ""), (right, "title")]
+
+
+def clipped(line: Line, width: int) -> Line:
+    """A line cut to a width, with a sign where something is missing."""
+    if _columns(line) <= width:
+        return line
+    kept: Line = []
+    left = width - 1
+    for text, ink in line:
+        if left <= 0:
+            break
+        kept.append((text[:left], ink))
+        left -= len(text[:left])
+    return [*kept, ("…", "dim")] if width > 0 else []
+
+
+def _columns(line: Line) -> int:
+    return sum(len(text) for text, _ in line)
+
+
+def _length(items: Sequence[str]) -> int:
+    return 1 + len("  ".join(items))
+
+
+def _joined(items: Sequence[str]) -> Line:
+    return [(" " + "  ".join(items), "")]
+
+
+def _packed(items: Sequence[str], width: int, rows: int) -> list[Line]:
+    """Items over as many rows as there are; what has no room is left out."""
+    lines: list[list[str]] = [[]]
+    for item in items:
+        if lines[-1] and _length([*lines[-1], item]) > width:
+            if len(lines) == rows:
+                break
+            lines.append([])
+        lines[-1].append(item)
+    return [clipped(_joined(line), width) for line in lines if line][:rows]
+
+
+def _cos_deg(angle_deg: float) -> float:
+    return math.cos(math.radians(angle_deg))
+
+
+def _sin_deg(angle_deg: float) -> float:
+    return math.sin(math.radians(angle_deg))
+
+
+def wrapped(text: str, width: int, rows: int) -> list[Line]:
+    """Text over as many rows as there are, broken between words."""
+    lines = textwrap.wrap(text, max(width, 1)) or [""]
+    kept = [[(line, "")] for line in lines[:rows]]
+    if len(lines) > rows and kept:
+        kept[-1] = [(lines[rows - 1][: max(width - 1, 0)] + "…", "")]
+    return kept  # type: ignore[return-value]

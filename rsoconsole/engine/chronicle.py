@@ -1,0 +1,94 @@
+"""What the loop puts on record, in order, each with the clock's present."""
+
+import contextlib
+import logging
+from collections.abc import Callable, Iterator
+from typing import Any, Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.engine.preview import preview_of
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.records import Event, Frame
+
+log = logging.getLogger(__name__)
+
+_LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
+
+
+class Recorder(Protocol):
+    """Where the loop puts what happened; must return at once and never raise."""
+
+    def append(self, record: Any, t_utc_ns: int) -> int:
+        """One record, in order."""
+
+    def save_frame(self, frame: Frame) -> bool:
+        """The pixels as the camera gave them."""
+
+    def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
+        """A small uint8 picture."""
+
+
+class Chronicle:
+    """Writes records, frames and words; safe to use from any thread, never raises for a disk."""
+
+    def __init__(self, record: Recorder, now_utc_ns: Callable[[], int]) -> None:
+        self._record = record
+        self._now_utc_ns = now_utc_ns
+        self._seen_utc_ns = 0
+        self.frame_id = 0
+        """The exposure that what is said belongs to."""
+
+    def append(self, record: Any) -> None:
+        """One record, in order."""
+        self._record.append(record, self.last_utc_ns())
+
+    def say(self, level: Literal["info", "warning", "alarm"], text: str) -> None:
+        """A line of the log in the operator's words."""
+        self.append(Event(level=level, text=text, frame_id=self.frame_id))
+        log.log(_LOG_LEVELS[level], "%s", text)
+
+    def keep(self, frame: Frame, *, is_wanted: bool) -> None:
+        """The frame's small picture, and its pixels where they are wanted."""
+        if is_wanted:
+            self._record.save_frame(frame)
+        self._record.save_preview(frame.frame_id, preview_of(frame.pixels))
+
+    def last_utc_ns(self) -> int:
+        """The clock's present; where the clock is gone, the last instant it told."""
+        with contextlib.suppress(RsoconsoleError):
+            self._seen_utc_ns = self._now_utc_ns()
+        return self._seen_utc_ns
+
+
+@contextlib.contextmanager
+def warnings_on_record(chronicle: Chronicle, logger: str) -> Iterator[None]:
+    """Put every warning of a logger and of those below it on record, while this lasts.
+
+    What happens beside the loop (a process that died and was replaced before anybody missed it)
+    has no other way there.
+    """
+    handler = _OnRecord(chronicle)
+    logging.getLogger(logger).addHandler(handler)
+    try:
+        yield
+    finally:
+        logging.getLogger(logger).removeHandler(handler)
+
+
+class _OnRecord(logging.Handler):
+    """Writes what it is handed into a chronicle."""
+
+    def __init__(self, chronicle: Chronicle) -> None:
+        super().__init__(logging.WARNING)
+        self._chronicle = chronicle
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """One line, from any thread."""
+        level: Literal["warning", "alarm"] = (
+            "alarm" if record.levelno >= logging.ERROR else "warning"
+        )
+        # Into the session alone: the log has it already.
+        text, frame_id = record.getMessage(), self._chronicle.frame_id
+        self._chronicle.append(Event(level=level, text=text, frame_id=frame_id))

@@ -1,0 +1,88 @@
+"""Takes the exposures of the loop, one after another, and numbers them."""
+
+import time
+
+from rsoconsole.config import Config
+from rsoconsole.engine.chronicle import Chronicle
+from rsoconsole.engine.hands import NS, Hands, Interrupted
+from rsoconsole.engine.intentions import Intentions
+from rsoconsole.engine.plan import Plan, Planner
+from rsoconsole.engine.states import LimitMet
+from rsoconsole.engine.watch import Watch
+from rsoconsole.instruments.camera import ARRIVED_KEY
+from rsoconsole.instruments.ports import StopResult
+from rsoconsole.pipeline.cycle import taken_record
+from rsoconsole.records import Frame, LoopState
+
+
+class Exposures:
+    """From a plan to a frame on record."""
+
+    def __init__(  # noqa: PLR0917 -- one call, each argument a part of the engine
+        self,
+        hands: Hands,
+        planner: Planner,
+        watch: Watch,
+        chronicle: Chronicle,
+        intentions: Intentions,
+        config: Config,
+    ) -> None:
+        self.frame_id = 0
+        """Number of the exposure begun last."""
+        self._hands = hands
+        self._planner = planner
+        self._watch = watch
+        self._chronicle = chronicle
+        self._intentions = intentions
+        self._config = config
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self._config = config
+
+    def take(self, plan: Plan) -> tuple[Frame, float]:
+        """The frame, and how many milliseconds ago its last byte came.
+
+        No exposure begins that sidereal tracking would end behind a limit: tracking is stopped
+        then. Raises Interrupted for that and for whoever wants the loop, InstrumentError when no
+        frame comes.
+        """
+        self._hands.wait_until(plan.t_start_utc_ns)
+        exposure = self._config.exposure
+        opened_ns = self._hands.now_utc_ns()
+        end_ns = opened_ns + round((exposure.start_latency_s + exposure.exposure_s) * NS)
+        ahead = self._watch.limit_before(end_ns)
+        if ahead is not None:
+            words = f"before the end of this exposure: {ahead.text}"
+            self._intentions.stop(LimitMet(words=words), self._end_tracking)
+            raise Interrupted
+        self.frame_id += 1
+        self._chronicle.frame_id = self.frame_id
+        frame = self._hands.expose(opened_ns, self.frame_id)
+        arrived_s = frame.header.get(ARRIVED_KEY)
+        read_ms = 0.0 if arrived_s is None else (time.monotonic() - float(arrived_s)) * 1e3
+        self._chronicle.append(taken_record(frame, plan.blocked))
+        for text in self._hands.instruments.camera.take_messages():
+            self._chronicle.say("info", f"camera: {text}")
+        clocks_apart = self._planner.exposed(frame, opened_ns)
+        if clocks_apart is not None:
+            self._chronicle.say("warning", clocks_apart)
+        return frame, read_ms
+
+    def pass_processing_time(self) -> None:
+        """Read-out and processing cost virtual time, not the wall's: stopwatches stand still."""
+        if self._hands.instruments.clock.is_simulated:
+            pause_s = self._config.exposure.readout_s + self._config.indi.simulated_latency_s
+            self._hands.wait_until(self._hands.now_utc_ns() + round(pause_s * NS))
+
+    def keep(self, frame: Frame, state: LoopState) -> None:
+        """The frame's small picture, and its pixels where the configuration wants them."""
+        wanted = self._config.session.keep_frames
+        is_wanted = wanted == "all" or (wanted == "detected" and state in ("ACQUIRE", "TRACK"))
+        self._chronicle.keep(frame, is_wanted=is_wanted)
+
+    def _end_tracking(self) -> StopResult:
+        mount = self._hands.instruments.mount
+        result = mount.abort()
+        mount.set_tracking(False)
+        return result

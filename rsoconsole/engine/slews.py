@@ -1,0 +1,103 @@
+"""The loop's slews: planned, held against the limits, ordered, and finished."""
+
+from dataclasses import replace
+
+from rsoconsole.engine.chronicle import Chronicle
+from rsoconsole.engine.hands import FAR_OFF_DEG, Hands, StoppedElsewhere
+from rsoconsole.engine.plan import Plan, Planner
+from rsoconsole.engine.watch import Watch
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.instruments.ports import MountReport
+from rsoconsole.records import SlewCommand
+from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky.limits import LimitName, Pose
+from rsoconsole.tracking.follow import Following
+
+
+class NowhereError(RsoconsoleError):
+    """Every place of the search is refused."""
+
+
+class Slews:
+    """Knows the planner, the limits and the hands, so that the loop need not."""
+
+    def __init__(self, hands: Hands, planner: Planner, watch: Watch, chronicle: Chronicle) -> None:
+        self._hands = hands
+        self._planner = planner
+        self._watch = watch
+        self._chronicle = chronicle
+
+    def order_next(self, following: Following, *, is_held: bool) -> Plan:
+        """Where and when the next exposure is; the mount is on its way when this returns.
+
+        Raises NowhereError when a search has no place left, StoppedElsewhere when somebody else
+        has moved the mount, Interrupted instead of moving.
+        """
+        self._expect_mount_where_left(self._hands.mount_report())
+        plan = self._planner.plan(following, self._hands.now_utc_ns(), self._refusal_of)
+        for _, why in plan.refused:
+            self._chronicle.say("warning", f"slew refused: {why}")
+        if plan.slew is None:
+            if plan.refused and following.track is None:
+                raise NowhereError(plan.refused[0][1])
+            return plan
+        if is_held:
+            return replace(plan, slew=None)
+        self._planner.last_report = None  # until it has arrived nobody knows where it is
+        self._hands.order_slew(*self._planner.command(plan.slew))
+        self._chronicle.append(plan.slew)
+        return plan
+
+    def finish(self, plan: Plan, *, is_held: bool) -> bool:
+        """Wait until the mount is where the plan wants it; True when the last plate is void.
+
+        Raises StoppedElsewhere when somebody else has moved or stopped it, InstrumentError when
+        it does not arrive.
+        """
+        if plan.slew is not None:
+            report = self._hands.wait_for_arrival(*self._planner.command(plan.slew))
+            return self._planner.arrived(plan.slew, report)
+        report = self._hands.mount_report()
+        if report.is_slewing and is_held:
+            # The hold came while the loop's own slew was under way.
+            self._planner.moved_by_hand(self._hands.wait_for_rest())
+            return True
+        self._expect_mount_where_left(report)
+        return False
+
+    def _expect_mount_where_left(self, report: MountReport) -> None:
+        known = self._planner.last_report
+        if known is None or report.is_slewing:
+            return
+        off_deg = separation_deg(
+            report.ra_icrs_deg, report.dec_icrs_deg, known.ra_icrs_deg, known.dec_icrs_deg
+        )
+        if off_deg > FAR_OFF_DEG:
+            raise StoppedElsewhere(f"the mount stands {off_deg:.1f} deg from where it was left")
+
+    def refusal(
+        self,
+        to_icrs_deg: tuple[float, float],
+        t_aim_utc_ns: int,
+        t_until_utc_ns: int,
+        lifted: frozenset[LimitName] = frozenset(),
+    ) -> str | None:
+        """Why the mount must not go there; the same limits for the loop and for the operator."""
+        start = self._hands.mount_report()
+        refusal = self._watch.limits.refuse_slew(
+            Pose(
+                t_utc_ns=self._hands.now_utc_ns(),
+                ra_icrs_deg=start.ra_icrs_deg,
+                dec_icrs_deg=start.dec_icrs_deg,
+                pier_side=start.pier_side,
+            ),
+            *to_icrs_deg,
+            t_aim_utc_ns=t_aim_utc_ns,
+            t_until_utc_ns=t_until_utc_ns,
+            lifted=self._watch.lifted_limits() | lifted,
+        )
+        return None if refusal is None else refusal.text
+
+    def _refusal_of(self, slew: SlewCommand, t_until_utc_ns: int) -> str | None:
+        """Why the limits forbid a slew of the loop; None when they do not."""
+        return self.refusal(self._planner.command(slew), slew.t_aim_utc_ns, t_until_utc_ns)

@@ -1,0 +1,285 @@
+"""Who is in charge: the states of the loop and the passages between them. Pure.
+
+``step(charge, happening)`` gives the next state and what the hands must do for it; the loop
+performs that and writes it down. What frames show passes through ``tracking.follow`` first and
+arrives here as ``Followed``.
+
+    IDLE -> SEARCH <-> ACQUIRE -> TRACK <-> COAST -> LOST -> SEARCH     while autonomy has the mount
+    MANUAL     whenever the operator has it; autonomy waits until it is resumed or armed
+    FAULT      with a reason and a way out
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import singledispatch
+from typing import Any, Literal
+
+from rsoconsole.pipeline.replay import FROM_OUTSIDE
+from rsoconsole.records import LoopState
+from rsoconsole.tracking.follow import Following
+
+Action = Literal["abort", "park", "start search", "search home", "forget plate"]
+Holder = Literal["autonomy", "operator", "nobody"]
+
+AUTONOMOUS: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))
+FAILURES_IN_A_ROW = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Charge:
+    """Who has the mount, and what the loop follows."""
+
+    following: Following = field(default_factory=lambda: Following(state="IDLE"))
+    suspended: Following | None = None
+    """What autonomy was following when the operator took the mount."""
+    is_resumable: bool = False
+    """True where the operator took the mount from autonomy: only that can be given back."""
+    is_held: bool = False
+    """True while the operator wants no slews: what is followed is coasted and measured."""
+    failures: int = 0
+    """Exposures in a row that an instrument failed."""
+
+    @property
+    def state(self) -> LoopState:
+        """The loop's state."""
+        return self.following.state
+
+    @property
+    def is_autonomous(self) -> bool:
+        """Whether autonomy may move the mount."""
+        return self.state in AUTONOMOUS
+
+    @property
+    def is_responsible(self) -> bool:
+        """Whether what becomes of the mount is autonomy's affair: nobody else is there."""
+        return self.is_autonomous or self.state == "FAULT"
+
+    @property
+    def holder(self) -> Holder:
+        """Who has the mount."""
+        if self.is_autonomous:
+            return "autonomy"
+        return "operator" if self.state == "MANUAL" else "nobody"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Armed:
+    """The operator hands the mount to autonomy."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disarmed:
+    """The operator takes it back without moving it."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stopped:
+    """STOP was given; motion has been ended on the way here."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Taken:
+    """The operator moves the mount by hand."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Held:
+    """The operator wants no slews for now."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Resumed:
+    """The operator gives the mount back after a hold or a move by hand."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Followed:
+    """A frame was folded into what is followed."""
+
+    after: Following
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Failed:
+    """An instrument did not do its part."""
+
+    words: str
+    is_final: bool = False
+    """True when trying again is of no use."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitMet:
+    """The mount's position met a limit; its motion has been ended on the way here."""
+
+    words: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NightEnded:
+    """Dawn, weather or dome: the sky is not for telescopes any more."""
+
+    words: str
+    parks: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotPointing:
+    """The first frame does not agree with where the mount says it looks."""
+
+    words: str
+
+
+Happening = (
+    Armed
+    | Disarmed
+    | Stopped
+    | Taken
+    | Held
+    | Resumed
+    | Followed
+    | Failed
+    | LimitMet
+    | NightEnded
+    | NotPointing
+)
+
+
+BY_OPERATOR = Armed | Disarmed | Stopped | Taken | Held | Resumed
+"""What somebody wants, and what undoes therefore what was wanted before."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """What a happening leads to."""
+
+    charge: Charge
+    actions: tuple[Action, ...] = ()
+    reason: str = ""
+    """Of the change of state, for the record."""
+    refusal: str | None = None
+    """Why nothing changes, where the operator asked for what cannot be."""
+
+
+def step(charge: Charge, happening: Happening) -> Step:
+    """The next state of the loop, and what must be done for it."""
+    return _step(happening, charge)
+
+
+@singledispatch
+def _step(happening: Any, charge: Charge) -> Step:  # noqa: ARG001
+    raise TypeError(f"nothing is known of a {type(happening).__name__}")
+
+
+@_step.register
+def _(happening: Armed, charge: Charge) -> Step:
+    if charge.is_autonomous:
+        return Step(charge=charge, refusal="it is armed already")
+    return _enter("SEARCH", f"armed by {happening.by}", "start search", "forget plate")
+
+
+@_step.register
+def _(happening: Disarmed, charge: Charge) -> Step:  # noqa: ARG001 -- from every state the same
+    return _enter("IDLE", f"disarmed by {happening.by}")
+
+
+@_step.register
+def _(happening: Stopped, charge: Charge) -> Step:  # noqa: ARG001
+    return _enter("IDLE", f"STOP by {happening.by}", "abort")
+
+
+@_step.register
+def _(happening: Taken, charge: Charge) -> Step:
+    suspended, is_resumable = charge.suspended, charge.is_resumable
+    if charge.is_autonomous:
+        # Only a track is worth coming back to: what a search had seen is soon out of the field.
+        has_track = charge.state in ("TRACK", "COAST")
+        suspended, is_resumable = (charge.following if has_track else None), True
+    after = Charge(
+        following=Following(state="MANUAL"), suspended=suspended, is_resumable=is_resumable
+    )
+    return Step(charge=after, actions=("forget plate",), reason=f"{happening.by} moves the mount")
+
+
+@_step.register
+def _(happening: Held, charge: Charge) -> Step:  # noqa: ARG001
+    if not charge.is_autonomous:
+        return Step(charge=charge, refusal="autonomy does not have the mount: nothing to hold")
+    return Step(charge=replace(charge, is_held=True))
+
+
+@_step.register
+def _(happening: Resumed, charge: Charge) -> Step:
+    if charge.is_autonomous and charge.is_held:
+        return Step(charge=replace(charge, is_held=False))
+    if charge.state != "MANUAL":
+        return Step(charge=charge, refusal="nothing is held: there is nothing to resume")
+    if not charge.is_resumable:
+        # Else a move by hand would be a way round the checklist.
+        return Step(charge=charge, refusal="it was not armed before you took the mount: arm it")
+    reason = f"resumed by {happening.by}"
+    if charge.suspended is None:
+        return _enter("SEARCH", reason, "start search", "forget plate")
+    after = Charge(following=replace(charge.suspended, state="COAST", candidates=()))
+    return Step(charge=after, actions=("forget plate",), reason=reason)
+
+
+@_step.register
+def _(happening: Followed, charge: Charge) -> Step:
+    if not charge.is_autonomous:
+        # The mount changed hands while the frame was being reduced.
+        return Step(charge=charge)
+    return Step(charge=replace(charge, following=happening.after, failures=0))
+
+
+@_step.register
+def _(happening: Failed, charge: Charge) -> Step:
+    failures = charge.failures + 1
+    if charge.state == "FAULT":
+        return Step(charge=charge)
+    if happening.is_final or failures >= FAILURES_IN_A_ROW:
+        return _enter("FAULT", happening.words, "abort")
+    return Step(charge=replace(charge, failures=failures))
+
+
+@_step.register
+def _(happening: LimitMet, charge: Charge) -> Step:
+    if not charge.is_autonomous:
+        return Step(charge=charge)
+    failures = charge.failures + 1
+    if failures >= FAILURES_IN_A_ROW:
+        return _enter("FAULT", f"{happening.words}; move away by hand or park, then arm again")
+    # What was followed has set, or stands behind the wall: the search goes on where it began.
+    after = Charge(following=Following(state="SEARCH"), failures=failures)
+    actions: tuple[Action, ...] = ("search home", "forget plate")
+    return Step(charge=after, actions=actions, reason=f"{FROM_OUTSIDE}: {happening.words}")
+
+
+@_step.register
+def _(happening: NightEnded, charge: Charge) -> Step:
+    if not charge.is_responsible:
+        return Step(charge=charge)
+    actions: tuple[Action, ...] = ("abort", "park") if happening.parks else ("abort",)
+    return _enter("IDLE", f"the night ends: {happening.words}", *actions)
+
+
+@_step.register
+def _(happening: NotPointing, charge: Charge) -> Step:
+    if not charge.is_autonomous:
+        return Step(charge=charge)
+    return _enter("IDLE", f"not armed: {happening.words}")
+
+
+def _enter(state: LoopState, reason: str, *actions: Action) -> Step:
+    return Step(charge=Charge(following=Following(state=state)), actions=actions, reason=reason)

@@ -1,0 +1,1 @@
+"""A session looked at afterwards: its figures for print."""

@@ -1,0 +1,182 @@
+"""One session, gathered frame by frame for the figures."""
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.config import Config
+from rsoconsole.errors import SessionError
+from rsoconsole.records import FrameTaken, Measurement, Miss, ParameterChange, TrackState
+from rsoconsole.session.reader import SessionReader
+from rsoconsole.sky.angles import wrap_180
+from rsoconsole.tracking.lqe import measured_direction_deg
+
+SAME_FRAME_S = 1.0
+KINDS = (FrameTaken, Measurement, TrackState, Miss, ParameterChange)
+
+
+@dataclass(slots=True, kw_only=True)
+class NightFrame:
+    """What the session says of one exposure."""
+
+    frame_id: int
+    t_mid_utc_ns: int
+    measured: Measurement | None = None
+    """The one the track took."""
+    others: tuple[Measurement, ...] = ()
+    predicted: TrackState | None = None
+    corrected: TrackState | None = None
+    """After the measurement; the first state of a track too."""
+    missed: str | None = None
+    """Why a followed object was not measured; None when it was, or when none was followed."""
+    tau: float = 0.0
+
+    @property
+    def track(self) -> TrackState | None:
+        """The best that was known at mid-exposure, the frame itself included."""
+        return self.corrected or self.predicted
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Night:
+    """A session's frames in order of time, and how it was set up."""
+
+    title: str
+    frames: tuple[NightFrame, ...]
+    config: Config
+
+    def seconds(self, frame: NightFrame) -> float:
+        """From the middle of the first exposure to that of this one."""
+        return (frame.t_mid_utc_ns - self.frames[0].t_mid_utc_ns) / 1e9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TruePlace:
+    """Where a simulated satellite really was at mid-exposure, astrometric ICRS."""
+
+    name: str
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+
+
+def read_night(session: Path) -> Night:
+    """Gather a session's frames; those without a time are left out.
+
+    Raises SessionError when the folder is no session or holds no frame with a time.
+    """
+    reader = SessionReader(session)
+    config, about = reader.config(), reader.about()
+    frames: dict[int, NightFrame] = {}
+    measured: dict[int, list[Measurement]] = {}
+    tau = config.detector.tau
+    record: Any
+    for _, _, record in reader.records(kinds=KINDS):
+        if isinstance(record, ParameterChange):
+            tau = float(record.after) if record.name == "detector.tau" else tau
+        elif isinstance(record, FrameTaken):
+            if record.t_start_utc_ns is not None and record.exposure_s is not None:
+                t_mid_utc_ns = record.t_start_utc_ns + round(record.exposure_s * 5e8)
+                frames[record.frame_id] = NightFrame(
+                    frame_id=record.frame_id, t_mid_utc_ns=t_mid_utc_ns, tau=tau
+                )
+        elif record.frame_id in frames:
+            _put(frames[record.frame_id], record, measured)
+    if not frames:
+        raise SessionError(f"{session} holds no frame with a time: there is nothing to draw")
+    for frame_id, candidates in measured.items():
+        _tell_apart(frames[frame_id], candidates)
+    in_order = tuple(sorted(frames.values(), key=lambda frame: frame.t_mid_utc_ns))
+    title = str(about.get("title") or session.resolve().name)
+    return Night(title=title, frames=in_order, config=config)
+
+
+def _put(frame: NightFrame, record: Any, measured: dict[int, list[Measurement]]) -> None:
+    if isinstance(record, Measurement):
+        measured.setdefault(frame.frame_id, []).append(record)
+    elif isinstance(record, Miss):
+        frame.missed = record.reason
+    elif record.kind == "predicted":
+        frame.predicted = record
+    else:
+        frame.corrected = record
+
+
+def _tell_apart(frame: NightFrame, candidates: list[Measurement]) -> None:
+    """Which measurement the track took: the one its innovation speaks of."""
+    if frame.corrected is not None:
+        ra_deg, dec_deg = measured_direction_deg(frame.corrected, frame.predicted)
+        frame.measured = min(
+            candidates,
+            key=lambda m: math.hypot(
+                *offset_arcsec(m.ra_icrs_deg, m.dec_icrs_deg, ra_deg, dec_deg)
+            ),
+        )
+    frame.others = tuple(m for m in candidates if m is not frame.measured)
+
+
+def offset_arcsec(
+    ra_deg: float, dec_deg: float, from_ra_deg: float, from_dec_deg: float
+) -> tuple[float, float]:
+    """(east, north) on the sky of one direction from another, small angles, safe across RA 0h."""
+    cos_dec = math.cos(math.radians(from_dec_deg))
+    return wrap_180(ra_deg - from_ra_deg) * cos_dec * 3600.0, (dec_deg - from_dec_deg) * 3600.0
+
+
+def read_truth(path: Path, night: Night) -> dict[int, TruePlace]:
+    """True place of the followed satellite by frame, from a simulated observatory's truth.
+
+    One JSON object an exposure. The followed one is that on which most of the track's states lie.
+    Raises SessionError when the file is no such truth.
+    """
+    try:
+        with path.open(encoding="utf-8") as lines:
+            exposures = [json.loads(line) for line in lines if line.strip()]
+        by_instant = {
+            each["t_start_utc_ns"] / 1e9 + each["exposure_s"] / 2.0: each["satellites"]
+            for each in exposures
+        }
+        places = {
+            frame.frame_id: [_place(each) for each in _at(by_instant, frame.t_mid_utc_ns / 1e9)]
+            for frame in night.frames
+        }
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise SessionError(f"{path} cannot be read as a simulation's truth: {error}") from error
+    name = _followed(night.frames, places)
+    return {
+        frame_id: each
+        for frame_id, satellites in places.items()
+        for each in satellites
+        if each.name == name
+    }
+
+
+def _at(by_instant: Mapping[float, Any], t_s: float) -> Any:
+    nearest = min(by_instant, key=lambda instant: abs(instant - t_s), default=math.inf)
+    return by_instant[nearest] if abs(nearest - t_s) < SAME_FRAME_S else ()
+
+
+def _place(satellite: Mapping[str, Any]) -> TruePlace:
+    return TruePlace(
+        name=str(satellite["name"]),
+        ra_icrs_deg=float(satellite["ra_icrs_deg"]),
+        dec_icrs_deg=float(satellite["dec_icrs_deg"]),
+    )
+
+
+def _followed(frames: Iterable[NightFrame], places: Mapping[int, list[TruePlace]]) -> str | None:
+    votes: dict[str, int] = {}
+    for frame in frames:
+        if frame.corrected is None or not places[frame.frame_id]:
+            continue
+        x = frame.corrected.x
+        nearest = min(
+            places[frame.frame_id],
+            key=lambda true: math.hypot(
+                *offset_arcsec(x[0], x[2], true.ra_icrs_deg, true.dec_icrs_deg)
+            ),
+        )
+        votes[nearest.name] = votes.get(nearest.name, 0) + 1
+    return max(votes, key=lambda name: votes[name], default=None)

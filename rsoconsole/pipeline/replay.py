@@ -1,0 +1,237 @@
+"""The track once more, from what is on record alone: the same fold over the same inputs. Pure.
+
+What-if, review and tests run this. With the session's own configuration it gives every record of
+the fold again, bit for bit. Inputs are, in the order of the log: the frames that were reduced
+(``FrameTaken``, ``Detections``, the plate, the measurements), changes of parameters, and the
+changes of state that came from outside the fold. A frame without ``Detections`` was never reduced
+(its reduction failed, or somebody cut it short) and is no miss; one that was taken while the
+operator had the mount was looked at, not folded.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from rsoconsole.config import Config, with_setting
+from rsoconsole.pipeline.absence import StarHistory
+from rsoconsole.pipeline.cycle import Shown, fold, looked_at
+from rsoconsole.pipeline.measure import measure, shutter_mid_utc_ns
+from rsoconsole.records import (
+    CycleTiming,
+    Detections,
+    Event,
+    FrameTaken,
+    LoopState,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    ParameterChange,
+    Solution,
+    StateChange,
+    TrackState,
+)
+from rsoconsole.tracking.follow import Following
+
+TAU = "detector.tau"
+FOLDED: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))
+"""States in which a frame is folded into what is followed."""
+FROM_OUTSIDE = "limit met"
+"""How the only reason begins that leads from one of them to another without a frame's doing."""
+_TOO_FAINT = "confidence "
+"""How the detector's verdict on what is only below tau begins."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayedFrame:
+    """One folded frame."""
+
+    taken: FrameTaken
+    shown: Shown
+    """What was folded; other than recorded only where another tau or header latency is tried."""
+    config: Config
+    """In force for this frame."""
+    after: Following
+    """What is followed after it."""
+    records: tuple[Any, ...]
+    """What the fold makes of it now: TrackState, NotFollowed, Miss, StateChange, in order."""
+    recorded: tuple[Any, ...]
+    """What it made of it then."""
+
+    @property
+    def is_as_recorded(self) -> bool:
+        """Whether both are the same, bit for bit; a session that was cut off may lack its end."""
+        return self.records == self.recorded
+
+
+def replay(
+    records: Iterable[Any], config: Config, *, tried: Mapping[str, float | str] | None = None
+) -> Iterator[ReplayedFrame]:
+    """Every frame that the session folded, in order, each as soon as its records are complete.
+
+    ``records``: a session's log in its order, of all kinds. ``config``: that of the session's
+    beginning; recorded changes are made as they come. ``tried``: settings by dotted name that
+    hold from the start, whatever the record says of them (what-if); a tried tau admits or leaves
+    out candidates by their recorded confidence, a tried header latency moves all instants;
+    everything else that made the measurements is taken as it was. Where the telescope looked is
+    never another than recorded.
+
+    Raises ConfigError for a setting that there is not, or a value that it cannot have.
+    """
+    held = dict(tried or {})
+    for name, value in held.items():
+        config = with_setting(config, name, value)
+    walk = _Walk(config=config, held=frozenset(held))
+    for record in records:
+        yield from walk.hear(record)
+    yield from walk.close()
+
+
+@dataclass(slots=True, kw_only=True)
+class _Open:
+    """A reduced frame whose records still come in."""
+
+    taken: FrameTaken
+    detections: Detections
+    solution: Solution | NotSolved | None = None
+    measurements: list[Measurement] = field(default_factory=list)
+    recorded: list[Any] = field(default_factory=list)
+
+    def shown(self) -> Shown:
+        return Shown(
+            taken=self.taken,
+            detections=self.detections,
+            solution=self.solution,
+            measurements=tuple(self.measurements),
+        )
+
+
+@dataclass(slots=True, kw_only=True)
+class _Walk:
+    """Where a replay stands in the log."""
+
+    config: Config
+    held: frozenset[str]
+    following: Following = field(default_factory=Following)
+    suspended: Following | None = None
+    """What was followed when the operator took the mount."""
+    stars: StarHistory = field(default_factory=StarHistory)
+    taken: FrameTaken | None = None
+    open: _Open | None = None
+    alarms: set[str] = field(default_factory=set)
+    """Said since the last frame came."""
+
+    def hear(self, record: Any) -> Iterator[ReplayedFrame]:
+        """One record; gives the frame that it shows to be complete."""
+        match record:
+            case FrameTaken():
+                yield from self.close()
+                self.taken = record
+                self.alarms.clear()
+            case Detections():
+                if self.taken is not None:
+                    self.open = _Open(taken=self.taken, detections=record)
+            case CycleTiming():
+                yield from self.close()
+            case ParameterChange():
+                yield from self.close()
+                if record.name not in self.held:
+                    self.config = with_setting(self.config, record.name, record.after)
+            case StateChange() if _is_from_outside(record):
+                yield from self.close()
+                self._pass(record)
+            case Event():
+                if record.level == "alarm":
+                    self.alarms.add(record.text)
+            case _ if self.open is not None:
+                self._add(self.open, record)
+
+    def _add(self, frame: _Open, record: Any) -> None:
+        match record:
+            case Solution() | NotSolved():
+                frame.solution = record
+            case Measurement():
+                frame.measurements.append(record)
+            case Miss() if record.reason in self.alarms:
+                pass  # the loop's own, of an instrument that failed
+            case TrackState() | NotFollowed() | Miss() | StateChange():
+                frame.recorded.append(record)
+
+    def close(self) -> Iterator[ReplayedFrame]:
+        """Fold the open frame, if there is one."""
+        if self.open is None:
+            return
+        shown, recorded = self.open.shown(), tuple(self.open.recorded)
+        self.open = self.taken = None
+        if TAU in self.held:
+            shown = _at_tau(shown, self.config)
+        t_mid_ns = shutter_mid_utc_ns(shown.taken, self.config.exposure)
+        if self.following.state not in FOLDED or t_mid_ns is None:
+            self.stars = looked_at(self.stars, shown)
+            return
+        shown = _at_instant(shown, t_mid_ns)
+        folded = fold(self.following, self.stars, shown, self.config)
+        self.following, self.stars = folded.following, folded.stars
+        yield ReplayedFrame(
+            taken=shown.taken,
+            shown=shown,
+            config=self.config,
+            after=folded.following,
+            records=folded.records,
+            recorded=recorded,
+        )
+
+    def _pass(self, change: StateChange) -> None:
+        """The operator, a limit, a fault or the end of the night: what is followed after it."""
+        if change.after == "MANUAL":
+            # Only a track is worth coming back to.
+            if self.following.state in ("TRACK", "COAST"):
+                self.suspended = self.following
+            elif self.following.state in FOLDED:
+                self.suspended = None
+            self.following = Following(state="MANUAL")
+            return
+        if change.after != "COAST":
+            self.following = Following(state=change.after)
+        elif self.suspended is not None:
+            self.following = replace(self.suspended, state="COAST", candidates=())
+        else:
+            self.following = Following()  # there was a track then; under what is tried there is not
+        self.suspended = None
+
+
+def _is_from_outside(change: StateChange) -> bool:
+    is_between_folded = change.before in FOLDED and change.after in FOLDED
+    return not is_between_folded or change.reason.startswith(FROM_OUTSIDE)
+
+
+def _at_instant(shown: Shown, t_mid_utc_ns: int) -> Shown:
+    """The same measurements at the frame's mid-exposure: another where its latency is tried."""
+    if all(m.t_mid_utc_ns == t_mid_utc_ns for m in shown.measurements):
+        return shown
+    moved = (replace(m, t_mid_utc_ns=t_mid_utc_ns) for m in shown.measurements)
+    return replace(shown, measurements=tuple(moved))
+
+
+def _at_tau(shown: Shown, config: Config) -> Shown:
+    """What the frame would have shown at the configured tau, most confident first.
+
+    The detector keeps what passed its gates and lay below tau, so nothing is guessed; without a
+    plate solution a candidate is detected and not measured, as ever.
+    """
+    tau = config.detector.tau
+    found = shown.detections
+    below = [r for r in found.rejected if r.reason.startswith(_TOO_FAINT)]
+    admitted = [r.detection for r in below if r.detection.confidence > tau]
+    kept = [d for d in found.detections if d.confidence > tau]
+    measurements = [m for m in shown.measurements if m.source == "operator" or m.confidence > tau]
+    if isinstance(shown.solution, Solution):
+        made = (measure(d, shown.solution, shown.taken, config.exposure) for d in admitted)
+        measurements += [m for m in made if m is not None]
+    # Sorting is stable: what was measured keeps its order.
+    detections = sorted((*kept, *admitted), key=lambda d: -d.confidence)
+    return replace(
+        shown,
+        detections=replace(found, detections=tuple(detections)),
+        measurements=tuple(sorted(measurements, key=lambda m: -m.confidence)),
+    )

@@ -1,0 +1,86 @@
+"""The sky of one hour: apparent places, sidereal time and the Sun, for questions asked often.
+
+Within half an hour aberration, precession and nutation move a place by less than 0.02 arcsec, so
+that what is dear to reckon is reckoned once an hour. The Sun's place runs on a straight
+line: good to an arcsecond for hours.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import erfa
+import numpy as np
+
+from rsoconsole.records import FloatArray
+from rsoconsole.sky.angles import wrap_180
+from rsoconsole.sky.frames import icrs_to_jnow
+from rsoconsole.sky.sun import sun_icrs
+from rsoconsole.sky.times import NS_PER_S, TimeLike, gast_deg, jd_tt
+
+HOUR_NS = 3600 * NS_PER_S
+SIDEREAL_DEG_S = 360.98564736629 / 86_400.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Epoch:
+    """True equator and equinox of one hour; good to a tenth of an arcsecond for hours around."""
+
+    t_utc_ns: int
+    """The middle of the hour."""
+    astrom: Any
+    """What erfa keeps for many places at one instant."""
+    equation_of_origins_deg: float
+    gast_deg: float
+    sun_ra_deg: float
+    """Apparent place of the Sun's centre, of date."""
+    sun_dec_deg: float
+    sun_ra_rate_deg_s: float
+    sun_dec_rate_deg_s: float
+
+    def to_date(self, ra_icrs_deg: float, dec_icrs_deg: float) -> tuple[float, float]:
+        """Apparent right ascension (0 to 360) and declination of date of a catalogue direction."""
+        ra, dec = erfa.atciqz(np.radians(ra_icrs_deg), np.radians(dec_icrs_deg), self.astrom)
+        ra_deg = (np.degrees(ra) - self.equation_of_origins_deg) % 360.0
+        return float(ra_deg), float(np.degrees(dec))
+
+    def sidereal_deg(self, longitude_deg: float, t_utc_ns: TimeLike) -> FloatArray:
+        """Local apparent sidereal time, 0 to 360; longitude east positive."""
+        turned_deg = SIDEREAL_DEG_S * self._since_s(t_utc_ns)
+        return np.asarray((self.gast_deg + longitude_deg + turned_deg) % 360.0)
+
+    def sun_date_deg(self, t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
+        """Right ascension (not wrapped) and declination of date of the Sun's centre."""
+        since_s = self._since_s(t_utc_ns)
+        return (
+            self.sun_ra_deg + self.sun_ra_rate_deg_s * since_s,
+            self.sun_dec_deg + self.sun_dec_rate_deg_s * since_s,
+        )
+
+    def _since_s(self, t_utc_ns: TimeLike) -> FloatArray:
+        return np.asarray((np.asarray(t_utc_ns, np.int64) - self.t_utc_ns) / NS_PER_S)
+
+
+def epoch_at(t_utc_ns: int) -> Epoch:
+    """The epoch of the hour in which an instant lies; kept, so that asking again costs nothing."""
+    return _epoch(t_utc_ns // HOUR_NS)
+
+
+@lru_cache(maxsize=64)
+def _epoch(hour: int) -> Epoch:
+    middle_ns = hour * HOUR_NS + HOUR_NS // 2
+    astrom, equation_of_origins = erfa.apci13(*jd_tt(middle_ns))
+    before, middle, after = (
+        icrs_to_jnow(*sun_icrs(t_ns), t_ns)
+        for t_ns in (middle_ns - HOUR_NS, middle_ns, middle_ns + HOUR_NS)
+    )
+    return Epoch(
+        t_utc_ns=middle_ns,
+        astrom=astrom,
+        equation_of_origins_deg=float(np.degrees(equation_of_origins)),
+        gast_deg=float(gast_deg(middle_ns)),
+        sun_ra_deg=middle[0],
+        sun_dec_deg=middle[1],
+        sun_ra_rate_deg_s=wrap_180(after[0] - before[0]) / 7200.0,
+        sun_dec_rate_deg_s=(after[1] - before[1]) / 7200.0,
+    )

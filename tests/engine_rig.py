@@ -1,0 +1,265 @@
+"""An engine among instruments that live in the test: no process, no INDI, no disk."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.engine.desk import Desk
+from rsoconsole.engine.hands import Hands
+from rsoconsole.engine.intentions import Intentions
+from rsoconsole.engine.loop import Engine
+from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.ports import (
+    GuardPort,
+    Instruments,
+    MountReport,
+    PierSide,
+    SiteCheck,
+    StopResult,
+)
+from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.records import Detections, Frame, Measurement, Site, Solution, Wcs
+from rsoconsole.sky.frames import altaz_to_icrs
+from tests.makers import NS, T0_UTC_NS, geo_measurement
+
+CONFIG = Config()
+SITE = CONFIG.site.to_site()
+START_DEG = altaz_to_icrs(SITE, 55.0, 180.0, T0_UTC_NS)
+
+
+class StillClock:
+    """Time passes only when waited for."""
+
+    is_simulated = True
+
+    def __init__(self) -> None:
+        self.t_utc_ns = T0_UTC_NS
+
+    def now_utc_ns(self) -> int:
+        return self.t_utc_ns
+
+    def wait_until(self, t_utc_ns: int) -> bool:
+        self.t_utc_ns = max(self.t_utc_ns, t_utc_ns)
+        return True
+
+    def wake(self) -> None:
+        pass
+
+
+class PlainMount:
+    """Goes where it is told, unless told to be broken."""
+
+    def __init__(self, clock: StillClock) -> None:
+        self.clock = clock
+        self.at_deg = START_DEG
+        self.slews: list[tuple[float, float]] = []
+        self.aborts = 0
+        self.is_stuck = False
+        self.is_parked = False
+        self.is_tracking = True
+        self.pier_side: PierSide | None = "west"
+
+    def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
+        self.slews.append((ra_icrs_deg, dec_icrs_deg))
+        if not self.is_stuck:
+            self.at_deg = (ra_icrs_deg, dec_icrs_deg)
+
+    def report(self, not_before_utc_ns: int | None = None, timeout_s: float = 10.0) -> MountReport:
+        return MountReport(
+            t_utc_ns=self.clock.t_utc_ns,
+            ra_icrs_deg=self.at_deg[0],
+            dec_icrs_deg=self.at_deg[1],
+            is_slewing=False,
+            is_parked=self.is_parked,
+            is_tracking=self.is_tracking and not self.is_parked,
+            pier_side=self.pier_side,
+        )
+
+    def abort(self, timeout_s: float = 2.0) -> StopResult:
+        self.aborts += 1
+        return StopResult(stopped=True, ms=1.0, path="mount")
+
+    def park(self) -> None:
+        self.is_parked = True
+
+    def unpark(self) -> None:
+        self.is_parked = False
+
+    def set_tracking(self, is_on: bool) -> None:
+        self.is_tracking = is_on
+
+    def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
+        self.lease = (lease_s, track_until_utc_ns)
+
+    def check_site(self, site: Site) -> SiteCheck:
+        return SiteCheck(is_consistent=True, distance_km=0.0, reported=site, detail="agrees")
+
+    def utc_offset_s(self) -> float | None:
+        return 0.0
+
+
+class PlainCamera:
+    """Gives black frames in time, unless told to be broken."""
+
+    def __init__(self, clock: StillClock) -> None:
+        self.clock = clock
+        self.broken_for = 0
+        self.aborts = 0
+
+    def start_exposure(self, exposure_s: float, frame_id: int) -> None:
+        self.taken = (frame_id, self.clock.t_utc_ns, exposure_s)
+
+    def wait_frame(self, timeout_s: float) -> Frame:
+        if self.broken_for > 0:
+            self.broken_for -= 1
+            raise InstrumentError("camera gave no frame in 30 s: check its USB power")
+        frame_id, t_start_ns, exposure_s = self.taken
+        return Frame(
+            frame_id=frame_id,
+            name=f"frame {frame_id}",
+            pixels=np.zeros((64, 64), np.uint16),
+            t_start_utc_ns=t_start_ns,
+            exposure_s=exposure_s,
+        )
+
+    def take_messages(self) -> tuple[str, ...]:
+        return ()
+
+    def abort(self) -> None:
+        self.aborts += 1
+
+
+class ScriptedReducer:
+    """Sees a geostationary satellite in the frames it is told to, at its true place.
+
+    Every frame is solved: the telescope looks exactly where the mount says.
+    """
+
+    def __init__(self, frames: set[int], mount: PlainMount) -> None:
+        self.frames = frames
+        self.mount = mount
+        self.config = CONFIG
+
+    def configure(self, config: Config) -> None:
+        self.config = config
+
+    def forget_plate(self) -> None:
+        pass
+
+    def reduce(self, frame: Frame) -> Reduction:
+        found: tuple[Measurement, ...] = ()
+        if frame.frame_id in self.frames and frame.t_mid_utc_ns is not None:
+            since_s = (frame.t_mid_utc_ns - T0_UTC_NS) / NS
+            here = geo_measurement(2, ra_deg=START_DEG[0], dec_deg=START_DEG[1], cadence_s=since_s)
+            found = (
+                dataclasses.replace(here, frame_id=frame.frame_id, t_mid_utc_ns=frame.t_mid_utc_ns),
+            )
+        return Reduction(
+            detections=Detections(
+                frame_id=frame.frame_id, width_px=64, height_px=64, detections=()
+            ),
+            solution=solution_at(*self.mount.at_deg),
+            measurements=found,
+            star_count=100,
+            fwhm_px=2.5,
+            absence="no detection",
+        )
+
+
+class Memory:
+    """A recorder that only remembers."""
+
+    def __init__(self) -> None:
+        self.records: list[Any] = []
+
+    def append(self, record: Any, t_utc_ns: int) -> int:
+        self.records.append(record)
+        return len(self.records)
+
+    def save_frame(self, frame: Frame) -> bool:
+        return True
+
+    def save_preview(self, frame_id: int, picture: Any) -> bool:
+        return True
+
+    def of(self, kind: type[Any]) -> list[Any]:
+        return [record for record in self.records if isinstance(record, kind)]
+
+
+@dataclasses.dataclass
+class Rig:
+    """One engine and everything around it."""
+
+    engine: Engine
+    mount: PlainMount
+    camera: PlainCamera
+    clock: StillClock
+    memory: Memory
+    intentions: Intentions
+    reducer: ScriptedReducer
+
+
+def rig(frames: set[int], config: Config = CONFIG, guard: GuardPort | None = None) -> Rig:
+    clock = StillClock()
+    mount, camera = PlainMount(clock), PlainCamera(clock)
+    instruments = Instruments(
+        clock=clock,
+        mount=mount,  # type: ignore[arg-type]
+        camera=camera,  # type: ignore[arg-type]
+        host="",
+        port=0,
+        mount_name="",
+        camera_name="",
+        guard=guard,
+    )
+    intentions, memory, reducer = Intentions(), Memory(), ScriptedReducer(frames, mount)
+    engine = Engine(
+        config=config,
+        hands=Hands(instruments, config, lambda: intentions.is_wanted),
+        reducer=reducer,  # type: ignore[arg-type]
+        record=memory,
+        intentions=intentions,
+    )
+    return Rig(engine, mount, camera, clock, memory, intentions, reducer)
+
+
+def desk_of(r: Rig) -> Desk:
+    return Desk(r.engine, r.intentions, Path())
+
+
+def end_when_idle(r: Rig) -> None:
+    """Shut the engine down at its first idle second after the arming."""
+    wait = r.clock.wait_until
+
+    def leave(t_utc_ns: int) -> bool:
+        if r.engine.following.state in ("IDLE", "FAULT"):
+            r.intentions.request_shutdown()
+        return wait(t_utc_ns)
+
+    r.clock.wait_until = leave  # type: ignore[method-assign]
+
+
+def solution_at(ra_deg: float, dec_deg: float) -> Solution:
+    wcs = Wcs(
+        crpix_x_px=0.0,
+        crpix_y_px=0.0,
+        crval_ra_deg=ra_deg,
+        crval_dec_deg=dec_deg,
+        cd=(3.5e-4, 0.0, 0.0, 3.5e-4),
+    )
+    return Solution(
+        frame_id=1,
+        wcs=wcs,
+        ra_icrs_deg=ra_deg,
+        dec_icrs_deg=dec_deg,
+        scale_arcsec_px=1.26,
+        rotation_deg=0.0,
+        is_flipped=False,
+        matched=50,
+        rms_arcsec=0.5,
+        path="full",
+        ms=10.0,
+    )

@@ -1,0 +1,172 @@
+"""A night made up record by record, for whoever shows sessions; no engine has a part in it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.records import (
+    CycleTiming,
+    Detections,
+    Event,
+    FrameTaken,
+    LoopState,
+    Measurement,
+    Miss,
+    Solution,
+    StateChange,
+    TrackState,
+    Wcs,
+)
+from rsoconsole.session.writer import SessionWriter
+from tests.makers import NS, T0_UTC_NS, geo_measurement, straight_detection
+
+CADENCE_S = 30
+WIDTH_PX, HEIGHT_PX = 4656, 3520
+SCALE_DEG = 1.264 / 3600
+FIRST_MEASURED, MISSED = 3, 12
+
+
+def begin(folder: Path, **about: Any) -> SessionWriter:
+    """An empty session."""
+    return SessionWriter.create(folder, Config(), {"title": "made up", **about})
+
+
+def t_of(frame_id: int) -> int:
+    """When the frame's records were made."""
+    return T0_UTC_NS + frame_id * CADENCE_S * NS
+
+
+def armed(writer: SessionWriter) -> None:
+    """The first line of a night."""
+    _state(writer, 0, "IDLE", "SEARCH", "armed by operator")
+
+
+def add_frames(writer: SessionWriter, frames: range) -> None:
+    """Frames in order: two empty ones, a track from the fourth on, frame 12 missed."""
+    for frame_id in frames:
+        _add_frame(writer, frame_id)
+    assert writer.flush()
+
+
+def add_previews(writer: SessionWriter, frames: range) -> None:
+    """Their pictures: a dark sky with a few stars, the same for all."""
+    random = np.random.default_rng(5)
+    picture = random.normal(60, 6, (440, 582)).astype(np.uint8)
+    for x, y in ((60, 60), (300, 110), (500, 350), (120, 400), (420, 220)):
+        picture[y : y + 3, x : x + 3] = 250
+    for frame_id in frames:
+        assert writer.save_preview(frame_id, picture)
+
+
+def _add_frame(writer: SessionWriter, n: int) -> None:
+    ns = t_of(n)
+    is_seen = n >= FIRST_MEASURED and n != MISSED
+    pointing = geo_measurement(n, cadence_s=CADENCE_S)
+    ra, dec = pointing.ra_icrs_deg, pointing.dec_icrs_deg
+    writer.append(taken(n, ra, dec), ns)
+    found = (straight_detection(frame_id=n, x_px=2000.0, y_px=1500.0, confidence=_confidence(n)),)
+    writer.append(
+        Detections(
+            frame_id=n,
+            width_px=WIDTH_PX,
+            height_px=HEIGHT_PX,
+            detections=found if is_seen else (),
+        ),
+        ns,
+    )
+    writer.append(_solution(n, ra, dec), ns)
+    if is_seen:
+        measurement = geo_measurement(n, cadence_s=CADENCE_S, confidence=_confidence(n))
+        writer.append(measurement, ns)
+        _track(writer, n, measurement)
+    elif n > FIRST_MEASURED:
+        writer.append(_state_of(n, ra, dec, "predicted"), ns)
+        writer.append(Miss(frame_id=n, reason="no detection"), ns)
+        _state(writer, n, "TRACK", "COAST", "no detection")
+    if n == FIRST_MEASURED:
+        _state(writer, n, "SEARCH", "ACQUIRE", "1 detection(s), waiting for a second frame")
+    elif n == FIRST_MEASURED + 1:
+        _state(writer, n, "ACQUIRE", "TRACK", "two frames agree on one motion")
+    elif n == MISSED + 1:
+        _state(writer, n, "COAST", "TRACK", "measured again")
+    if n == 7:
+        writer.append(Event(level="warning", text="slew refused: altitude", frame_id=n), ns)
+    stages = {"read": 30.0, "process": 54.0, "detect": 90.0, "solve": 4.0, "filter": 0.4}
+    writer.append(CycleTiming(frame_id=n, stage_ms={**stages, "total": 180.0}), ns)
+
+
+def _confidence(n: int) -> float:
+    return 0.55 + 0.4 * (n * 7 % 10) / 10
+
+
+def _track(writer: SessionWriter, n: int, measurement: Measurement) -> None:
+    if n == FIRST_MEASURED:
+        return
+    ra, dec = measurement.ra_icrs_deg, measurement.dec_icrs_deg
+    kind = "initial" if n == FIRST_MEASURED + 1 else "updated"
+    if kind == "updated":
+        writer.append(_state_of(n, ra, dec, "predicted"), t_of(n))
+    writer.append(_state_of(n, ra, dec, kind), t_of(n))
+
+
+def _state_of(n: int, ra: float, dec: float, kind: Any) -> TrackState:
+    is_updated = kind == "updated"
+    variance = (1.0 / 3600) ** 2
+    return TrackState(
+        kind=kind,
+        frame_id=n,
+        t_utc_ns=t_of(n),
+        x=(ra, 15.041 / 3600, dec, 0.0),
+        P=(
+            (variance, 0.0, 0.0, 0.0),
+            (0.0, 1e-11, 0.0, 0.0),
+            (0.0, 0.0, variance, 0.0),
+            (0.0, 0.0, 0.0, 1e-11),
+        ),
+        nis=1.5 if is_updated else None,
+        innovation_arcsec=((n * 3 % 7 - 3) / 3, (n * 5 % 9 - 4) / 5) if is_updated else None,
+        sigma_innovation_arcsec=(0.7, 0.6) if is_updated else None,
+        misses=1 if kind == "predicted" else 0,
+    )
+
+
+def taken(n: int, ra: float, dec: float) -> FrameTaken:
+    """The camera gave a frame."""
+    return FrameTaken(
+        frame_id=n,
+        name=f"frame_{n:06d}.fits",
+        t_start_utc_ns=t_of(n) - 12 * NS,
+        exposure_s=10.0,
+        width_px=WIDTH_PX,
+        height_px=HEIGHT_PX,
+        pointing_ra_icrs_deg=ra,
+        pointing_dec_icrs_deg=dec,
+    )
+
+
+def _solution(n: int, ra: float, dec: float) -> Solution:
+    return Solution(
+        frame_id=n,
+        wcs=Wcs(
+            crpix_x_px=(WIDTH_PX - 1) / 2,
+            crpix_y_px=(HEIGHT_PX - 1) / 2,
+            crval_ra_deg=ra,
+            crval_dec_deg=dec,
+            cd=(-SCALE_DEG, 0.0, 0.0, SCALE_DEG),
+        ),
+        ra_icrs_deg=ra,
+        dec_icrs_deg=dec,
+        scale_arcsec_px=1.264,
+        rotation_deg=0.0,
+        is_flipped=False,
+        matched=42,
+        rms_arcsec=0.31,
+        path="refit",
+        ms=4.0,
+    )
+
+
+def _state(writer: SessionWriter, n: int, before: LoopState, after: LoopState, reason: str) -> None:
+    writer.append(StateChange(frame_id=n, before=before, after=after, reason=reason), t_of(n))

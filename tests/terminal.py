@@ -1,0 +1,101 @@
+"""A real terminal of so many cells, with one program in it, as a window or an SSH line is."""
+
+import contextlib
+import fcntl
+import os
+import re
+import select
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import threading
+import time
+from collections.abc import Mapping
+from typing import Self
+
+# The terminal becomes the program's own, so that its end is told to it (SIGHUP).
+_OWN_TERMINAL = (
+    "import fcntl, os, sys, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); "
+    "os.execvp(sys.argv[1], sys.argv[1:])"
+)
+_ESCAPES = re.compile(
+    r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)|[P_^][^\x1b]*\x1b\\|.)"
+)
+EVERY_S = 0.02
+
+
+class Terminal:
+    """A pseudo-terminal; ends its program when it is left."""
+
+    def __init__(
+        self,
+        command: list[str],
+        environment: Mapping[str, str],
+        size: tuple[int, int] = (80, 24),
+    ) -> None:
+        """``size``: columns, lines."""
+        self._master, slave = os.openpty()
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", size[1], size[0], 0, 0))
+        self.begun_s = time.monotonic()
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", _OWN_TERMINAL, *command],
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            env={**environment, "TERM": "xterm-256color", "COLORTERM": "truecolor"},
+            start_new_session=True,
+        )
+        os.close(slave)
+        self._written = ""
+        self._is_over = False
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
+        self.hang_up()
+
+    @property
+    def text(self) -> str:
+        """Everything written so far, without what only moves and paints."""
+        return _ESCAPES.sub("", self._written)
+
+    def shows(self, *words: str) -> bool:
+        """Whether all of these have been written."""
+        text = self.text
+        return all(word in text for word in words)
+
+    def kill(self) -> None:
+        """kill -9 of the program alone."""
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+
+    def hang_up(self) -> None:
+        """The line is lost: the system sends SIGHUP."""
+        if not self._is_over:
+            self._is_over = True
+            self._thread.join()
+            os.close(self._master)
+
+    def _read(self) -> None:
+        decoded = b""
+        while not self._is_over:
+            ready, _, _ = select.select([self._master], [], [], EVERY_S)
+            if not ready:
+                continue
+            try:
+                chunk = os.read(self._master, 65536)
+            except OSError:
+                # Nobody holds the other end any more.
+                time.sleep(EVERY_S)
+                continue
+            decoded += chunk
+            with contextlib.suppress(UnicodeDecodeError):
+                self._written += decoded.decode()
+                decoded = b""
