@@ -6,23 +6,21 @@ shard holds 50 fields of one sensor.
 
 import multiprocessing
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from models.fields import KINDS, Conditions, Field, TrueStreak, draw_field, draw_sensor
+from models.field_scene import draw_field, draw_sensor
+from models.fields import KINDS, Conditions, Field, TrueStreak
 from rsoconsole.simulator.render import frame_rng
 
 FIELDS_PER_SHARD = 50
 SPLITS = {"train": 1, "calibrate": 2, "test": 3}
-BLOCKS = (8, 4, 8, 2, 8, 8, 4, 8, 8, 8)
+BLOCKS = (8, 4, 8, 2, 8, 8, 4, 8, 8, 8, 8, 4, 8, 2, 8, 8, 16, 8, 8, 8)
 """Blocks of successive shards: mostly that of the paper's telescope."""
-CLEAR_FROM = 200
-CLEAR = Conditions(kind="ordinary", peak_snr=(4.0, 40.0), streak_cells=(9.0, 40.0))
-"""Shards from this number on: streaks that nobody overlooks, which a network trained on faint
-ones alone mistakes for trailed stars."""
+RUN = Path("models/runs/second")
+"""Where training keeps what it draws and learns unless told otherwise."""
 
 
 def shard_path(folder: Path, split: str, number: int) -> Path:
@@ -34,10 +32,10 @@ def draw_shard(seed: int, split: str, number: int) -> list[Field]:
     """The fields of one shard."""
     rng = frame_rng(seed, SPLITS[split], number)
     block = BLOCKS[number % len(BLOCKS)]
-    is_clear = number >= CLEAR_FROM
-    is_hard = not is_clear or number % 2 == 0
+    # One shard in three is of ordinary nights: what the telescope meets most of the time.
+    is_hard = number % 3 != 1
     sensor = draw_sensor(block, rng, is_hard=is_hard)
-    wanted = replace(CLEAR, is_hard=is_hard) if is_clear else Conditions()
+    wanted = Conditions(is_hard=is_hard)
     return [draw_field(sensor, block, wanted, rng) for _ in range(FIELDS_PER_SHARD)]
 
 

@@ -4,7 +4,8 @@ import math
 from pathlib import Path
 
 from models.dataset import FIELDS_PER_SHARD, read_shard, write_fields
-from models.fields import FIELD_CELLS, Conditions, Field, draw_field, draw_sensor
+from models.field_scene import draw_field, draw_sensor
+from models.fields import FIELD_CELLS, Conditions, Field
 from rsoconsole.records import MapMode
 from rsoconsole.simulator.render import frame_rng
 

@@ -126,3 +126,19 @@ def add_sources(
         light = total[drawn] * share
         add_points(image_e, x[drawn], y[drawn], light, sigma_px=sigma_wing, faintest_e=faintest_e)
     add_points(image_e, x, y, core, sigma_px=sigma, faintest_e=faintest_e)
+
+
+def annulus(radius_px: float, obstruction: float = 0.45) -> Float32Array:
+    """What a point out of focus becomes: a ring of unit sum, (2 r + 3, 2 r + 3).
+
+    ``obstruction``: radius of the dark middle as a share of the whole. The rim is a pixel soft.
+    """
+    reach = int(np.ceil(radius_px)) + 1
+    fine = (np.arange((2 * reach + 1) * 5) + 0.5) / 5 - reach - 0.5
+    r = np.hypot(fine[:, None], fine[None, :])
+    lit = ((r <= radius_px) & (r >= obstruction * radius_px)).astype(np.float64)
+    side = 2 * reach + 1
+    ring = lit.reshape(side, 5, side, 5).mean(axis=(1, 3))
+    if ring.sum() == 0.0:
+        ring[reach, reach] = 1.0
+    return np.asarray(ring / ring.sum(), dtype=np.float32)

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.simulator.psf import add_points, add_sources
-from rsoconsole.simulator.sensor import SensorModel, flat_field, pixel_defects
+from rsoconsole.simulator.psf import FWHM_PER_SIGMA, add_points, add_sources, annulus
+from rsoconsole.simulator.sensor import SensorModel, flat_field, pixel_defects, spill_over
 
 Float32Array = npt.NDArray[np.float32]
 FloatArray = npt.NDArray[np.float64]
@@ -37,6 +37,8 @@ class Streak:
     """What the whole streak would give at full brightness under a clear sky."""
     brightness: FloatArray | None = None
     """(m,) relative brightness at equal steps of time, both ends included; None: steady."""
+    fwhm_px: float | None = None
+    """Its own disc, for what is wide or out of focus; None: the field's."""
 
 
 def straight_streak(
@@ -44,6 +46,7 @@ def straight_streak(
     end_px: tuple[float, float],
     electrons: float,
     brightness: FloatArray | None = None,
+    fwhm_px: float | None = None,
 ) -> Streak:
     """A streak in one line from (x, y) to (x, y)."""
     return Streak(
@@ -51,6 +54,7 @@ def straight_streak(
         y_px=np.array([start_px[1], end_px[1]], dtype=np.float64),
         electrons=electrons,
         brightness=brightness,
+        fwhm_px=fwhm_px,
     )
 
 
@@ -61,6 +65,8 @@ class FieldContent:
     exposure_s: float = 10.0
     fwhm_px: float = 2.2
     """Seeing disc before the pixels integrate it."""
+    defocus_px: float = 0.0
+    """Radius of the ring that a mirror with a central obstruction makes of a point; 0: in focus."""
     sky_electrons_px: float = 132.0
     """Mean sky in one pixel over the exposure, in the centre of the field."""
     sky_gradient: tuple[float, float] = (0.0, 0.0)
@@ -69,6 +75,8 @@ class FieldContent:
     star_y_px: FloatArray = field(default_factory=lambda: _EMPTY)
     star_electrons: FloatArray = field(default_factory=lambda: _EMPTY)
     """(n,) electrons under a clear sky in the centre of the field."""
+    star_path_px: FloatArray | None = None
+    """(2, m >= 2) x and y by which every star wanders at equal steps of time; None: they stand."""
     streaks: tuple[Streak, ...] = ()
     cloud_transmission: Float32Array | None = None
     """(rows, columns) coarse map spread evenly over the frame, 0 to 1; None: clear."""
@@ -76,6 +84,10 @@ class FieldContent:
     """How much brighter than the clear sky an opaque cloud is, as a share."""
     cosmic_rays: float = 0.0
     """Expected number of tracks in the frame."""
+    cosmic_ray_sigma_px: tuple[float, float] = (0.28, 0.28)
+    """Narrowest and widest track; a thick sensor's reach the seeing."""
+    cosmic_ray_stretch: float = 1.0
+    """How much longer the tracks are than those of a thin sensor."""
 
 
 def render(sensor: SensorModel, content: FieldContent, rng: np.random.Generator) -> FramePixels:
@@ -84,7 +96,9 @@ def render(sensor: SensorModel, content: FieldContent, rng: np.random.Generator)
     Use a generator made by ``frame_rng`` (SFC64 is the fastest for this many normal numbers).
     """
     mean_e = expected_electrons(sensor, content)
-    _add_cosmic_rays(mean_e, content.cosmic_rays, rng)
+    _add_cosmic_rays(mean_e, content, rng)
+    if sensor.blooming > 0.0:
+        spill_over(mean_e, sensor.full_well_e, sensor.blooming)
     return _read_out(sensor, mean_e, rng)
 
 
@@ -99,10 +113,16 @@ def expected_electrons(sensor: SensorModel, content: FieldContent) -> Float32Arr
     x, y = content.star_x_px, content.star_y_px
     # A star's light is dimmed where it lands; the pixels' own response comes with the flat.
     electrons = content.star_electrons * cloud_at(sensor, content.cloud_transmission, x, y)
+    if content.star_path_px is not None:
+        x, y, electrons = _wandering(x, y, electrons, content.star_path_px)
     add_sources(image_e, x, y, electrons, fwhm_px=content.fwhm_px)
     for streak in content.streaks:
         points = streak_points(sensor, content, streak)
-        add_sources(image_e, *points, fwhm_px=content.fwhm_px, faintest_e=0.004)
+        fwhm_px = content.fwhm_px if streak.fwhm_px is None else streak.fwhm_px
+        add_sources(image_e, *points, fwhm_px=fwhm_px, faintest_e=0.004)
+    if content.defocus_px > 0.0:
+        kernel = annulus(content.defocus_px)
+        image_e = cv2.filter2D(image_e, -1, kernel, borderType=cv2.BORDER_REFLECT_101)
     image_e *= flat_field(sensor)
     defects = pixel_defects(sensor)
     image_e += np.float32(sensor.dark_e_s * content.exposure_s)
@@ -115,7 +135,10 @@ def streak_points(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """A streak as points: x, y and electrons of each, dimmed by its brightness and the clouds."""
     length = float(np.hypot(np.diff(streak.x_px), np.diff(streak.y_px)).sum())
-    count = max(2, int(np.ceil(length / STREAK_STEP_PX)))
+    step_px = STREAK_STEP_PX
+    if streak.fwhm_px is not None:
+        step_px = max(step_px, 0.5 * streak.fwhm_px / FWHM_PER_SIGMA)
+    count = max(2, int(np.ceil(length / step_px)))
     time = (np.arange(count) + 0.5) / count
     nodes = np.linspace(0.0, 1.0, len(streak.x_px))
     x = np.interp(time, nodes, streak.x_px)
@@ -126,6 +149,21 @@ def streak_points(
         electrons *= np.interp(time, np.linspace(0.0, 1.0, len(shape)), shape)
     electrons *= cloud_at(sensor, content.cloud_transmission, x, y)
     return x, y, electrons
+
+
+def _wandering(
+    x_px: FloatArray, y_px: FloatArray, electrons: FloatArray, path_px: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Every star as points along its path, closer to each other than any seeing disc."""
+    length = float(np.hypot(*np.diff(path_px, axis=1)).sum())
+    count = max(2, int(np.ceil(length / (1.6 * STREAK_STEP_PX))))
+    time, nodes = (np.arange(count) + 0.5) / count, np.linspace(0.0, 1.0, path_px.shape[1])
+    dx, dy = np.interp(time, nodes, path_px[0]), np.interp(time, nodes, path_px[1])
+    return (
+        (np.asarray(x_px)[:, None] + dx).ravel(),
+        (np.asarray(y_px)[:, None] + dy).ravel(),
+        np.repeat(electrons / count, count),
+    )
 
 
 def cloud_at(
@@ -160,12 +198,16 @@ def _sky(sensor: SensorModel, content: FieldContent) -> Float32Array:
     return np.ascontiguousarray(spread, dtype=np.float32)
 
 
-def _add_cosmic_rays(image_e: Float32Array, expected: float, rng: np.random.Generator) -> None:
-    """Tracks of muons (short, straight) and of electrons (curled): narrower than any star."""
+def _add_cosmic_rays(
+    image_e: Float32Array, content: FieldContent, rng: np.random.Generator
+) -> None:
+    """Tracks of muons (short, straight) and of electrons (curled): mostly narrower than a star."""
     height, width = image_e.shape
-    for _ in range(int(rng.poisson(expected))):
+    narrowest, widest = content.cosmic_ray_sigma_px
+    for _ in range(int(rng.poisson(content.cosmic_rays))):
         is_curled = rng.random() < 0.35
         length = rng.uniform(8.0, 40.0) if is_curled else 1.0 + rng.exponential(5.0)
+        length *= content.cosmic_ray_stretch
         count = max(2, int(length * 3))
         turns = rng.normal(0.0, 0.12 if is_curled else 0.0, size=count)
         heading = rng.uniform(0.0, 2.0 * np.pi) + np.cumsum(turns)
@@ -173,7 +215,8 @@ def _add_cosmic_rays(image_e: Float32Array, expected: float, rng: np.random.Gene
         y = rng.uniform(0, height) + np.cumsum(np.sin(heading)) * length / count
         electrons_px = np.exp(rng.normal(np.log(450.0), 0.7))
         weight = rng.gamma(4.0, 0.25, size=count) * electrons_px * length / count
-        add_points(image_e, x, y, weight, sigma_px=0.28)
+        sigma_px = rng.uniform(narrowest, widest) if widest > narrowest else narrowest
+        add_points(image_e, x, y, weight, sigma_px=sigma_px)
 
 
 def _read_out(sensor: SensorModel, mean_e: Float32Array, rng: np.random.Generator) -> FramePixels:

@@ -39,6 +39,12 @@ class SensorModel:
     """One sigma of the pixels' relative response."""
     hot_fraction: float = 2.5e-5
     bad_columns: int = 0
+    partial_columns: int = 0
+    """Columns that are bright from some row on."""
+    dark_columns: int = 0
+    """Columns that answer to a part of the light only, from some row on."""
+    blooming: float = 0.0
+    """Share of the charge above the full well that runs along the column."""
     seed: int = 1600
     """Which copy of the sensor: fixes its hot pixels, its columns and its response."""
 
@@ -100,9 +106,12 @@ def pixel_defects(sensor: SensorModel) -> PixelDefects:
     rows = np.arange(sensor.height_px, dtype=np.int64)
     lines = (rows[:, None] * sensor.width_px + columns[None, :]).ravel()
     line_rates = np.tile(rng.uniform(3.0, 30.0, size=sensor.bad_columns), sensor.height_px)
-    return PixelDefects(
-        np.concatenate([hot, lines]), np.concatenate([rates, line_rates]).astype(np.float32)
-    )
+    places, electrons_s = [hot, lines], [rates, line_rates]
+    for _ in range(sensor.partial_columns):
+        first, column = int(rng.integers(sensor.height_px)), int(rng.integers(sensor.width_px))
+        places.append(rows[first:] * sensor.width_px + column)
+        electrons_s.append(np.full(sensor.height_px - first, rng.uniform(3.0, 30.0)))
+    return PixelDefects(np.concatenate(places), np.concatenate(electrons_s).astype(np.float32))
 
 
 def vignetting(
@@ -126,5 +135,23 @@ def flat_field(sensor: SensorModel) -> Float32Array:
     for y in range(sensor.height_px):
         flat[y] = vignetting(sensor, x, np.array([y], dtype=np.float64))
         flat[y] *= 1.0 + sensor.prnu * rng.standard_normal(sensor.width_px, dtype=np.float32)
+    dark = _defect_rng(sensor, 3)
+    for _ in range(sensor.dark_columns):
+        first, column = int(dark.integers(sensor.height_px)), int(dark.integers(sensor.width_px))
+        flat[first:, column] *= np.float32(dark.uniform(0.0, 0.9))
     flat.setflags(write=False)
     return flat
+
+
+def spill_over(image_e: Float32Array, full_well_e: float, share: float) -> None:
+    """Let a share of the charge above the full well fill the column on both sides, in place."""
+    for column in np.flatnonzero((image_e > full_well_e).any(axis=0)):
+        values = image_e[:, column]
+        edges = np.diff((values > full_well_e).astype(np.int8), prepend=0, append=0)
+        starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+        for start, end in zip(starts, ends, strict=True):
+            charge = share * float((values[start:end] - full_well_e).sum()) / 2.0
+            for free in (values[end:], values[:start][::-1]):
+                room = np.maximum(full_well_e - free, 0.0)
+                before = np.cumsum(room) - room
+                free += np.clip(charge - before, 0.0, room)

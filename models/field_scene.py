@@ -1,0 +1,210 @@
+"""Random fields with their truth: what the detector's network learns from and is judged on.
+
+Every field is drawn by ``rsoconsole.simulator.render``; here is only the choice of what to draw.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from models.extras import (
+    Canvas,
+    Points,
+    aircraft,
+    close_stars,
+    clouds,
+    galaxy,
+    ghost,
+    meteor,
+    spiked_star,
+    wander,
+)
+from models.fields import FIELD_CELLS, KINDS, Conditions, Field, FloatArray, Kind, TrueStreak
+from models.light import log_uniform
+from models.satellites import Satellites
+from rsoconsole.records import MapMode
+from rsoconsole.simulator.psf import FWHM_PER_SIGMA
+from rsoconsole.simulator.render import FieldContent, Streak, render
+from rsoconsole.simulator.sensor import SensorModel
+from rsoconsole.vision.maps import make_map
+
+_SHARES = (0.62, 0.08, 0.11, 0.10, 0.06, 0.03)
+"""How often each of ``KINDS`` is drawn."""
+_SATELLITE_SHARE = {
+    "ordinary": 1.0,
+    "empty": 0.0,
+    "trailed stars": 0.4,
+    "aircraft": 0.5,
+    "rays": 0.7,
+    "meteor": 0.5,
+}
+_MOST_STAR_POINTS = 150_000
+
+
+def draw_sensor(block: int, rng: np.random.Generator, *, is_hard: bool = True) -> SensorModel:
+    """A copy of a sensor whose frame is 192 cells of ``block`` pixels a side."""
+    side = FIELD_CELLS * block
+    if not is_hard:
+        return SensorModel(width_px=side, height_px=side, seed=int(rng.integers(1 << 30)))
+    gain = float(rng.choice([20000.0 / 4096.0, 20000.0 / 4096.0, 1.2]))
+    has_bad_columns = rng.random() < 0.5
+    bad, partial, dark = rng.poisson((0.7, 1.0, 1.0)) * has_bad_columns
+    # A smaller field is a cut of the frame: as many hot pixels a cell as at a block of 8.
+    return SensorModel(
+        width_px=side,
+        height_px=side,
+        e_per_adu12=gain,
+        full_well_e=4096.0 * gain,
+        read_noise_e=float(rng.uniform(1.0, 5.0)),
+        vignetting_corner=float(rng.uniform(0.0, 0.3)),
+        prnu=float(rng.uniform(0.001, 0.01)),
+        hot_fraction=log_uniform(rng, 1e-5, 4e-4) * (8 / block) ** 0.7,
+        bad_columns=int(bad),
+        partial_columns=int(partial),
+        dark_columns=int(dark),
+        blooming=float(rng.uniform(0.2, 1.0)) if rng.random() < 0.2 else 0.0,
+        seed=int(rng.integers(1 << 30)),
+    )
+
+
+def draw_field(
+    sensor: SensorModel, block: int, conditions: Conditions, rng: np.random.Generator
+) -> Field:
+    """One random field on this sensor and its map."""
+    kind = conditions.kind or KINDS[int(rng.choice(len(KINDS), p=_SHARES))]
+    mode: MapMode = conditions.mode or ("paper" if rng.random() < 0.15 else "fast")
+    is_hard = conditions.is_hard
+    sky_e = log_uniform(rng, 25, 700) if is_hard else rng.uniform(100.0, 170.0)
+    canvas = _canvas(sensor, block, sky_e, rng, is_hard=is_hard)
+    stars = _stars(canvas, block, rng, is_hard=is_hard)
+    trails: list[Streak] = []
+    path_px = wander(canvas, rng) if kind == "trailed stars" else None
+    if path_px is not None:
+        stars = _trailed(stars, path_px, canvas, rng)
+    elif is_hard:
+        stars, trails = _mimics(stars, canvas, rng)
+    cloud = clouds(rng) if is_hard and rng.random() < 0.25 else None
+    content = FieldContent(
+        fwhm_px=canvas.fwhm_px,
+        defocus_px=canvas.defocus_px,
+        sky_electrons_px=sky_e,
+        sky_gradient=(float(rng.normal(0, 0.15)), float(rng.normal(0, 0.15))),
+        star_x_px=stars[0],
+        star_y_px=stars[1],
+        star_electrons=stars[2],
+        star_path_px=path_px,
+        cloud_transmission=cloud,
+        **_rays(kind, block, canvas, rng, is_hard=is_hard),
+    )
+    truth: list[TrueStreak] = []
+    if conditions.streaks is not None or rng.random() < _SATELLITE_SHARE[kind]:
+        satellites = Satellites(sensor, canvas, content, mode, block, conditions, rng)
+        drawn, truth = satellites.draw(path_px)
+        trails += drawn
+    if kind == "aircraft":
+        trails += aircraft(canvas, rng)
+    if kind == "meteor":
+        trails += meteor(canvas, rng)
+    content = replace(content, streaks=tuple(trails))
+    values = make_map(render(sensor, content, rng), mode, block).values
+    return Field(values=values, kind=kind, mode=mode, block=block, streaks=tuple(truth))
+
+
+def _canvas(
+    sensor: SensorModel, block: int, sky_e: float, rng: np.random.Generator, *, is_hard: bool
+) -> Canvas:
+    """The frame with its seeing: half of the hard ones far from what the paper's camera has."""
+    fwhm_px, defocus_px = float(rng.uniform(1.9, 2.8)), 0.0
+    if is_hard:
+        fwhm_px = float(rng.uniform(1.6, 3.4))
+        if rng.random() < 0.45:
+            fwhm_px = log_uniform(rng, 1.2, 6.0 if block > 2 else 3.5)
+        if block > 2 and rng.random() < 0.06:
+            fwhm_px, defocus_px = float(rng.uniform(1.4, 2.5)), float(rng.uniform(2.0, 6.0))
+    return Canvas(
+        width_px=sensor.width_px,
+        height_px=sensor.height_px,
+        fwhm_px=fwhm_px,
+        noise_e=float(np.sqrt(sky_e + sensor.read_noise_e**2 + sensor.e_per_adu12**2 / 12.0)),
+        unit_px=float(block),
+        defocus_px=defocus_px,
+    )
+
+
+def _stars(canvas: Canvas, block: int, rng: np.random.Generator, *, is_hard: bool) -> Points:
+    """x, y and electrons of stars: a power law in flux, a log-uniform density."""
+    low, high = (0.004, 0.5) if is_hard else (0.02, 0.3)
+    cells = canvas.width_px * canvas.height_px / block**2
+    count = int(rng.poisson(log_uniform(rng, low, high) * cells))
+    slope = rng.uniform(0.7, 1.1)
+    electrons = canvas.star_e(0.8) * (1.0 - rng.random(count)) ** (-1.0 / slope)
+    x = rng.uniform(-8.0, canvas.width_px + 8.0, count)
+    y = rng.uniform(-8.0, canvas.height_px + 8.0, count)
+    return x, y, np.minimum(electrons, 3e6)
+
+
+def _trailed(
+    stars: Points, path_px: FloatArray, canvas: Canvas, rng: np.random.Generator
+) -> Points:
+    """Stars enough to be seen as many alike, bright enough to be seen though drawn out."""
+    length = float(np.hypot(*np.diff(path_px, axis=1)).sum())
+    most = int(min(3000, _MOST_STAR_POINTS / max(length, 2.0)))
+    x, y, electrons = stars
+    fewest = int(rng.integers(80, 200))
+    if len(x) < fewest:
+        extra = fewest - len(x)
+        slope = rng.uniform(0.7, 1.1)
+        more_e = canvas.star_e(0.8) * (1.0 - rng.random(extra)) ** (-1.0 / slope)
+        x = np.concatenate([x, rng.uniform(-8.0, canvas.width_px + 8.0, extra)])
+        y = np.concatenate([y, rng.uniform(-8.0, canvas.height_px + 8.0, extra)])
+        electrons = np.concatenate([electrons, more_e])
+    order = np.argsort(-electrons)[: max(most, fewest)]
+    boost = 1.0 + length / canvas.fwhm_px * rng.uniform(0.3, 1.5)
+    return x[order], y[order], np.minimum(electrons[order] * boost, 3e6)
+
+
+def _mimics(
+    stars: Points, canvas: Canvas, rng: np.random.Generator
+) -> tuple[Points, list[Streak]]:
+    """Close stars, galaxies, spikes and ghosts, each in some of the fields."""
+    trails: list[Streak] = []
+    points = [stars]
+    if rng.random() < 0.4:
+        points += [close_stars(canvas, rng) for _ in range(int(rng.integers(1, 16)))]
+    if rng.random() < 0.12:
+        angle, arms = rng.uniform(0, np.pi), int(rng.choice([4, 4, 6]))
+        for _ in range(int(rng.integers(1, 4))):
+            star, spikes = spiked_star(canvas, rng, angle=angle, arms=arms)
+            points.append(star)
+            trails += spikes
+    nuisances: tuple[tuple[float, int, Callable[[Canvas, np.random.Generator], list[Streak]]], ...]
+    nuisances = ((0.15, 6, galaxy), (0.07, 3, ghost))
+    for share, most, draw in nuisances:
+        if rng.random() < share:
+            for _ in range(int(rng.integers(1, most + 1))):
+                trails += draw(canvas, rng)
+    x, y, electrons = (np.concatenate(part) for part in zip(*points, strict=True))
+    return (x, y, electrons), trails
+
+
+def _rays(
+    kind: Kind, block: int, canvas: Canvas, rng: np.random.Generator, *, is_hard: bool
+) -> dict[str, Any]:
+    """Cosmic rays: how many, how wide, how long."""
+    # Tracks keep their length in pixels: the same number would fill a small field.
+    size = (block / 8) ** 1.3
+    if kind == "rays":
+        widest = float(rng.uniform(0.28, 0.9) * canvas.fwhm_px / FWHM_PER_SIGMA)
+        return {
+            "cosmic_rays": log_uniform(rng, 60, 900) * size,
+            "cosmic_ray_sigma_px": (0.2, max(widest, 0.3)),
+            "cosmic_ray_stretch": float(rng.uniform(1.0, 3.0)),
+        }
+    if not is_hard:
+        return {"cosmic_rays": 12.0 * size}
+    return {
+        "cosmic_rays": log_uniform(rng, 3, 400) * size,
+        "cosmic_ray_sigma_px": (0.25, float(rng.uniform(0.28, 0.6))),
+    }

@@ -1,0 +1,204 @@
+"""The true streaks of a field: one or several, beside each other or crossing, cut by the edge."""
+
+import numpy as np
+
+from models.extras import Canvas
+from models.fields import (
+    FIELD_CELLS,
+    LONGEST_CELLS,
+    SHORT_CELLS,
+    SHORTEST_CELLS,
+    SHORTEST_PAPER_CELLS,
+    Conditions,
+    FloatArray,
+    TrueStreak,
+    clip_to_box,
+    cut_ends,
+    is_asked_for,
+)
+from models.light import log_uniform, satellite_curve
+from rsoconsole.records import MapMode
+from rsoconsole.simulator.render import FieldContent, Streak, cloud_at, straight_streak
+from rsoconsole.simulator.sensor import SensorModel
+
+Segment = tuple[float, float, float, float]
+"""Middle (x, y in cells), length (cells) and direction (rad)."""
+_APART_DEG = 25.0
+"""In a trailed field a satellite is asked for when it differs from the stars by so much."""
+_BENT_CELLS = 1.2
+"""A trail that leaves its line by more is not asked for."""
+_SHORT_FWHMS = 3.0
+
+
+class Satellites:
+    """Draws the satellites of one field whose other content is settled."""
+
+    def __init__(
+        self,
+        sensor: SensorModel,
+        canvas: Canvas,
+        content: FieldContent,
+        mode: MapMode,
+        block: int,
+        conditions: Conditions,
+        rng: np.random.Generator,
+    ) -> None:
+        self.sensor, self.canvas, self.content, self.mode = sensor, canvas, content, mode
+        self.block, self.conditions, self.rng = block, conditions, rng
+
+    def draw(self, star_path_px: FloatArray | None) -> tuple[list[Streak], list[TrueStreak]]:
+        """Streaks and their truth; the mount's wander, if any, shakes them as it does the stars."""
+        trails: list[Streak] = []
+        truth: list[TrueStreak] = []
+        for segment in self._segments():
+            snr = self._peak_snr(segment[2])
+            streak, seen = self._trail(segment, snr, star_path_px)
+            trails.append(streak)
+            truth += seen
+        return trails, truth
+
+    def _segments(self) -> list[Segment]:
+        rng = self.rng
+        if self.conditions.streaks is None:
+            count = int(rng.choice([1, 2, 3, 4, 5], p=[0.35, 0.25, 0.17, 0.13, 0.1]))
+        else:
+            low, high = self.conditions.streaks
+            count = int(rng.integers(low, high + 1))
+        arrangement = rng.random()
+        segments = [self._segment() for _ in range(min(count, 1))]
+        for _ in range(count - 1):
+            if arrangement < 0.3:
+                segments.append(self._beside(segments[-1]))
+            elif arrangement < 0.45:
+                segments.append(self._across(segments[-1]))
+            else:
+                segments.append(self._segment())
+        return segments
+
+    def _length(self) -> float:
+        """Cells: much weight on the shortest and on those of a geostationary satellite."""
+        rng, wanted = self.rng, self.conditions.streak_cells
+        if wanted is not None:
+            return log_uniform(rng, *wanted)
+        shortest = SHORTEST_CELLS[self.block]
+        if self.mode == "paper":
+            shortest = max(shortest, SHORTEST_PAPER_CELLS)
+        draw = rng.random()
+        if draw < 0.3:
+            return log_uniform(rng, shortest, max(8.0, 1.5 * shortest))
+        if draw < 0.6:
+            return log_uniform(rng, 10.0, 20.0)
+        return log_uniform(rng, shortest, LONGEST_CELLS)
+
+    def _peak_snr(self, length: float) -> float:
+        rng, wanted = self.rng, self.conditions.peak_snr
+        if wanted is not None:
+            return log_uniform(rng, *wanted)
+        if length < 1.4 * SHORT_CELLS and rng.random() < 0.7:
+            return log_uniform(rng, 3.5, 30.0)
+        return log_uniform(rng, 0.8, 6.0 if rng.random() < 0.55 else 30.0)
+
+    def _angle(self) -> float:
+        """Radians; an axis of the array one time in six."""
+        if self.rng.random() < 1 / 6:
+            return float(self.rng.choice([0.0, np.pi / 2]) + self.rng.normal(0, 0.01))
+        return float(self.rng.uniform(0, np.pi))
+
+    def _segment(self) -> Segment:
+        length = self._length()
+        # One in eight of the hard ones has its middle near or beyond the edge.
+        rim = 6.0 if self.conditions.is_hard else -min(length / 2, 80.0)
+        x, y = self.rng.uniform(-rim, FIELD_CELLS + rim, size=2)
+        return float(x), float(y), length, self._angle()
+
+    def _beside(self, of: Segment) -> Segment:
+        """A neighbour of the same slot: parallel, alike, not end to end."""
+        x, y, length, angle = of
+        away, bearing = self.rng.uniform(9, 45), self.rng.uniform(0, 2 * np.pi)
+        across = np.array([-np.sin(angle), np.cos(angle)])
+        step = away * np.array([np.cos(bearing), np.sin(bearing)])
+        if abs(step @ across) < 7.0:
+            # Streaks end to end on one line would be one streak to anybody.
+            step += across * np.sign(step @ across + 1e-9) * 9.0
+        turn = self.rng.normal(0, 0.02)
+        return float(x + step[0]), float(y + step[1]), length, angle + float(turn)
+
+    def _across(self, of: Segment) -> Segment:
+        """Another that crosses or touches it, its middle well off the first one's line."""
+        x, y, length, angle = of
+        turn = self.rng.uniform(0.4, np.pi - 0.4)
+        other = max(self._length(), 12.0)
+        at = self.rng.uniform(-0.5, 0.5) * length
+        off = self.rng.choice([-1.0, 1.0]) * self.rng.uniform(0.2, 0.55) * other
+        x += at * np.cos(angle) + off * np.cos(angle + turn)
+        y += at * np.sin(angle) + off * np.sin(angle + turn)
+        return float(x), float(y), other, angle + float(turn)
+
+    def _trail(
+        self, segment: Segment, peak_snr: float, star_path_px: FloatArray | None
+    ) -> tuple[Streak, list[TrueStreak]]:
+        x, y, length, angle = segment
+        rng, block = self.rng, self.block
+        dx, dy = length / 2 * np.cos(angle), length / 2 * np.sin(angle)
+        curve = satellite_curve(rng) if self.conditions.is_hard and rng.random() < 0.3 else None
+        # The curve sets the shape; the mean along the trail is what was asked for.
+        if curve is not None:
+            curve = curve / curve.mean()
+        light = self.canvas.line_e_per_px(peak_snr) * length * block
+        ends = [v * block - 0.5 for v in (x - dx, y - dy, x + dx, y + dy)]
+        streak = straight_streak((ends[0], ends[1]), (ends[2], ends[3]), light, curve)
+        if star_path_px is not None:
+            streak = _shaken(streak, star_path_px)
+        line = tuple(
+            float((v + 0.5) / block)
+            for v in (streak.x_px[0], streak.y_px[0], streak.x_px[-1], streak.y_px[-1])
+        )
+        seen = clip_to_box(line, FIELD_CELLS, FIELD_CELLS)
+        if seen is None:
+            return streak, []
+        visible = float(np.hypot(seen[2] - seen[0], seen[3] - seen[1]))
+        snr = peak_snr * self._dimming(seen)
+        dimmest = 1.0 if curve is None else min(1.0, float(np.median(curve)))
+        is_asked = is_asked_for(snr * dimmest, visible, self.mode, block)
+        is_asked &= visible * block >= _SHORT_FWHMS * self.canvas.fwhm_px
+        is_asked &= cut_ends(seen, FIELD_CELLS, FIELD_CELLS) < 2
+        is_asked &= star_path_px is None or self._stands_out(streak, star_path_px)
+        true = TrueStreak(
+            x_a=seen[0], y_a=seen[1], x_b=seen[2], y_b=seen[3], peak_snr=snr, is_asked=is_asked
+        )
+        return streak, [true]
+
+    def _dimming(self, seen: tuple[float, float, float, float]) -> float:
+        """Mean transmission of the clouds along the visible part."""
+        share = np.linspace(0.0, 1.0, 9)
+        x_px = (seen[0] + share * (seen[2] - seen[0])) * self.block - 0.5
+        y_px = (seen[1] + share * (seen[3] - seen[1])) * self.block - 0.5
+        through = cloud_at(self.sensor, self.content.cloud_transmission, x_px, y_px)
+        return float(through.mean())
+
+    def _stands_out(self, streak: Streak, star_path_px: FloatArray) -> bool:
+        """Whether it is straight, and differs from the stars in direction or is far longer."""
+        x, y = streak.x_px / self.block, streak.y_px / self.block
+        dx, dy = x[-1] - x[0], y[-1] - y[0]
+        length = float(np.hypot(dx, dy))
+        if length < SHORTEST_CELLS[self.block]:
+            return False
+        cos, sin = dx / length, dy / length
+        bent = np.abs((y - y[0]) * cos - (x - x[0]) * sin).max()
+        if bent > _BENT_CELLS:
+            return False
+        spread = star_path_px - star_path_px.mean(axis=1, keepdims=True)
+        if float(np.hypot(*np.ptp(spread, axis=1))) / self.block < 0.15 * length:
+            return True
+        along, *_ = np.linalg.svd(spread, full_matrices=False)
+        return bool(abs(along[0, 0] * cos + along[1, 0] * sin) < np.cos(np.radians(_APART_DEG)))
+
+
+def _shaken(streak: Streak, path_px: FloatArray) -> Streak:
+    time = np.linspace(0.0, 1.0, path_px.shape[1])
+    return Streak(
+        x_px=np.interp(time, [0.0, 1.0], streak.x_px) + path_px[0],
+        y_px=np.interp(time, [0.0, 1.0], streak.y_px) + path_px[1],
+        electrons=streak.electrons,
+        brightness=streak.brightness,
+    )
