@@ -1,17 +1,21 @@
 """Batches out of drawn fields: turned, mirrored, dimmed and cut, the same for the same step."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from models.dataset import read_shard
-from models.fields import FIELD_CELLS, Field
+from models.fields import Field
 from models.targets import targets_of
-from models.turning import turned
+from models.turning import cropped, turned
 
 Float32Array = npt.NDArray[np.float32]
-_SHARE_CUT = 0.15
+CROP_CELLS = 128
+"""Side of what is learnt from at once: multiples of 32."""
+_SHARE_CUT = 0.12
+_SHARE_AIMED = 0.5
 _SHARE_DIMMED = 0.5
 
 
@@ -24,26 +28,46 @@ def read_fields(folder: Path, split: str, shards: int) -> list[Field]:
     ]
 
 
-def example(field: Field, rng: np.random.Generator) -> tuple[Float32Array, Float32Array]:
-    """One input (192, 192) in 0..1 and its targets (7, 48, 48)."""
-    field = turned(field, int(rng.integers(4)), is_mirrored=bool(rng.random() < 0.5))
+def example(
+    field: Field, side: int, rng: np.random.Generator
+) -> tuple[Float32Array, Float32Array]:
+    """One input (side, side) in 0..1 and its targets (7, side / 4, side / 4)."""
+    field = turned(_crop(field, side, rng), int(rng.integers(4)), is_mirrored=rng.random() < 0.5)
     values = field.values.astype(np.float32)
     if field.mode == "fast" and rng.random() < _SHARE_DIMMED:
         values = np.clip(values * rng.uniform(0.85, 1.15) + rng.uniform(-6, 6), 0, 255)
-    width = height = FIELD_CELLS
+    width = height = side
     if rng.random() < _SHARE_CUT:
         # A frame narrower than the network's input ends in zeros.
-        width, height = (int(n) for n in rng.integers(48, FIELD_CELLS + 1, size=2))
+        width, height = (int(n) for n in rng.integers(48, side + 1, size=2))
         values = values.copy()
         values[:, width:] = 0
         values[height:, :] = 0
     return values.astype(np.float32) / np.float32(255), targets_of(field, width, height)
 
 
+def _crop(field: Field, side: int, rng: np.random.Generator) -> Field:
+    """A square of the field, more often than not with the middle of a streak in it."""
+    spare = field.values.shape[0] - side
+    left, top = (int(n) for n in rng.integers(0, spare + 1, size=2))
+    asked = [s for s in field.streaks if s.is_asked]
+    if asked and rng.random() < _SHARE_AIMED:
+        aim = asked[int(rng.integers(len(asked)))]
+        left = _start(aim.x_a + aim.x_b, side, spare, rng)
+        top = _start(aim.y_a + aim.y_b, side, spare, rng)
+    return cropped(field, left, top, side)
+
+
+def _start(twice_middle: float, side: int, spare: int, rng: np.random.Generator) -> int:
+    middle = int(twice_middle / 2)
+    lowest, highest = max(0, middle - side + 1), min(spare, middle)
+    return int(rng.integers(lowest, max(lowest, highest) + 1))
+
+
 def batch(
-    fields: list[Field], size: int, seed: int, step: int
+    fields: Sequence[Field], size: int, seed: int, step: int, side: int = CROP_CELLS
 ) -> tuple[Float32Array, Float32Array]:
-    """Batch number ``step``: (size, 1, 192, 192) and (size, 7, 48, 48).
+    """Batch number ``step``: (size, 1, side, side) and (size, 7, side / 4, side / 4).
 
     Every field comes once before any comes twice, in an order drawn anew for each round.
     """
@@ -52,7 +76,7 @@ def batch(
     for position in range(step * size, (step + 1) * size):
         turn, place = divmod(position, len(fields))
         order = _order(seed, turn, len(fields))
-        values, target = example(fields[int(order[place])], rng)
+        values, target = example(fields[int(order[place])], side, rng)
         inputs.append(values)
         targets.append(target)
     return np.stack(inputs)[:, None], np.stack(targets)

@@ -16,6 +16,8 @@ from models.fields import KINDS, Conditions, Field, TrueStreak
 from rsoconsole.simulator.render import frame_rng
 
 FIELDS_PER_SHARD = 50
+SEED = 20261121
+SHARDS = {"train": 300, "calibrate": 20, "test": 20}
 SPLITS = {"train": 1, "calibrate": 2, "test": 3}
 BLOCKS = (8, 4, 8, 2, 8, 8, 4, 8, 8, 8, 8, 4, 8, 2, 8, 8, 16, 8, 8, 8)
 """Blocks of successive shards: mostly that of the paper's telescope."""

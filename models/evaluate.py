@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from models.batches import read_fields
-from models.dataset import FIELDS_PER_SHARD
+from models.dataset import FIELDS_PER_SHARD, RUN, SEED
 from models.fields import Field
 from models.nights import (
     FRAME_CELLS,
@@ -111,9 +111,9 @@ def look_at(path: Path, network: Network, mode: MapMode) -> dict[str, Any]:
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m models.evaluate", description=__doc__)
-    parser.add_argument("--run", type=Path, default=Path("models/runs/first"))
+    parser.add_argument("--run", type=Path, default=RUN)
     parser.add_argument("--model", type=Path, default=None)
-    parser.add_argument("--seed", type=int, default=20261120)
+    parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--frames", type=int, default=200, help="full frames without satellites")
     parser.add_argument("--images-only", action="store_true")

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from models.batches import read_fields
-from models.dataset import FIELDS_PER_SHARD
+from models.dataset import FIELDS_PER_SHARD, RUN, SEED, SHARDS
 from models.nights import CALIBRATION_NIGHTS, FRAME_CELLS, ORDINARY_FRAMES, TAU, ordinary_nights
 from models.scoring import Score, fit_platt, logit_for_rate, score
 from models.streak_net import StreakNet
@@ -76,7 +76,7 @@ def load_average(run: Path) -> tuple[StreakNet, int]:
 
 def export(run: Path, seed: int, threads: int, folder: Path | None = None) -> None:
     """Calibrate a run's network and write ``streak_ssd.tflite`` and ``.json`` beside the code."""
-    from models.train import BATCH, SHARDS, answer_with
+    from models.train import BATCH, answer_with
 
     torch.set_num_threads(threads)
     folder = folder or Path(__file__).parent
@@ -122,8 +122,8 @@ def export(run: Path, seed: int, threads: int, folder: Path | None = None) -> No
 def main() -> None:
     """Command line: export the last checkpoint of a run, finished or not."""
     parser = argparse.ArgumentParser(prog="python -m models.export", description=__doc__)
-    parser.add_argument("--run", type=Path, default=Path("models/runs/first"))
-    parser.add_argument("--seed", type=int, default=20261120)
+    parser.add_argument("--run", type=Path, default=RUN)
+    parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--folder", type=Path, default=None, help="where to; default: models/")
     args = parser.parse_args()

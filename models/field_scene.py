@@ -150,7 +150,7 @@ def _trailed(
 ) -> Points:
     """Stars enough to be seen as many alike, bright enough to be seen though drawn out."""
     length = float(np.hypot(*np.diff(path_px, axis=1)).sum())
-    most = int(min(3000, _MOST_STAR_POINTS / max(length, 2.0)))
+    most = int(min(log_uniform(rng, 100, 2500), _MOST_STAR_POINTS / max(length, 2.0)))
     x, y, electrons = stars
     fewest = int(rng.integers(80, 200))
     if len(x) < fewest:
@@ -198,13 +198,13 @@ def _rays(
     if kind == "rays":
         widest = float(rng.uniform(0.28, 0.9) * canvas.fwhm_px / FWHM_PER_SIGMA)
         return {
-            "cosmic_rays": log_uniform(rng, 60, 900) * size,
+            "cosmic_rays": log_uniform(rng, 50, 400) * size,
             "cosmic_ray_sigma_px": (0.2, max(widest, 0.3)),
-            "cosmic_ray_stretch": float(rng.uniform(1.0, 3.0)),
+            "cosmic_ray_stretch": float(rng.uniform(1.0, 2.0)),
         }
     if not is_hard:
         return {"cosmic_rays": 12.0 * size}
     return {
-        "cosmic_rays": log_uniform(rng, 3, 400) * size,
+        "cosmic_rays": log_uniform(rng, 3, 150) * size,
         "cosmic_ray_sigma_px": (0.25, float(rng.uniform(0.28, 0.6))),
     }

@@ -31,9 +31,17 @@ class Score:
     cells: int
     """Area judged, in cells of the map."""
 
-    def recall(self, logit: float, snr: tuple[float, float] = (0.0, np.inf)) -> float:
-        """Share of the asked streaks in a range of peak signal to noise found above a logit."""
+    def recall(
+        self,
+        logit: float,
+        snr: tuple[float, float] = (0.0, np.inf),
+        cells: tuple[float, float] = (0.0, np.inf),
+    ) -> float:
+        """Share of the asked streaks in a range of peak signal to noise and of length that were
+        found above a logit.
+        """
         chosen = (self.true_snrs >= snr[0]) & (self.true_snrs < snr[1])
+        chosen &= (self.true_lengths >= cells[0]) & (self.true_lengths < cells[1])
         return float(np.mean(self.true_logits[chosen] > logit)) if chosen.any() else float("nan")
 
     def logit_for_false(self, count: int) -> float:

@@ -8,27 +8,33 @@ cells); cos 2 theta and sin 2 theta of the direction, which a line's two senses 
 import numpy as np
 import numpy.typing as npt
 
-from models.fields import FIELD_CELLS, Field, clip_to_box, is_asked_for
+from models.fields import Field, Kind, clip_to_box, cut_ends, is_asked_for
 from rsoconsole.vision.network import LENGTH_UNIT_CELLS, STRIDE_CELLS
 
 Float32Array = npt.NDArray[np.float32]
-GRID = FIELD_CELLS // STRIDE_CELLS
 TARGET_CHANNELS = 7
 """Heat, two offsets, log length, cos, sin, weight of the confidence's loss."""
 _SIGMA_ACROSS = 2.4
 _SIGMA_ALONG_SHARE = 0.08
 _FLAT_TOP = 1.6
 """All locations within a sigma of the midpoint are as good: the offsets say where it is."""
+_LEAST_CUT_CELLS = 6.0
+"""What the edge leaves of a streak is asked for from this length on."""
+_REFUSED: dict[Kind, float] = {"aircraft": 3.0, "trailed stars": 3.0, "rays": 2.0, "meteor": 2.0}
+"""How much worse a false candidate is where something else draws lines."""
 
 
 def targets_of(
-    field: Field, width: float = FIELD_CELLS, height: float = FIELD_CELLS
+    field: Field, width: float | None = None, height: float | None = None
 ) -> Float32Array:
-    """(7, 48, 48) targets of a field of which ``width`` x ``height`` cells are shown."""
-    target = np.zeros((TARGET_CHANNELS, GRID, GRID), dtype=np.float32)
-    target[6] = 1.0
-    centre = (np.arange(GRID) + 0.5) * STRIDE_CELLS
-    gx, gy = np.meshgrid(centre, centre)
+    """(7, side / 4, side / 4) targets of a field of which ``width`` x ``height`` cells are shown."""
+    rows, columns = (side // STRIDE_CELLS for side in field.values.shape)
+    height, width = height or field.values.shape[0], width or field.values.shape[1]
+    target = np.zeros((TARGET_CHANNELS, rows, columns), dtype=np.float32)
+    target[6] = _REFUSED.get(field.kind, 1.0)
+    gx, gy = np.meshgrid(
+        (np.arange(columns) + 0.5) * STRIDE_CELLS, (np.arange(rows) + 0.5) * STRIDE_CELLS
+    )
     for streak in field.streaks:
         seen = clip_to_box((streak.x_a, streak.y_a, streak.x_b, streak.y_b), width, height)
         if seen is None:
@@ -38,7 +44,10 @@ def targets_of(
         cos, sin = (x_b - x_a) / length, (y_b - y_a) / length
         dx, dy = (x_a + x_b) / 2 - gx, (y_a + y_b) / 2 - gy
         along, across = dx * cos + dy * sin, dy * cos - dx * sin
-        if not (streak.is_asked and is_asked_for(streak.peak_snr, length, field.mode, field.block)):
+        cuts = cut_ends(seen, width, height)
+        is_asked = streak.is_asked and cuts < 2
+        is_asked &= cuts == 0 or length >= _LEAST_CUT_CELLS
+        if not (is_asked and is_asked_for(streak.peak_snr, length, field.mode, field.block)):
             is_near = (np.abs(along) < length / 2 + 4) & (np.abs(across) < 5)
             target[6][is_near & (target[0] == 0)] = 0.0
             continue

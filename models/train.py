@@ -1,6 +1,7 @@
 """From nothing to ``streak_ssd.tflite``: draw, train, calibrate, export. ``--help`` says how.
 
-Every stage resumes where it stopped; the same seed on the same machine gives the same network.
+Every stage resumes where it stopped, to the same bits as if it had not; the same seed and number
+of threads on the same machine give the same network.
 """
 
 import argparse
@@ -14,19 +15,20 @@ from typing import Any
 import numpy as np
 import torch
 
-from models.batches import batch, read_fields
-from models.dataset import write_shards
+from models.batches import CROP_CELLS, batch, read_fields
+from models.dataset import RUN, SEED, SHARDS, write_shards
 from models.fields import Field
 from models.loss import loss_of
 from models.scoring import Score, score
 from models.streak_net import StreakNet
 from rsoconsole.vision.maps import ByteArray
 
-SHARDS = {"train": 230, "calibrate": 10, "test": 10}
 BATCH = 16
 PEAK_RATE = 3e-3
 WARM_UP_STEPS = 300
 AVERAGE_DECAY = 0.998
+_JUDGED_EVERY = 5
+"""Of the calibration fields, those followed while training."""
 
 
 def rate_at(step: int, steps: int) -> float:
@@ -52,10 +54,13 @@ def answer_with(net: StreakNet) -> Any:
 class Training:
     """The network on its way, and what is needed to go on from any checkpoint."""
 
-    def __init__(self, run: Path, seed: int, steps: int, *, is_bfloat16: bool = False) -> None:
+    def __init__(
+        self, run: Path, seed: int, steps: int, *, side: int = CROP_CELLS, is_bfloat16: bool = False
+    ) -> None:
         torch.manual_seed(seed)
-        self.is_bfloat16 = is_bfloat16
+        torch.use_deterministic_algorithms(True)
         self.run, self.seed, self.steps, self.step = run, seed, steps, 0
+        self.side, self.is_bfloat16 = side, is_bfloat16
         self.net = StreakNet().to(memory_format=torch.channels_last)
         self.average = deepcopy(self.net).eval()
         decayed = [p for p in self.net.parameters() if p.ndim > 1]
@@ -64,13 +69,36 @@ class Training:
             {"params": decayed, "weight_decay": 1e-3},
             {"params": plain, "weight_decay": 0.0},
         ]
-        self.optimiser = torch.optim.AdamW(groups, lr=PEAK_RATE)
+        self.optimiser = torch.optim.AdamW(groups, lr=PEAK_RATE, fused=True)
         if self._checkpoint.exists():
             state = torch.load(self._checkpoint, weights_only=True)
+            if state["settings"] != self._settings:
+                raise SystemExit(
+                    f"{run} was begun with {state['settings']}, not {self._settings}: "
+                    "go on with those, or name another --run"
+                )
             self.net.load_state_dict(state["net"])
             self.average.load_state_dict(state["average"])
             self.optimiser.load_state_dict(state["optimiser"])
             self.step = state["step"]
+        pairs = [
+            (kept, now)
+            for kept, now in zip(
+                self.average.state_dict().values(), self.net.state_dict().values(), strict=True
+            )
+            if kept.dtype.is_floating_point
+        ]
+        self._kept, self._now = [kept for kept, _ in pairs], [now for _, now in pairs]
+
+    @property
+    def _settings(self) -> dict[str, int | bool]:
+        """What has to be the same for the rest of a run as for its beginning."""
+        return {
+            "seed": self.seed,
+            "steps": self.steps,
+            "side": self.side,
+            "bfloat16": self.is_bfloat16,
+        }
 
     @property
     def _checkpoint(self) -> Path:
@@ -85,6 +113,7 @@ class Training:
                 "average": self.average.state_dict(),
                 "optimiser": self.optimiser.state_dict(),
                 "step": self.step,
+                "settings": self._settings,
             },
             partial,
         )
@@ -95,7 +124,7 @@ class Training:
         self.net.train()
         for group in self.optimiser.param_groups:
             group["lr"] = rate_at(self.step, self.steps)
-        inputs, targets = batch(fields, BATCH, self.seed, self.step)
+        inputs, targets = batch(fields, BATCH, self.seed, self.step, self.side)
         x = torch.from_numpy(inputs).to(memory_format=torch.channels_last)
         with torch.autocast("cpu", dtype=torch.bfloat16, enabled=self.is_bfloat16):
             answer = self.net(x)
@@ -111,19 +140,15 @@ class Training:
     def _average(self) -> None:
         decay = min(AVERAGE_DECAY, self.step / (self.step + 100))
         with torch.no_grad():
-            now = self.net.state_dict()
-            for name, kept in self.average.state_dict().items():
-                if kept.dtype.is_floating_point:
-                    kept.lerp_(now[name], 1.0 - decay)
-                else:
-                    kept.copy_(now[name])
+            torch._foreach_lerp_(self._kept, self._now, 1.0 - decay)
 
 
 def summary(result: Score) -> dict[str, float]:
     """The figures followed while training, at one false candidate in 2 million cells."""
     logit = result.logit_for_false(int(result.cells / 2e6))
-    bands = {"1-2": (1, 2), "2-4": (2, 4), "4+": (4, 1e9)}
+    bands = {"1.5-2": (1.5, 2), "2-3": (2, 3), "3-5": (3, 5), "5+": (5, 1e9)}
     figures = {f"recall_{name}": result.recall(logit, band) for name, band in bands.items()}
+    figures["recall_short"] = result.recall(logit, (5, 1e9), (0.0, 8.0))
     figures |= {"logit": logit, "false": float(len(result.false_logits))}
     figures["middle_cells"] = (
         float(np.median(result.middle_errors)) if len(result.middle_errors) else -1
@@ -133,39 +158,63 @@ def summary(result: Score) -> dict[str, float]:
 
 def train(training: Training, fields: list[Field], judged: list[Field], every: int) -> None:
     """Run to the last step, logging a line of JSON per ``every`` steps."""
-    sums, since, started = np.zeros(2), 0, time.monotonic()
-    with (training.run / "log.jsonl").open("a", encoding="utf-8") as log:
-        while training.step < training.steps:
-            sums += training.one_step(fields)
-            since += 1
-            if training.step % 20 == 0 and sys.stderr.isatty():
-                share = training.step / training.steps
-                bar = "#" * int(40 * share)
-                print(f"\r[{bar:<40}] {share:6.1%} {sums[0] / since:.4f}", end="", file=sys.stderr)
-            if training.step % every == 0 or training.step == training.steps:
-                training.save()
-                line = {
-                    "step": training.step,
-                    "confidence_loss": round(sums[0] / since, 5),
-                    "regression_loss": round(sums[1] / since, 5),
-                    "crops_per_s": round(BATCH * since / (time.monotonic() - started), 1),
-                } | summary(score(judged, answer_with(training.average)))
+    path = training.run / "log.jsonl"
+    _forget_after(path, training.step)
+    sums, since, started, first = np.zeros(2), 0, time.monotonic(), training.step
+    begun = started
+    while training.step < training.steps:
+        sums += training.one_step(fields)
+        since += 1
+        if training.step % 20 == 0:
+            pace = (training.step - first) / (time.monotonic() - begun)
+            left_min = (training.steps - training.step) / pace / 60
+            show(training.step, training.steps, f"{sums[0] / since:.4f}, {left_min:.0f} min left")
+        if training.step % every == 0 or training.step == training.steps:
+            line = {
+                "step": training.step,
+                "rate": round(rate_at(training.step - 1, training.steps), 7),
+                "confidence_loss": round(sums[0] / since, 5),
+                "regression_loss": round(sums[1] / since, 5),
+                "crops_per_s": round(BATCH * since / (time.monotonic() - started), 1),
+            } | summary(score(judged, answer_with(training.average)))
+            with path.open("a", encoding="utf-8") as log:
                 print(json.dumps(line), file=log, flush=True)
-                print(json.dumps(line), flush=True)
-                sums, since, started = np.zeros(2), 0, time.monotonic()
+            training.save()
+            print(json.dumps(line), flush=True)
+            sums, since, started = np.zeros(2), 0, time.monotonic()
+
+
+def _forget_after(path: Path, step: int) -> None:
+    """Drop the lines of a log that a kill left without their checkpoint."""
+    if not path.exists():
+        return
+    lines = path.read_text(encoding="utf-8").splitlines()
+    kept = [
+        line for line in lines if line.endswith("}") and json.loads(line).get("step", 0) <= step
+    ]
+    path.write_text("".join(f"{line}\n" for line in kept), encoding="utf-8")
+
+
+def show(done: int, of: int, words: str) -> None:
+    """A progress bar where somebody looks."""
+    if sys.stderr.isatty():
+        bar = "#" * int(40 * done / max(of, 1))
+        print(f"\r[{bar:<40}] {done / max(of, 1):6.1%} {words} \033[K", end="", file=sys.stderr)
 
 
 def arguments() -> argparse.Namespace:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m models.train", description=__doc__)
-    parser.add_argument("--run", type=Path, default=Path("models/runs/first"), help="its folder")
-    parser.add_argument("--seed", type=int, default=20261120)
-    parser.add_argument("--steps", type=int, default=10000, help=f"batches of {BATCH} fields")
+    parser.add_argument("--run", type=Path, default=RUN, help="its folder")
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--steps", type=int, default=20000, help=f"batches of {BATCH} crops")
     parser.add_argument("--shards", type=int, default=SHARDS["train"], help="of 50 fields")
+    parser.add_argument("--side", type=int, default=CROP_CELLS, help="of a crop, in cells")
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--every", type=int, default=400, help="steps between checkpoints")
+    parser.add_argument("--every", type=int, default=500, help="steps between checkpoints")
     parser.add_argument("--bfloat16", action="store_true", help="half the digits, faster")
     parser.add_argument("--folder", type=Path, default=None, help="of the result; default: models")
+    parser.add_argument("--only-draw", action="store_true", help="stop after drawing")
     parser.add_argument("--no-export", action="store_true", help="stop after training")
     return parser.parse_args()
 
@@ -176,13 +225,14 @@ def main() -> None:
     args.run.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(args.threads)
     data = args.run / "data"
-    for done, missing in write_shards(
-        data, args.seed, SHARDS | {"train": args.shards}, args.threads
-    ):
-        print(f"\rdrawn {done} of {missing} shards", end="", file=sys.stderr, flush=True)
+    counts = SHARDS | {"train": args.shards}
+    for done, missing in write_shards(data, args.seed, counts, args.threads):
+        show(done, missing, f"drawn {done} of {missing} shards")
+    if args.only_draw:
+        return
     fields = read_fields(data, "train", args.shards)
-    judged = read_fields(data, "calibrate", SHARDS["calibrate"])[::2]
-    training = Training(args.run, args.seed, args.steps, is_bfloat16=args.bfloat16)
+    judged = read_fields(data, "calibrate", SHARDS["calibrate"])[::_JUDGED_EVERY]
+    training = Training(args.run, args.seed, args.steps, side=args.side, is_bfloat16=args.bfloat16)
     train(training, fields, judged, args.every)
     if not args.no_export:
         from models.export import export

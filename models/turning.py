@@ -1,15 +1,31 @@
-"""A field turned and mirrored with its truth: eight fields out of each."""
+"""A field cut, turned and mirrored with its truth: many fields out of each."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from models.fields import FIELD_CELLS, Field, TrueStreak
+from models.fields import Field, TrueStreak
+
+
+def cropped(field: Field, left: int, top: int, side: int) -> Field:
+    """A square of ``side`` cells; its streaks keep their whole length, beyond the edge too."""
+
+    def moved(streak: TrueStreak) -> TrueStreak:
+        return replace(
+            streak,
+            x_a=streak.x_a - left,
+            y_a=streak.y_a - top,
+            x_b=streak.x_b - left,
+            y_b=streak.y_b - top,
+        )
+
+    values = field.values[top : top + side, left : left + side]
+    return replace(field, values=values, streaks=tuple(moved(s) for s in field.streaks))
 
 
 def turned(field: Field, turns: int, *, is_mirrored: bool) -> Field:
-    """The field turned by quarter turns counter-clockwise as displayed, then mirrored in x."""
-    side = float(FIELD_CELLS)
+    """The square field turned by quarter turns counter-clockwise as displayed, then mirrored in x."""
+    side = float(field.values.shape[0])
 
     def place(x: float, y: float) -> tuple[float, float]:
         for _ in range(turns):

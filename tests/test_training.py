@@ -6,15 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.dataset import draw_shard, read_shard, shard_path, write_shard
-from models.fields import (
-    FIELD_CELLS,
-    Conditions,
-    Field,
-    TrueStreak,
-    clip_to_box,
-    draw_field,
-    draw_sensor,
-)
+from models.field_scene import draw_field, draw_sensor
+from models.fields import FIELD_CELLS, Conditions, Field, TrueStreak, clip_to_box
 from models.scoring import fit_platt, score
 from models.targets import targets_of
 from models.turning import turned
