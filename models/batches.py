@@ -28,9 +28,7 @@ def read_fields(folder: Path, split: str, shards: int) -> list[Field]:
     ]
 
 
-def example(
-    field: Field, side: int, rng: np.random.Generator
-) -> tuple[Float32Array, Float32Array]:
+def example(field: Field, side: int, rng: np.random.Generator) -> tuple[Float32Array, Float32Array]:
     """One input (side, side) in 0..1 and its targets (7, side / 4, side / 4)."""
     field = turned(_crop(field, side, rng), int(rng.integers(4)), is_mirrored=rng.random() < 0.5)
     values = field.values.astype(np.float32)

@@ -66,9 +66,8 @@ class Canvas:
         return rng.uniform(rim, 1.0 - rim, size=2) * (self.width_px, self.height_px)
 
 
-
 def aircraft(canvas: Canvas, rng: np.random.Generator) -> list[Streak]:
-    """The lamps of one aircraft: parallel trails, out of focus, some blinking; a third end inside."""
+    """The lamps of one aircraft: parallel trails, out of focus, some blinking or ending inside."""
     angle = rng.uniform(0.0, 2 * np.pi)
     along = np.array([np.cos(angle), np.sin(angle)])
     across = np.array([-along[1], along[0]])

@@ -100,7 +100,15 @@ def draw_field(
     )
     truth: list[TrueStreak] = []
     if conditions.streaks is not None or rng.random() < _SATELLITE_SHARE[kind]:
-        satellites = Satellites(sensor, canvas, content, mode, block, conditions, rng)
+        satellites = Satellites(
+            sensor=sensor,
+            canvas=canvas,
+            content=content,
+            mode=mode,
+            block=block,
+            conditions=conditions,
+            rng=rng,
+        )
         drawn, truth = satellites.draw(path_px)
         trails += drawn
     if kind == "aircraft":
@@ -165,9 +173,7 @@ def _trailed(
     return x[order], y[order], np.minimum(electrons[order] * boost, 3e6)
 
 
-def _mimics(
-    stars: Points, canvas: Canvas, rng: np.random.Generator
-) -> tuple[Points, list[Streak]]:
+def _mimics(stars: Points, canvas: Canvas, rng: np.random.Generator) -> tuple[Points, list[Streak]]:
     """Close stars, galaxies, spikes and ghosts, each in some of the fields."""
     trails: list[Streak] = []
     points = [stars]

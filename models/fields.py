@@ -96,9 +96,7 @@ def cut_ends(segment: tuple[float, float, float, float], width: float, height: f
     """How many ends of a clipped segment lie on the rim: 0, 1 or 2."""
     x_a, y_a, x_b, y_b = segment
     rim = 0.01
-    return sum(
-        min(x, y, width - x, height - y) < rim for x, y in ((x_a, y_a), (x_b, y_b))
-    )
+    return sum(min(x, y, width - x, height - y) < rim for x, y in ((x_a, y_a), (x_b, y_b)))
 
 
 def is_asked_for(peak_snr: float, visible_cells: float, mode: MapMode, block: int) -> bool:

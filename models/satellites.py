@@ -1,5 +1,7 @@
 """The true streaks of a field: one or several, beside each other or crossing, cut by the edge."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from models.extras import Canvas
@@ -30,21 +32,17 @@ _BENT_CELLS = 1.2
 _SHORT_FWHMS = 3.0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Satellites:
     """Draws the satellites of one field whose other content is settled."""
 
-    def __init__(
-        self,
-        sensor: SensorModel,
-        canvas: Canvas,
-        content: FieldContent,
-        mode: MapMode,
-        block: int,
-        conditions: Conditions,
-        rng: np.random.Generator,
-    ) -> None:
-        self.sensor, self.canvas, self.content, self.mode = sensor, canvas, content, mode
-        self.block, self.conditions, self.rng = block, conditions, rng
+    sensor: SensorModel
+    canvas: Canvas
+    content: FieldContent
+    mode: MapMode
+    block: int
+    conditions: Conditions
+    rng: np.random.Generator
 
     def draw(self, star_path_px: FloatArray | None) -> tuple[list[Streak], list[TrueStreak]]:
         """Streaks and their truth; the mount's wander, if any, shakes them as it does the stars."""

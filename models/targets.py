@@ -27,7 +27,7 @@ _REFUSED: dict[Kind, float] = {"aircraft": 3.0, "trailed stars": 3.0, "rays": 2.
 def targets_of(
     field: Field, width: float | None = None, height: float | None = None
 ) -> Float32Array:
-    """(7, side / 4, side / 4) targets of a field of which ``width`` x ``height`` cells are shown."""
+    """(7, side / 4, side / 4) targets of a field with ``width`` x ``height`` cells shown."""
     rows, columns = (side // STRIDE_CELLS for side in field.values.shape)
     height, width = height or field.values.shape[0], width or field.values.shape[1]
     target = np.zeros((TARGET_CHANNELS, rows, columns), dtype=np.float32)

@@ -59,6 +59,7 @@ class Training:
     ) -> None:
         torch.manual_seed(seed)
         torch.use_deterministic_algorithms(True)
+        torch.utils.deterministic.fill_uninitialized_memory = False
         self.run, self.seed, self.steps, self.step = run, seed, steps, 0
         self.side, self.is_bfloat16 = side, is_bfloat16
         self.net = StreakNet().to(memory_format=torch.channels_last)

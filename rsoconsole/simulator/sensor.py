@@ -151,7 +151,7 @@ def spill_over(image_e: Float32Array, full_well_e: float, share: float) -> None:
         starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
         for start, end in zip(starts, ends, strict=True):
             charge = share * float((values[start:end] - full_well_e).sum()) / 2.0
-            for free in (values[end:], values[:start][::-1]):
-                room = np.maximum(full_well_e - free, 0.0)
+            for beside in (values[end:], values[:start][::-1]):
+                room = np.maximum(full_well_e - beside, 0.0)
                 before = np.cumsum(room) - room
-                free += np.clip(charge - before, 0.0, room)
+                np.add(beside, np.clip(charge - before, 0.0, room), out=beside)

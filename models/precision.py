@@ -1,0 +1,105 @@
+"""Float32 or int8: both written, both judged on the calibration split, the better one shipped."""
+
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from models.fields import Field
+from models.scoring import Score, score
+from rsoconsole.vision.maps import NETWORK_HEIGHT_CELLS, NETWORK_WIDTH_CELLS
+from rsoconsole.vision.network import Network
+
+CELLS_PER_FALSE = 2e6
+_WORTH = 0.8
+"""Int8 has to take no more than this share of float32's time ..."""
+_LOST = 0.005
+"""... and lose no more recall than this."""
+_RUNS = 40
+
+
+def quantise(float_path: Path, path: Path, fields: Iterable[Field], recipe: str) -> None:
+    """Write an int8 network by a recipe of AI Edge Quantizer; its last layer stays float32.
+
+    The last layer answers logits and cosines alike: one scale for all would coarsen both.
+    ``static_wi8_ai8`` counts with 8 bits throughout and learns its ranges from ``fields``;
+    ``dynamic_wi8_afp32`` keeps 8-bit weights and chooses the ranges as it runs.
+    """
+    from ai_edge_quantizer import quantizer
+    from ai_edge_quantizer import recipe as recipes
+
+    made = quantizer.Quantizer(str(float_path), getattr(recipes, recipe)())
+    result = None
+    if made.need_calibration:
+        (name,) = made_inputs(float_path)
+        maps = [{name: _padded(field)} for field in fields]
+        signature = _signature(float_path)
+        result = made.calibrate({signature: maps}, num_threads=2)
+    path.unlink(missing_ok=True)
+    made.quantize(result, serialize_to_path=path, enable_progress_report=False)
+
+
+def made_inputs(path: Path) -> list[str]:
+    """Names of a network's inputs, as its first signature has them."""
+    return list(_interpreter(path, 1).get_signature_list()[_signature(path)]["inputs"])
+
+
+def network_at(path: Path, threads: int = 1) -> Network:
+    """The network in a file without a card, its logits taken as they are."""
+    interpreter = _interpreter(path, threads)
+    interpreter.allocate_tensors()
+    return Network(interpreter, {"calibration": {"slope": 1.0, "offset": 0.0}})
+
+
+def judged(path: Path, fields: list[Field], threads: int) -> dict[str, float]:
+    """Recall at one false candidate in 2 million cells, and median time of one thread."""
+    result: Score = score(fields, network_at(path, threads).answer, lowest_logit=-4.0)
+    logit = result.logit_for_false(int(result.cells / CELLS_PER_FALSE))
+    network, values, times = network_at(path, 1), fields[0].values, []
+    for _ in range(_RUNS):
+        started = time.perf_counter()
+        network.answer(values)
+        times.append(time.perf_counter() - started)
+    return {
+        "recall": round(result.recall(logit), 4),
+        "recall_2-3": round(result.recall(logit, (2.0, 3.0)), 4),
+        "recall_short": round(result.recall(logit, (5.0, np.inf), (0.0, 8.0)), 4),
+        "logit": round(logit, 3),
+        "ms_one_thread": round(float(np.median(times)) * 1e3, 2),
+        "kilobytes": round(path.stat().st_size / 1000),
+    }
+
+
+def choose(figures: dict[str, dict[str, float]]) -> str:
+    """The name of the network to ship: float32 unless another is as good and clearly faster."""
+    plain = figures["float32"]
+    better = [
+        name
+        for name, of in figures.items()
+        if name != "float32"
+        and of["recall"] >= plain["recall"] - _LOST
+        and of["ms_one_thread"] <= _WORTH * plain["ms_one_thread"]
+    ]
+    return min(better, key=lambda name: figures[name]["ms_one_thread"], default="float32")
+
+
+def _padded(field: Field) -> Any:
+    whole = np.zeros((1, 1, NETWORK_HEIGHT_CELLS, NETWORK_WIDTH_CELLS), dtype=np.float32)
+    rows, columns = field.values.shape
+    for top in range(0, NETWORK_HEIGHT_CELLS, rows):
+        for left in range(0, NETWORK_WIDTH_CELLS, columns):
+            part = whole[0, 0, top : top + rows, left : left + columns]
+            part[:] = field.values[: part.shape[0], : part.shape[1]] / np.float32(255)
+    return whole
+
+
+def _interpreter(path: Path, threads: int) -> Any:
+    from ai_edge_litert.interpreter import Interpreter
+
+    return Interpreter(model_path=str(path), num_threads=threads)
+
+
+def _signature(path: Path) -> str:
+    return str(next(iter(_interpreter(path, 1).get_signature_list())))
