@@ -4,7 +4,9 @@ import argparse
 import hashlib
 import json
 import math
+import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -12,6 +14,7 @@ import torch
 from models.batches import read_fields
 from models.dataset import FIELDS_PER_SHARD, RUN, SEED, SHARDS
 from models.nights import CALIBRATION_NIGHTS, FRAME_CELLS, ORDINARY_FRAMES, TAU, ordinary_nights
+from models.precision import INT8, choose, judged, network_at, quantise
 from models.scoring import Score, fit_platt, logit_for_rate, score
 from models.streak_net import StreakNet
 from rsoconsole.vision.maps import (
@@ -22,7 +25,8 @@ from rsoconsole.vision.maps import (
 )
 from rsoconsole.vision.network import LENGTH_UNIT_CELLS, MODEL_NAME, STRIDE_CELLS
 
-VERSION = "1"
+VERSION = "2"
+LOG_NAME = "training_log.jsonl"
 _FRAMES_PER_FALSE = 400
 
 
@@ -74,21 +78,46 @@ def load_average(run: Path) -> tuple[StreakNet, int]:
     return net.eval(), int(state["step"])
 
 
-def export(run: Path, seed: int, threads: int, folder: Path | None = None) -> None:
-    """Calibrate a run's network and write ``streak_ssd.tflite`` and ``.json`` beside the code."""
-    from models.train import BATCH, answer_with
+def write_networks(net: StreakNet, run: Path, threads: int) -> tuple[Path, dict[str, Any]]:
+    """Float32 and both int8 networks in the run's folder; the chosen one and all figures."""
+    fields = read_fields(run / "data", "calibrate", SHARDS["calibrate"])
+    paths = {"float32": run / "float32.tflite"}
+    difference = convert(net, paths["float32"])
+    for name, recipe in INT8.items():
+        paths[name] = run / f"{name}.tflite"
+        quantise(paths["float32"], paths[name], fields[::25], recipe)
+    figures = {name: judged(path, fields, threads) for name, path in paths.items()}
+    chosen = choose(figures)
+    return paths[chosen], {
+        "chosen": chosen,
+        "conversion_difference": difference,
+        "on_calibration_split": figures,
+    }
+
+
+def export(
+    run: Path, seed: int, threads: int, folder: Path | None = None, precision: str | None = None
+) -> None:
+    """Calibrate a run's network; write ``streak_ssd.tflite``, its ``.json`` and its log.
+
+    ``precision``: float32 or a name of ``INT8``; None: the better one on the calibration split.
+    """
+    from models.train import BATCH
 
     torch.set_num_threads(threads)
     folder = folder or Path(__file__).parent
     net, step = load_average(run)
-    answer = answer_with(net.to(memory_format=torch.channels_last))
+    source, precisions = write_networks(net, run, threads)
+    if precision is not None:
+        source, precisions["chosen"] = run / f"{precision}.tflite", precision
+    path = folder / MODEL_NAME
+    shutil.copyfile(source, path)
+    answer = network_at(path, threads).answer
     hard = score(read_fields(run / "data", "calibrate", SHARDS["calibrate"]), answer)
     ordinary = score(
         ordinary_nights(run / "data", seed, CALIBRATION_NIGHTS, ORDINARY_FRAMES), answer
     )
     curve = calibration(hard, ordinary)
-    path = folder / MODEL_NAME
-    difference = convert(net, path)
     card = {
         "name": "streak_ssd",
         "version": VERSION,
@@ -112,11 +141,12 @@ def export(run: Path, seed: int, threads: int, folder: Path | None = None) -> No
             "fields": len(list((run / "data").glob("train-*.npz"))) * FIELDS_PER_SHARD,
             "fields_seen": step * BATCH,
             "parameters": sum(p.numel() for p in net.parameters()),
-            "conversion_difference": difference,
         },
+        "precision": precisions,
     }
     path.with_suffix(".json").write_text(json.dumps(card, indent=1) + "\n", encoding="utf-8")
-    print(json.dumps({"calibration": curve, "conversion_difference": difference}))
+    shutil.copyfile(run / "log.jsonl", folder / LOG_NAME)
+    print(json.dumps({"calibration": curve, "precision": precisions}, indent=1))
 
 
 def main() -> None:
@@ -126,8 +156,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--folder", type=Path, default=None, help="where to; default: models/")
+    parser.add_argument("--precision", choices=("float32", *INT8), help="default: the better one")
     args = parser.parse_args()
-    export(args.run, args.seed, args.threads, args.folder)
+    export(args.run, args.seed, args.threads, args.folder, args.precision)
 
 
 if __name__ == "__main__":

@@ -12,12 +12,15 @@ from models.scoring import Score, score
 from rsoconsole.vision.maps import NETWORK_HEIGHT_CELLS, NETWORK_WIDTH_CELLS
 from rsoconsole.vision.network import Network
 
+INT8 = {"int8": "static_wi8_ai8", "int8-weights": "dynamic_wi8_afp32"}
+"""Names of the int8 networks and the recipes of AI Edge Quantizer that make them."""
 CELLS_PER_FALSE = 2e6
 _WORTH = 0.8
 """Int8 has to take no more than this share of float32's time ..."""
 _LOST = 0.005
 """... and lose no more recall than this."""
 _RUNS = 40
+_LAST_LAYER = r"(.*_head/torch\.nn\.modules\.conv\.Conv2d.*)|serving_default_output.*"
 
 
 def quantise(float_path: Path, path: Path, fields: Iterable[Field], recipe: str) -> None:
@@ -27,13 +30,21 @@ def quantise(float_path: Path, path: Path, fields: Iterable[Field], recipe: str)
     ``static_wi8_ai8`` counts with 8 bits throughout and learns its ranges from ``fields``;
     ``dynamic_wi8_afp32`` keeps 8-bit weights and chooses the ranges as it runs.
     """
-    from ai_edge_quantizer import quantizer
+    from ai_edge_quantizer import algorithm_manager, qtyping, quantizer
     from ai_edge_quantizer import recipe as recipes
 
     made = quantizer.Quantizer(str(float_path), getattr(recipes, recipe)())
+    as_it_is = algorithm_manager.AlgorithmName.NO_QUANTIZE
+    operations = qtyping.TFLOperationName
+    for regex, operation in (
+        (".*", operations.INPUT),
+        (".*", operations.OUTPUT),
+        (_LAST_LAYER, operations.ALL_SUPPORTED),
+    ):
+        made.update_quantization_recipe(regex, operation, None, as_it_is)
     result = None
     if made.need_calibration:
-        (name,) = made_inputs(float_path)
+        (name,) = _inputs(float_path)
         maps = [{name: _padded(field)} for field in fields]
         signature = _signature(float_path)
         result = made.calibrate({signature: maps}, num_threads=2)
@@ -41,7 +52,7 @@ def quantise(float_path: Path, path: Path, fields: Iterable[Field], recipe: str)
     made.quantize(result, serialize_to_path=path, enable_progress_report=False)
 
 
-def made_inputs(path: Path) -> list[str]:
+def _inputs(path: Path) -> list[str]:
     """Names of a network's inputs, as its first signature has them."""
     return list(_interpreter(path, 1).get_signature_list()[_signature(path)]["inputs"])
 

@@ -155,7 +155,9 @@ class Satellites:
         if seen is None:
             return streak, []
         visible = float(np.hypot(seen[2] - seen[0], seen[3] - seen[1]))
-        snr = peak_snr * self._dimming(seen)
+        # Carried along by a wandering mount the light is spread over another length.
+        drawn = max(float(np.hypot(line[2] - line[0], line[3] - line[1])), 1.0)
+        snr = peak_snr * self._dimming(seen) * length / drawn
         dimmest = 1.0 if curve is None else min(1.0, float(np.median(curve)))
         is_asked = is_asked_for(snr * dimmest, visible, self.mode, block)
         is_asked &= visible * block >= _SHORT_FWHMS * self.canvas.fwhm_px
