@@ -50,7 +50,7 @@ def sheet(fields: list[Field], columns: int) -> ByteArray:
 def main() -> None:
     """Draw a sheet and write it."""
     parser = argparse.ArgumentParser(prog="python -m models.contact_sheet", description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("contact_sheet.png"))
+    parser.add_argument("--out", type=Path, default=Path("models/runs/contact_sheet.png"))
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--fields", type=int, default=24)
     parser.add_argument("--columns", type=int, default=6)
@@ -66,6 +66,7 @@ def main() -> None:
         if number % 4 == 0:
             sensor = draw_sensor(args.block, rng, is_hard=is_hard)
         fields.append(draw_field(sensor, args.block, wanted, rng))
+    args.out.parent.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(str(args.out), sheet(fields, args.columns))
     print(f"{len(fields)} fields in {args.out}")
 

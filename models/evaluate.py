@@ -21,9 +21,10 @@ from models.fields import Field
 from models.nights import (
     FRAME_CELLS,
     GEO_CELLS,
+    SHORT_CELLS,
     TAU,
     TEST_NIGHTS,
-    geostationary,
+    lone_streaks,
     ordinary_nights,
 )
 from models.scoring import Score, score
@@ -31,15 +32,13 @@ from rsoconsole.records import MapMode, PixelArray
 from rsoconsole.vision.maps import choose_blocks, make_map
 from rsoconsole.vision.network import Network
 
-SNR_BANDS = ((1.2, 1.7), (1.7, 2.5), (2.5, 4.0), (4.0, 8.0), (8.0, 30.0))
+SNR_BANDS = ((1.0, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 5.0), (5.0, 10.0), (10.0, 30.0))
 
 
-def recall_of_all(fields: list[Field], network: Network, logit: float) -> float:
-    """Share of all streaks found, those counted that nobody could be asked for."""
+def recall_of_all(fields: list[Field], network: Network, logit: float, shortest: float) -> float:
+    """Share of all streaks of some length found, also of those too faint to be asked for."""
     asked = [
-        replace(
-            f, streaks=tuple(replace(s, is_asked=s.length > 0.9 * GEO_CELLS) for s in f.streaks)
-        )
+        replace(f, streaks=tuple(replace(s, is_asked=s.length > shortest) for s in f.streaks))
         for f in fields
     ]
     return round(score(asked, network.answer, logit).recall(logit), 4)
@@ -132,12 +131,16 @@ def main() -> None:
             report[f"hard_{mode}"] = figures(score(chosen, network.answer, logit), logit)
             nights = ordinary_nights(args.run / "data", args.seed, TEST_NIGHTS, args.frames, mode)
             report[f"nights_{mode}"] = figures(score(nights, network.answer, logit), logit)
-            report[f"geo_{mode}"] = {
-                f"{band[0]}-{band[1]}": recall_of_all(
-                    geostationary(args.seed, band, mode), network, logit
-                )
-                for band in SNR_BANDS
-            }
+            for name, cells in (("geo", (GEO_CELLS, GEO_CELLS + 0.1)), ("short", SHORT_CELLS)):
+                report[f"{name}_{mode}"] = {
+                    f"{band[0]}-{band[1]}": recall_of_all(
+                        lone_streaks(args.seed, band, mode, cells=cells),
+                        network,
+                        logit,
+                        0.9 * cells[0],
+                    )
+                    for band in SNR_BANDS
+                }
     for path in args.images:
         report[path.name] = {mode: look_at(path, network, mode) for mode in ("fast", "paper")}
     print(json.dumps(report, indent=1))

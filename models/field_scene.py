@@ -158,9 +158,9 @@ def _trailed(
 ) -> Points:
     """Stars enough to be seen as many alike, bright enough to be seen though drawn out."""
     length = float(np.hypot(*np.diff(path_px, axis=1)).sum())
-    most = int(min(log_uniform(rng, 100, 2500), _MOST_STAR_POINTS / max(length, 2.0)))
+    most = int(min(log_uniform(rng, 200, 2500), _MOST_STAR_POINTS / max(length, 2.0)))
     x, y, electrons = stars
-    fewest = int(rng.integers(80, 200))
+    fewest = int(rng.integers(150, 400))
     if len(x) < fewest:
         extra = fewest - len(x)
         slope = rng.uniform(0.7, 1.1)

@@ -16,7 +16,7 @@ GEO_CELLS = 14.8
 """A geostationary streak of 10 s at 1.264 arcsec/px and a block of 8."""
 CALIBRATION_NIGHTS = 4
 TEST_NIGHTS = 5
-_GEO_NIGHTS = 6
+_LONE_NIGHTS = 6
 """Beside ``dataset.SPLITS``: which seeds each set is drawn from."""
 
 
@@ -41,17 +41,28 @@ def _draw_nights(seed: int, split: int, number: int, mode: MapMode) -> list[Fiel
     return [draw_field(sensor, 8, wanted, rng) for _ in range(FIELDS_PER_SHARD)]
 
 
-def geostationary(
-    seed: int, band: tuple[float, float], mode: MapMode, *, fields: int = 100, is_hard: bool = False
+SHORT_CELLS = (30 / 8, 60 / 8)
+"""Streaks of 30 to 60 px at a block of 8."""
+
+
+def lone_streaks(
+    seed: int,
+    band: tuple[float, float],
+    mode: MapMode,
+    *,
+    cells: tuple[float, float] = (GEO_CELLS, GEO_CELLS + 0.1),
+    fields: int = 100,
+    is_hard: bool = False,
 ) -> list[Field]:
-    """Fields with one geostationary streak each, in one band of peak signal to noise."""
-    rng = frame_rng(seed, _GEO_NIGHTS, int(band[0] * 100), int(mode == "paper"), int(is_hard))
+    """Fields with one streak each, in one band of peak signal to noise and of length."""
+    key = int(band[0] * 100), int(mode == "paper"), int(is_hard), int(cells[0] * 100)
+    rng = frame_rng(seed, _LONE_NIGHTS, *key)
     sensor = draw_sensor(8, rng, is_hard=is_hard)
     wanted = Conditions(
         kind="ordinary",
         mode=mode,
         peak_snr=band,
-        streak_cells=(GEO_CELLS, GEO_CELLS + 0.1),
+        streak_cells=cells,
         streaks=(1, 1),
         is_hard=is_hard,
     )

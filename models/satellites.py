@@ -27,6 +27,7 @@ Segment = tuple[float, float, float, float]
 """Middle (x, y in cells), length (cells) and direction (rad)."""
 _APART_DEG = 25.0
 """In a trailed field a satellite is asked for when it differs from the stars by so much."""
+_LEAST_AMONG_TRAILS_CELLS = 8.0
 _BENT_CELLS = 1.2
 """A trail that leaves its line by more is not asked for."""
 _SHORT_FWHMS = 3.0
@@ -181,14 +182,15 @@ class Satellites:
         x, y = streak.x_px / self.block, streak.y_px / self.block
         dx, dy = x[-1] - x[0], y[-1] - y[0]
         length = float(np.hypot(dx, dy))
-        if length < SHORTEST_CELLS[self.block]:
+        spread = star_path_px - star_path_px.mean(axis=1, keepdims=True)
+        reach = float(np.hypot(*np.ptp(spread, axis=1))) / self.block
+        if length < max(_LEAST_AMONG_TRAILS_CELLS, SHORTEST_CELLS[self.block], 0.7 * reach):
             return False
         cos, sin = dx / length, dy / length
         bent = np.abs((y - y[0]) * cos - (x - x[0]) * sin).max()
         if bent > _BENT_CELLS:
             return False
-        spread = star_path_px - star_path_px.mean(axis=1, keepdims=True)
-        if float(np.hypot(*np.ptp(spread, axis=1))) / self.block < 0.15 * length:
+        if reach < 0.15 * length:
             return True
         along, *_ = np.linalg.svd(spread, full_matrices=False)
         return bool(abs(along[0, 0] * cos + along[1, 0] * sin) < np.cos(np.radians(_APART_DEG)))

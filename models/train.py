@@ -229,6 +229,8 @@ def main() -> None:
     counts = SHARDS | {"train": args.shards}
     for done, missing in write_shards(data, args.seed, counts, args.threads):
         show(done, missing, f"drawn {done} of {missing} shards")
+    if sys.stderr.isatty():
+        print(file=sys.stderr)
     if args.only_draw:
         return
     fields = read_fields(data, "train", args.shards)

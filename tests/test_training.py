@@ -198,7 +198,7 @@ def test_in_a_trailed_field_only_what_differs_from_the_stars_is_asked_for():
         )
         for streak in satellites.draw(path)[1]:
             slope = abs(streak.y_b - streak.y_a) / streak.length
-            if streak.length < 10:
+            if streak.length < 11:
                 continue
             assert streak.is_asked == (slope > np.sin(np.radians(25)))
             asked += streak.is_asked
