@@ -208,7 +208,7 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m models.train", description=__doc__)
     parser.add_argument("--run", type=Path, default=RUN, help="its folder")
     parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--steps", type=int, default=20000, help=f"batches of {BATCH} crops")
+    parser.add_argument("--steps", type=int, default=16000, help=f"batches of {BATCH} crops")
     parser.add_argument("--shards", type=int, default=SHARDS["train"], help="of 50 fields")
     parser.add_argument("--side", type=int, default=CROP_CELLS, help="of a crop, in cells")
     parser.add_argument("--threads", type=int, default=2)
