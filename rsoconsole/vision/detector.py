@@ -15,11 +15,13 @@ import numpy as np
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Detection, Detections, Frame, Rejection
 from rsoconsole.vision.background import Background, local_background
+from rsoconsole.vision.bins import bin_frame
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map
 from rsoconsole.vision.network import NetworkBox
-from rsoconsole.vision.stars import StarList, find_stars
+from rsoconsole.vision.stars import STAR_BLOCK_PX, StarList, find_stars
 from rsoconsole.vision.streak_fit import NoStreak, StreakFit, fit_streak
+from rsoconsole.vision.workers import Workers
 
 BOX_SIGMA_PX = 3.0
 """One sigma of a box's centre against the streak's midpoint, of boxes about streaks of 119 px."""
@@ -59,26 +61,40 @@ class StreakDetector:
         self._network = network
         self._settings = settings
         self._curve = curve
+        self._workers = Workers(settings.threads)
 
     def detect(self, frame: Frame, tau: float | None = None) -> Detections:
         """Streaks of ``frame`` with a confidence above ``tau`` (None: the configured one)."""
         return self.analyse(frame, tau).detections
 
     def analyse(self, frame: Frame, tau: float | None = None) -> FrameAnalysis:
-        """The same, with the frame's stars and background."""
+        """The same, with the frame's stars and background.
+
+        Only the fit needs the stars: they are looked for beside the network, where there is a
+        second thread, and their stage's time then runs beside its.
+        """
         threshold = self._settings.tau if tau is None else tau
-        watch = _Stopwatch()
+        watch, workers = _Stopwatch(), self._workers
+        blocks = choose_blocks(
+            frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
+        )
         with watch.stage("background"):
-            sky = local_background(frame.pixels)
-        with watch.stage("stars"):
-            stars = find_stars(frame.pixels, sky, saturation_adu=frame.saturation_adu)
+            bins = bin_frame(frame.pixels, {STAR_BLOCK_PX, *blocks}, workers=workers)
+            sky = local_background(frame.pixels, bins=bins, workers=workers)
         with watch.stage("map"):
-            blocks = choose_blocks(
-                frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
-            )
-            maps = [make_map(frame.pixels, self._settings.map_mode, block) for block in blocks]
+            maps = [
+                make_map(frame.pixels, self._settings.map_mode, block, bins=bins, workers=workers)
+                for block in blocks
+            ]
+
+        def look_for_stars() -> StarList:
+            with watch.stage("stars"):
+                return find_stars(frame.pixels, sky, saturation_adu=frame.saturation_adu, bins=bins)
+
+        looked = workers.begin(look_for_stars)
         with watch.stage("network"):
             boxes = _distinct(frame, [self._network.run(each) for each in maps])
+        stars = looked.result()
         with watch.stage("fit"):
             taken, rejected = self._measure(frame, boxes, sky, stars)
             taken, trailed = _without_trailed_stars(taken)

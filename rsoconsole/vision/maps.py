@@ -10,13 +10,23 @@ hence ``x_px = u * block - 0.5`` exactly, whatever the padding, which is on the 
 """
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import MapMode, PixelArray
-from rsoconsole.vision.background import Float32Array, local_background, resample
+from rsoconsole.vision.background import local_background, resample, sky_noise
+from rsoconsole.vision.bins import (
+    CELL_PX,
+    Float32Array,
+    FrameBins,
+    bin_frame,
+    binning_of,
+    block_maximum,
+    means_of_whole_blocks,
+    median_5x5,
+)
+from rsoconsole.vision.workers import CALLER_ALONE, Workers
 
 ByteArray = npt.NDArray[np.uint8]
 
@@ -27,7 +37,6 @@ HIGHEST_SIGMA = 14.0
 CODES_PER_SIGMA = 255.0 / (HIGHEST_SIGMA - LOWEST_SIGMA)
 SIDEREAL_ARCSEC_S = 15.04
 
-_SKY_CELL_PX = 16
 _STRETCH_PER_SIGMA = 10.0
 _STRETCH_BLACK = 50.0
 _WHITE_SIGMA = 4.0
@@ -84,35 +93,27 @@ def choose_blocks(
     return tuple(at_once) or (fitting[-1],)
 
 
-def make_map(pixels: PixelArray, mode: MapMode, block: int) -> FrameMap:
+def make_map(
+    pixels: PixelArray,
+    mode: MapMode,
+    block: int,
+    *,
+    bins: FrameBins | None = None,
+    workers: Workers = CALLER_ALONE,
+) -> FrameMap:
     """Reduce ``pixels`` (height, width), uint16 or finite float32 ADU, by ``block`` a side.
 
-    Raises ValueError for a block below 1.
+    ``bins``: of the same frame, where they are known already; another block than theirs is
+    binned here. Raises ValueError for a block below 1.
     """
     if block < 1:
         raise ValueError(f"a block of {block} pixels: it must be 1 or more")
     height, width = pixels.shape
-    whole = _whole_blocks(pixels, block)
-    values = _fast_map(whole, block) if mode == "fast" else _paper_map(whole, block)
+    if mode == "fast":
+        values = _fast_map(pixels, block, bins, workers)
+    else:
+        values = _paper_map(_whole_blocks(pixels, block), block)
     return FrameMap(values=values, block=block, mode=mode, width_px=width, height_px=height)
-
-
-_Pixels = TypeVar("_Pixels", Float32Array, ByteArray)
-
-
-def block_maximum(values: _Pixels, block: int) -> _Pixels:
-    """Largest value of every ``block`` x ``block`` square; both sides must be whole multiples."""
-    height, width = values.shape
-    rows = values.reshape(height // block, block, width).max(axis=1)
-    out: _Pixels = rows[:, ::block].copy()
-    for offset in range(1, block):
-        np.maximum(out, rows[:, offset::block], out=out)
-    return out
-
-
-def binning_of(block: int) -> int:
-    """Side of the bins whose maximum a block takes: 2 where that leaves at least 2 x 2 bins."""
-    return 2 if block >= 4 and block % 2 == 0 else 1
 
 
 def _whole_blocks(pixels: PixelArray, block: int) -> PixelArray:
@@ -126,21 +127,28 @@ def _whole_blocks(pixels: PixelArray, block: int) -> PixelArray:
     return out
 
 
-def _fast_map(pixels: PixelArray, block: int) -> ByteArray:
-    import cv2
-
-    binning = binning_of(block)
-    bins = pixels.astype(np.float32, copy=False)
-    if binning > 1:
-        size = pixels.shape[1] // binning, pixels.shape[0] // binning
-        bins = cv2.resize(bins, size, interpolation=cv2.INTER_AREA)
-    block_bins = block // binning
-    blocks_per_cell = max(1, round(_SKY_CELL_PX / block))
-    sky = local_background(bins, cell_px=blocks_per_cell * block_bins)
-    excess = block_maximum(bins, block_bins)
+def _fast_map(
+    pixels: PixelArray, block: int, bins: FrameBins | None, workers: Workers
+) -> ByteArray:
+    blocks_per_cell = max(1, round(CELL_PX / block))
+    cell_px = blocks_per_cell * block
+    if bins is None or block not in bins.brightest:
+        bins = bin_frame(pixels, (block,), cell_px=cell_px, workers=workers)
+    noise = sky_noise(
+        pixels,
+        bins.level.shape,
+        cell_px,
+        block=block,
+        binning=binning_of(block),
+        workers=workers,
+    )
+    level = bins.level
+    if any(-(-side // block) * block % cell_px for side in pixels.shape):
+        level = median_5x5(means_of_whole_blocks(pixels, bins, block))
+    brightest = bins.brightest[block]
     # Within a block the sky does not change: it is taken away after the maximum.
-    excess -= resample(sky.level, blocks_per_cell, *excess.shape)
-    excess /= resample(sky.noise, blocks_per_cell, *excess.shape)
+    excess = brightest - resample(level, blocks_per_cell, *brightest.shape)
+    excess /= resample(noise, blocks_per_cell, *brightest.shape)
     return to_codes(excess)
 
 

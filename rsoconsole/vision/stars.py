@@ -6,14 +6,19 @@ neighbours and the sky's noise cannot pull (Bertin's XWIN, SExtractor manual, ch
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision.background import Background, Float32Array, local_background, resample
-from rsoconsole.vision.maps import block_maximum
+from rsoconsole.vision.background import Background, local_background, resample
+from rsoconsole.vision.bins import (
+    Float32Array,
+    FrameBins,
+    bin_frame,
+    binning_of,
+    block_maximum,
+)
 
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
@@ -21,8 +26,10 @@ BoolArray = npt.NDArray[np.bool_]
 FWHM_PER_SIGMA = 2.3548
 MIN_SNR = 7.0
 MAX_STARS = 400
+STAR_BLOCK_PX = 8
+"""Side of the squares whose brightest places are candidates."""
 
-_BLOCK_PX = 8
+_LARGE_PX = 1024
 _CANDIDATE_SIGMA = 5.0
 _TILES = (8, 6)
 _PROBE_STARS = 150
@@ -78,15 +85,20 @@ def find_stars(
     background: Background | None = None,
     max_stars: int = MAX_STARS,
     saturation_adu: float = 65535.0,
+    *,
+    bins: FrameBins | None = None,
 ) -> StarList:
     """Measure up to ``max_stars`` stars of ``pixels`` (height, width), ADU.
 
     Streaks (elongated), cosmic rays and hot pixels (sharper than the stars) and blends are left
     out; saturated stars are kept and flagged. The selection takes the brightest of each part of
-    the field, so that no corner goes empty. ``background`` None: computed here.
+    the field, so that no corner goes empty. ``background`` and ``bins`` of the same frame, where
+    they are known already; what is missing is computed here.
     """
-    sky = background or local_background(pixels)
-    x_px, y_px = _candidates(pixels, sky, 2 * max_stars)
+    if bins is None or STAR_BLOCK_PX not in bins.brightest:
+        bins = bin_frame(pixels, (STAR_BLOCK_PX,))
+    sky = background or local_background(pixels, bins=bins)
+    x_px, y_px = _candidates(pixels, sky, bins, 2 * max_stars)
     fwhm_px = _psf_fwhm(pixels, sky, x_px[:_PROBE_STARS], y_px[:_PROBE_STARS], saturation_adu)
     sigma_px = fwhm_px / FWHM_PER_SIGMA
     half_px = max(5, int(np.ceil(4.0 * sigma_px)))
@@ -114,27 +126,28 @@ def find_stars(
     )
 
 
-def _candidates(pixels: PixelArray, sky: Background, count: int) -> tuple[IntArray, IntArray]:
+def _candidates(
+    pixels: PixelArray, sky: Background, bins: FrameBins, count: int
+) -> tuple[IntArray, IntArray]:
     """Brightest pixels of blocks that stand out of the sky and of their eight neighbours."""
     import cv2
 
     height, width = pixels.shape
-    binning = 2 if min(height, width) >= 1024 else 1
-    rows, columns = height // _BLOCK_PX, width // _BLOCK_PX
-    whole = pixels[: rows * _BLOCK_PX, : columns * _BLOCK_PX]
-    bins: Any = whole
+    rows, columns = height // STAR_BLOCK_PX, width // STAR_BLOCK_PX
+    binning = binning_of(STAR_BLOCK_PX) if min(height, width) >= _LARGE_PX else 1
     if binning > 1:
-        size = whole.shape[1] // binning, whole.shape[0] // binning
-        bins = cv2.resize(whole, size, interpolation=cv2.INTER_AREA)
-    brightest = block_maximum(bins, _BLOCK_PX // binning).astype(np.float32)
-    per_cell = sky.cell_px // _BLOCK_PX
+        brightest = bins.brightest[STAR_BLOCK_PX][:rows, :columns]
+    else:
+        whole = pixels[: rows * STAR_BLOCK_PX, : columns * STAR_BLOCK_PX]
+        brightest = block_maximum(whole, STAR_BLOCK_PX).astype(np.float32)
+    per_cell = sky.cell_px // STAR_BLOCK_PX
     excess = brightest - resample(sky.level, per_cell, rows, columns)
     excess *= binning / resample(sky.noise, per_cell, rows, columns)
     is_peak = (excess > _CANDIDATE_SIGMA) & (excess >= cv2.dilate(excess, np.ones((3, 3))))
     row, column = np.nonzero(is_peak)
     order = np.argsort(-excess[row, column], kind="stable")
     row, column = row[order], column[order]
-    chosen = _spread(column * _BLOCK_PX, row * _BLOCK_PX, sky, count)
+    chosen = _spread(column * STAR_BLOCK_PX, row * STAR_BLOCK_PX, sky, count)
     return _brightest_pixels(pixels, row[chosen], column[chosen], binning)
 
 
@@ -142,17 +155,17 @@ def _brightest_pixels(
     pixels: PixelArray, row: IntArray, column: IntArray, binning: int
 ) -> tuple[IntArray, IntArray]:
     """Where in each block the largest bin lies, then its largest pixel: (x_px, y_px)."""
-    offset = np.arange(_BLOCK_PX)
-    ys = (row[:, None] * _BLOCK_PX + offset)[:, :, None]
-    xs = (column[:, None] * _BLOCK_PX + offset)[:, None, :]
+    offset = np.arange(STAR_BLOCK_PX)
+    ys = (row[:, None] * STAR_BLOCK_PX + offset)[:, :, None]
+    xs = (column[:, None] * STAR_BLOCK_PX + offset)[:, None, :]
     blocks = pixels[ys, xs].astype(np.float32)
-    count, n = blocks.shape[0], _BLOCK_PX // binning
+    count, n = blocks.shape[0], STAR_BLOCK_PX // binning
     bins = blocks.reshape(count, n, binning, n, binning).sum(axis=(2, 4))
     best = np.argmax(bins.reshape(count, n * n), axis=1)
     bin_y, bin_x = np.divmod(best, n)
     return (
-        column * _BLOCK_PX + bin_x * binning + (binning - 1) // 2,
-        row * _BLOCK_PX + bin_y * binning + (binning - 1) // 2,
+        column * STAR_BLOCK_PX + bin_x * binning + (binning - 1) // 2,
+        row * STAR_BLOCK_PX + bin_y * binning + (binning - 1) // 2,
     )
 
 
