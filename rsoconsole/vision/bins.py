@@ -19,7 +19,7 @@ from rsoconsole.vision.workers import CALLER_ALONE, Workers
 Float32Array = npt.NDArray[np.float32]
 
 CELL_PX = 16
-_STRIP_PX = 64
+_STRIP_PX = 128
 _Values = TypeVar("_Values", bound=npt.NDArray[Any])
 
 
@@ -147,7 +147,7 @@ def take_rows(pixels: PixelArray, rows: range, out: Float32Array) -> None:
 
 
 def mirrored(index: npt.NDArray[np.intp], size: int) -> npt.NDArray[np.intp]:
-    """Where a row or column beyond the last one comes from; the last one itself is not repeated."""
+    """Where rows or columns beyond the frame come from; the outermost itself is not repeated."""
     there_and_back = max(2 * (size - 1), 1)
     folded = index % there_and_back
     return np.minimum(folded, there_and_back - folded)

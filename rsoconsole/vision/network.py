@@ -7,6 +7,7 @@ direction. Both ends follow; the box is what encloses them.
 
 import contextlib
 import hashlib
+import itertools
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -18,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.errors import ModelError
+from rsoconsole.records import FloatArray
 from rsoconsole.resources import model_resource
 from rsoconsole.vision.maps import (
     NETWORK_HEIGHT_CELLS,
@@ -125,36 +127,26 @@ def keep_distinct(candidates: list[MapStreak]) -> list[MapStreak]:
     between the other's ends. Parallel neighbours further apart than that both stay.
     """
     ordered = sorted(candidates, key=lambda c: -c.logit)
-    lines = np.array([_as_line(c) for c in ordered], dtype=np.float64).reshape(-1, 5)
+    # The plane as complex numbers: a turn onto a line is one product.
+    a = np.array([complex(c.x_a, c.y_a) for c in ordered], dtype=np.complex128)
+    b = np.array([complex(c.x_b, c.y_b) for c in ordered], dtype=np.complex128)
+    length = np.maximum(np.abs(b - a), 1e-6)
+    middle, turn, reach = (a + b) / 2, (b - a).conj() / length, length / 2 + 1.0
     is_open = np.ones(len(ordered), dtype=bool)
     kept: list[MapStreak] = []
-    for index, candidate in enumerate(ordered):
-        if is_open[index]:
+    for i, candidate in enumerate(ordered):
+        if is_open[i]:
             kept.append(candidate)
-            line = lines[index]
-            is_open &= ~(_lies_on(lines, line) | _lies_on(line, lines))
+            away = middle - middle[i]
+            is_open[_is_on_line(away * turn[i], reach[i])] = False
+            is_open[_is_on_line(away * turn, reach)] = False
     return kept
 
 
-def _as_line(streak: MapStreak) -> tuple[float, float, float, float, float]:
-    """Midpoint x, y, half length, and the unit vector along it."""
-    x, y = streak.middle
-    length = max(streak.length, 1e-6)
-    return (
-        x,
-        y,
-        length / 2,
-        (streak.x_b - streak.x_a) / length,
-        (streak.y_b - streak.y_a) / length,
-    )
-
-
-def _lies_on(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
-    """Whether the midpoint of ``one`` lies on ``other``; lines (..., 5) of ``_as_line``."""
-    dx, dy = one[..., 0] - other[..., 0], one[..., 1] - other[..., 1]
-    cos, sin = other[..., 3], other[..., 4]
-    is_near = np.abs(dy * cos - dx * sin) < _SAME_LINE_CELLS
-    result: npt.NDArray[np.bool_] = is_near & (np.abs(dx * cos + dy * sin) < other[..., 2] + 1.0)
+def _is_on_line(place: npt.NDArray[np.complex128], reach: FloatArray) -> npt.NDArray[np.bool_]:
+    """Whether a place, real along a line from its middle and imaginary across, lies on it."""
+    result: npt.NDArray[np.bool_] = np.abs(place.imag) < _SAME_LINE_CELLS
+    result &= np.abs(place.real) < reach
     return result
 
 
@@ -211,12 +203,15 @@ class Network:
         lowest_logit = (np.log(lowest / (1.0 - lowest)) - self._offset) / self._slope
         candidates: list[MapStreak] = []
         height, width = frame_map.values.shape
-        for top in _tile_starts(height, NETWORK_HEIGHT_CELLS):
-            for left in _tile_starts(width, NETWORK_WIDTH_CELLS):
-                answer = self.answer(frame_map.values, top, left)
-                found = keep_distinct(decode(answer, lowest_logit))
-                candidates += _moved_into_frame(found, top, left, width, height)
-        return tuple(self._to_box(streak, frame_map) for streak in keep_distinct(candidates))
+        tops = _tile_starts(height, NETWORK_HEIGHT_CELLS)
+        lefts = _tile_starts(width, NETWORK_WIDTH_CELLS)
+        for top, left in itertools.product(tops, lefts):
+            answer = self.answer(frame_map.values, top, left)
+            found = keep_distinct(decode(answer, lowest_logit))
+            candidates += _moved_into_frame(found, top, left, width, height)
+        if len(tops) * len(lefts) > 1:
+            candidates = keep_distinct(candidates)
+        return tuple(self._to_box(streak, frame_map) for streak in candidates)
 
     def answer(self, values: ByteArray, top: int = 0, left: int = 0) -> Float32Array:
         """The network's raw answer (6, 112, 152) for the tile of a map at this corner."""

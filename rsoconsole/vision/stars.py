@@ -5,10 +5,12 @@ pixels with a Gaussian window that moves onto the star: an intensity-weighted ce
 neighbours and the sky's noise cannot pull (Bertin's XWIN, SExtractor manual, ch. 10).
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background, local_background, resample
@@ -18,6 +20,7 @@ from rsoconsole.vision.bins import (
     bin_frame,
     binning_of,
     block_maximum,
+    mirrored,
 )
 
 IntArray = npt.NDArray[np.intp]
@@ -144,7 +147,7 @@ def _candidates(
     excess = brightest - resample(sky.level, per_cell, rows, columns)
     excess *= binning / resample(sky.noise, per_cell, rows, columns)
     is_peak = (excess > _CANDIDATE_SIGMA) & (excess >= cv2.dilate(excess, np.ones((3, 3))))
-    row, column = np.nonzero(is_peak)
+    row, column = np.divmod(np.flatnonzero(is_peak), columns)
     order = np.argsort(-excess[row, column], kind="stable")
     row, column = row[order], column[order]
     chosen = _spread(column * STAR_BLOCK_PX, row * STAR_BLOCK_PX, sky, count)
@@ -155,12 +158,12 @@ def _brightest_pixels(
     pixels: PixelArray, row: IntArray, column: IntArray, binning: int
 ) -> tuple[IntArray, IntArray]:
     """Where in each block the largest bin lies, then its largest pixel: (x_px, y_px)."""
-    offset = np.arange(STAR_BLOCK_PX)
-    ys = (row[:, None] * STAR_BLOCK_PX + offset)[:, :, None]
-    xs = (column[:, None] * STAR_BLOCK_PX + offset)[:, None, :]
-    blocks = pixels[ys, xs].astype(np.float32)
+    windows = sliding_window_view(pixels, (STAR_BLOCK_PX, STAR_BLOCK_PX))
+    blocks = windows[row * STAR_BLOCK_PX, column * STAR_BLOCK_PX].astype(np.float32)
     count, n = blocks.shape[0], STAR_BLOCK_PX // binning
-    bins = blocks.reshape(count, n, binning, n, binning).sum(axis=(2, 4))
+    bins = np.zeros((count, n, n), dtype=np.float32)
+    for down, right in itertools.product(range(binning), repeat=2):
+        bins += blocks[:, down::binning, right::binning]
     best = np.argmax(bins.reshape(count, n * n), axis=1)
     bin_y, bin_x = np.divmod(best, n)
     return (
@@ -174,13 +177,15 @@ def _spread(x_px: npt.ArrayLike, y_px: npt.ArrayLike, sky: Background, count: in
 
     Entries come best first. In each round every tile gives its next best.
     """
-    across = np.asarray(x_px) * _TILES[0] // sky.width_px
-    down = np.asarray(y_px) * _TILES[1] // sky.height_px
-    tile = (down * _TILES[0] + across).astype(np.intp)
+    # A centroid may lie a little beyond the frame.
+    across = np.clip(np.asarray(x_px) * _TILES[0] // sky.width_px, 0, _TILES[0] - 1)
+    down = np.clip(np.asarray(y_px) * _TILES[1] // sky.height_px, 0, _TILES[1] - 1)
+    # 8 and 16 bits: NumPy's stable sort then counts instead of comparing.
+    tile = (down * _TILES[0] + across).astype(np.uint8)
     by_tile = np.argsort(tile, kind="stable")
-    first = np.searchsorted(tile[by_tile], tile[by_tile], side="left")
-    rank = np.empty(tile.size, dtype=np.intp)
-    rank[by_tile] = np.arange(tile.size) - first
+    first = np.searchsorted(tile[by_tile], np.arange(_TILES[0] * _TILES[1]))
+    rank = np.empty(tile.size, dtype=np.uint16)
+    rank[by_tile] = np.minimum(np.arange(tile.size) - first[tile[by_tile]], 65535)
     return np.sort(np.argsort(rank, kind="stable")[:count])
 
 
@@ -263,18 +268,17 @@ def _boxes(
     pixels: PixelArray, sky: Background, x0_px: IntArray, y0_px: IntArray, half_px: int
 ) -> tuple[FloatArray, FloatArray]:
     """Pixels above the sky, (n, 2 half + 1, 2 half + 1), and the noise of one pixel, (n,)."""
-    offset = np.arange(-half_px, half_px + 1)
-    height, width = pixels.shape
-    ys = _mirror(y0_px[:, None] + offset, height)[:, :, None]
-    xs = _mirror(x0_px[:, None] + offset, width)[:, None, :]
-    boxes = pixels[ys, xs].astype(np.float64)
+    size, (height, width) = 2 * half_px + 1, pixels.shape
+    top, left = y0_px - half_px, x0_px - half_px
+    boxes = np.empty((x0_px.size, size, size), dtype=np.float64)
+    inside = (top >= 0) & (left >= 0) & (top + size <= height) & (left + size <= width)
+    if inside.any():
+        boxes[inside] = sliding_window_view(pixels, (size, size))[top[inside], left[inside]]
+    ys = mirrored(top[~inside, None] + np.arange(size), height)[:, :, None]
+    xs = mirrored(left[~inside, None] + np.arange(size), width)[:, None, :]
+    boxes[~inside] = pixels[ys, xs]
     boxes -= _levels(sky, x0_px, y0_px, sky.level)[:, None, None]
     return boxes, _levels(sky, x0_px, y0_px, sky.noise)
-
-
-def _mirror(index: IntArray, size: int) -> IntArray:
-    index = np.abs(index)
-    return np.where(index >= size, 2 * (size - 1) - index, index)
 
 
 def _levels(sky: Background, x_px: IntArray, y_px: IntArray, small: Float32Array) -> FloatArray:
