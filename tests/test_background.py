@@ -72,3 +72,11 @@ def test_expanded_maps_have_the_frames_size_and_its_values(shape):
     middle = shape[1] // 2
     assert full[shape[0] // 2, middle] == pytest.approx(slope[middle], abs=300.0 * 16 / shape[1])
     assert sky.at(sky.level, -5.0, 1e9) == sky.level[-1, 0]
+
+
+def test_a_level_is_not_rounded_where_the_noise_is_one_unit():
+    rng = np.random.default_rng(6)
+    pixels = np.rint(rng.normal(100.3, 1.0, size=(1024, 1100))).astype(np.uint16)
+    level = local_background(pixels).level
+    a_fiftieth_of_sigma = 0.02
+    assert abs(float(level.mean()) - 100.3) < a_fiftieth_of_sigma

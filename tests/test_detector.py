@@ -83,6 +83,18 @@ def test_midpoints_are_measured_and_the_most_confident_comes_first() -> None:
     assert found.detections.rejected == ()
 
 
+def test_threads_change_nothing_but_the_time() -> None:
+    frame = frame_with((A, B), (C, D))
+    alone, shared = (
+        analyse(frame, candidate(A, B, 0.8), candidate(C, D, 0.4), threads=threads)
+        for threads in (1, 3)
+    )
+    assert shared.detections.detections == alone.detections.detections
+    assert np.array_equal(shared.stars.x_px, alone.stars.x_px)
+    assert np.array_equal(shared.background.level, alone.background.level)
+    assert np.array_equal(shared.background.noise, alone.background.noise)
+
+
 def test_every_stage_is_timed_and_the_background_is_handed_on() -> None:
     found = analyse(frame_with((A, B)), candidate(A, B, 0.8))
     assert set(found.detections.stage_ms) == {"background", "stars", "map", "network", "fit"}

@@ -5,12 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rsoconsole.vision.bins import binning_of
 from rsoconsole.vision.maps import (
     CODES_PER_SIGMA,
     LOWEST_SIGMA,
     FrameMap,
-    binning_of,
-    block_maximum,
     choose_blocks,
     make_map,
     to_codes,
@@ -20,20 +19,6 @@ from rsoconsole.vision.maps import (
 def _frame(height: int, width: int, dtype: type = np.uint16) -> np.ndarray:
     rng = np.random.default_rng(11)
     return np.rint(rng.normal(800.0, 40.0, size=(height, width))).astype(dtype)
-
-
-@given(rows=st.integers(1, 6), columns=st.integers(1, 6), block=st.integers(1, 9))
-def test_block_maximum_is_the_maximum_of_every_block(rows, columns, block):
-    rng = np.random.default_rng([rows, columns, block])
-    values = rng.normal(size=(rows * block, columns * block)).astype(np.float32)
-    by_force = [
-        [
-            values[r * block : (r + 1) * block, c * block : (c + 1) * block].max()
-            for c in range(columns)
-        ]
-        for r in range(rows)
-    ]
-    assert np.array_equal(block_maximum(values, block), by_force)
 
 
 @pytest.mark.parametrize("block", [1, 2, 4, 8, 16])

@@ -73,6 +73,18 @@ def test_stars_come_brightest_first_and_from_every_part_of_the_field() -> None:
     assert 35 <= np.count_nonzero(stars.x_px < 500) <= 60
 
 
+def test_stars_centred_beyond_the_rim_are_kept_like_others() -> None:
+    rng = np.random.default_rng(8)
+    image = rng.normal(SKY_ADU, NOISE_ADU, (864, 1064))
+    rim = [(x, 31.8) for x in range(60, 1000, 40)] + [(31.7, y) for y in range(60, 800, 40)]
+    for x, y in rim:
+        add_star(image, x, y, 2.6, 1500)
+    stars = find_stars(to_adu(image[32:-32, 32:-32]))
+    assert len(stars) > 0.9 * len(rim)
+    assert (stars.x_px < 0).any()
+    assert (stars.y_px < 0).any()
+
+
 def test_streaks_hot_pixels_and_cosmic_rays_are_no_stars() -> None:
     image, truth = star_field(2.4, peak_snr=30)
     streak = np.stack([np.linspace(100, 220, 600), np.linspace(95, 130, 600)], -1)

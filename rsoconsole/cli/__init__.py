@@ -1,5 +1,19 @@
 """The verbs; nothing else. What they do lies on the floors below."""
 
-from rsoconsole.cli.app import main
+import os
+
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+
+
+def main() -> None:
+    """Entry point: settles what NumPy and OpenCV read as they load, then runs the program."""
+    # Vision divides a frame among threads itself; what is left is too small for theirs, which
+    # would cost more in waiting for one another than they save. The program's children inherit it.
+    for name in ONE_THREAD:
+        os.environ.setdefault(name, "1")
+    from rsoconsole.cli.app import main as run
+
+    run()
+
 
 __all__ = ["main"]

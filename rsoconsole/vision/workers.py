@@ -17,18 +17,18 @@ class Workers:
     def share(self, work: Callable[[Iterator[int]], None], count: int) -> None:
         """Call ``work`` once a thread; all draw their numbers from one ``range(count)``.
 
-        A thread that comes late to its turn draws fewer, and nobody waits for it longer than for
-        the number it has in hand.
+        A thread that comes late to its turn draws fewer; nobody waits for one that comes too late.
         """
         numbers = iter(range(count))
-        begun = []
+        begun: list[Future[None]] = []
         if self._pool is not None:
             begun = [self._pool.submit(work, numbers) for _ in range(min(self._others, count - 1))]
         try:
             work(numbers)
         finally:
-            wait(begun)
-        for other in begun:
+            running = [other for other in begun if not other.cancel()]
+            wait(running)
+        for other in running:
             other.result()
 
     def begin(self, work: Callable[[], _Result]) -> "Future[_Result]":

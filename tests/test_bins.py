@@ -1,0 +1,131 @@
+"""One pass over a frame: against the same done at full size, in as many words."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rsoconsole.vision.background import local_background, sky_noise
+from rsoconsole.vision.bins import (
+    CELL_PX,
+    bin_frame,
+    binning_of,
+    block_maximum,
+    means_of_whole_blocks,
+)
+from rsoconsole.vision.maps import make_map
+from rsoconsole.vision.stars import STAR_BLOCK_PX, find_stars
+from rsoconsole.vision.workers import Workers
+
+BLOCKS = (1, 2, 4, 8, 16)
+SIDES = st.integers(64, 330)
+DTYPES = st.sampled_from([np.uint16, np.float32])
+TWO_THREADS = Workers(2)
+
+
+def sky(height: int, width: int, dtype: type) -> np.ndarray:
+    """Noise on a slope, with bright spots, some of them at the rim."""
+    rng = np.random.default_rng([height, width])
+    pixels = rng.normal(900.0, 30.0, (height, width)) + np.linspace(0, 200, width)
+    for y, x in zip(rng.integers(0, height, 40), rng.integers(0, width, 40), strict=True):
+        pixels[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2] += rng.uniform(100, 20000)
+    pixels[-2:, -2:] += 5000.0
+    return np.rint(pixels).astype(np.uint16) if dtype is np.uint16 else pixels.astype(np.float32)
+
+
+def squares(values: np.ndarray, side: int) -> np.ndarray:
+    """(rows, side, columns, side) of whole squares."""
+    height, width = values.shape
+    return values.reshape(height // side, side, width // side, side)
+
+
+def up_to(values: np.ndarray, whole: int) -> np.ndarray:
+    """Mirrored to a multiple of ``whole`` on the right and below."""
+    height, width = values.shape
+    return np.pad(values, ((0, -height % whole), (0, -width % whole)), mode="reflect")
+
+
+@given(height=SIDES, width=SIDES, dtype=DTYPES)
+def test_cells_and_blocks_are_those_of_the_whole_frame(height, width, dtype):
+    pixels = sky(height, width, dtype)
+    bins = bin_frame(pixels, BLOCKS, workers=TWO_THREADS)
+    whole = up_to(pixels.astype(np.float64), CELL_PX)
+    a_float32 = 1e-5
+    assert np.allclose(bins.means, squares(whole, CELL_PX).mean(axis=(1, 3)), rtol=a_float32)
+    for block in BLOCKS:
+        binned = squares(up_to(pixels.astype(np.float64), block), binning_of(block))
+        largest = squares(binned.mean(axis=(1, 3)), block // binning_of(block)).max(axis=(1, 3))
+        assert bins.brightest[block].shape == (-(-height // block), -(-width // block))
+        assert np.allclose(bins.brightest[block], largest, rtol=a_float32)
+
+
+@given(height=SIDES, width=SIDES, dtype=DTYPES, block=st.sampled_from(BLOCKS))
+def test_a_map_sees_a_rim_of_whole_blocks_then_of_whole_cells(height, width, dtype, block):
+    pixels = sky(height, width, dtype)
+    means = means_of_whole_blocks(pixels, bin_frame(pixels), block)
+    binning = binning_of(block)
+    binned = squares(up_to(pixels.astype(np.float64), block), binning).mean(axis=(1, 3))
+    cell = CELL_PX // binning
+    expected = squares(up_to(binned, cell), cell).mean(axis=(1, 3))
+    a_float32 = 1e-5
+    assert np.allclose(means, expected, rtol=a_float32)
+
+
+@given(height=SIDES, width=SIDES, dtype=DTYPES, block=st.sampled_from((2, 4, 8, 16)))
+def test_noise_of_bins_is_that_of_a_frame_made_of_them(height, width, dtype, block):
+    pixels = sky(height, width, dtype)
+    binning = binning_of(block)
+    binned = squares(up_to(pixels.astype(np.float64), block), binning).mean(axis=(1, 3))
+    alone = local_background(binned.astype(np.float32), CELL_PX // binning)
+    noise = sky_noise(
+        pixels, alone.noise.shape, CELL_PX, block=block, binning=binning, workers=TWO_THREADS
+    )
+    a_float32 = 1e-5
+    assert np.allclose(noise, alone.noise, rtol=a_float32)
+
+
+@given(height=SIDES, width=SIDES, dtype=DTYPES)
+def test_what_is_handed_on_and_what_is_made_anew_agree_to_the_last_bit(height, width, dtype):
+    pixels = sky(height, width, dtype)
+    bins = bin_frame(pixels, (STAR_BLOCK_PX, *BLOCKS), workers=TWO_THREADS)
+    with_bins = local_background(pixels, bins=bins, workers=TWO_THREADS)
+    alone = local_background(pixels)
+    assert np.array_equal(with_bins.level, alone.level)
+    assert np.array_equal(with_bins.noise, alone.noise)
+    for block in BLOCKS:
+        with_map = make_map(pixels, "fast", block, bins=bins, workers=TWO_THREADS)
+        assert np.array_equal(with_map.values, make_map(pixels, "fast", block).values)
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+@pytest.mark.parametrize("shape", [(1030, 1101), (300, 1500)])
+def test_stars_are_the_same_with_bins_and_without(shape, dtype):
+    pixels = sky(*shape, dtype)
+    bins = bin_frame(pixels, (STAR_BLOCK_PX,), workers=TWO_THREADS)
+    handed, alone = find_stars(pixels, bins=bins), find_stars(pixels)
+    assert len(alone) > 5
+    assert np.array_equal(handed.x_px, alone.x_px)
+    assert np.array_equal(handed.flux, alone.flux)
+
+
+def test_bins_without_the_block_that_is_asked_for_are_not_used_for_it():
+    pixels = sky(200, 300, np.uint16)
+    bins = bin_frame(pixels, (8,))
+    assert np.array_equal(
+        make_map(pixels, "fast", 4, bins=bins).values, make_map(pixels, "fast", 4).values
+    )
+    assert len(find_stars(pixels, bins=bin_frame(pixels))) == len(find_stars(pixels))
+
+
+@given(rows=st.integers(1, 6), columns=st.integers(1, 6), block=st.integers(1, 9))
+def test_block_maximum_is_the_maximum_of_every_block(rows, columns, block):
+    rng = np.random.default_rng([rows, columns, block])
+    values = rng.normal(size=(rows * block, columns * block)).astype(np.float32)
+    by_force = [
+        [
+            values[r * block : (r + 1) * block, c * block : (c + 1) * block].max()
+            for c in range(columns)
+        ]
+        for r in range(rows)
+    ]
+    assert np.array_equal(block_maximum(values, block), by_force)
