@@ -1,49 +1,47 @@
-"""How long each stage of vision takes on a frame of the paper's camera.
+"""How long vision takes from a frame in memory to measured streaks, and how much memory.
 
-Run from the project's root: ``python -m tests.bench.bench_vision [--repeats 9] [--threads 1]``.
-Prints the median and the largest of the repeats; asserts nothing.
+    python -m tests.bench.bench_vision [--repeats 9] [--threads 1 2] [--frames 4] [--write]
+
+Run from the project's root. The detector is made as the product makes it, with the confidence
+curve of the network's card, and sees 4656 x 3520 frames of 16 bits: one of noise, stars and one
+streak, and some drawn by the simulated telescope on the real sky, half of them with streaks. Every
+number of threads has a process of its own; memory is measured in yet another. Prints medians,
+asserts nothing; ``--write`` keeps the figures in ``results/vision.json``.
 """
 
 import argparse
+import json
+import multiprocessing
+import os
+import pickle
+import platform
+import tempfile
 import time
+import tracemalloc
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from statistics import median
+from typing import Any
 
-import cv2
 import numpy as np
 
+from models.confidence import draw
+from rsoconsole.cli import ONE_THREAD
 from rsoconsole.config import DetectorConfig, OpticsConfig
-from rsoconsole.errors import ModelError
 from rsoconsole.records import Frame
 from rsoconsole.simulator.psf import add_points
-from rsoconsole.vision.background import local_background
-from rsoconsole.vision.detector import Proposer, StreakDetector
-from rsoconsole.vision.maps import FrameMap, make_map
-from rsoconsole.vision.network import Network, NetworkBox
-from rsoconsole.vision.stars import find_stars
-from rsoconsole.vision.streak_fit import fit_streak
+from rsoconsole.vision.confidence import ConfidenceCurve
+from rsoconsole.vision.detector import StreakDetector
+from rsoconsole.vision.network import Network
 
+RESULTS = Path(__file__).parent / "results" / "vision.json"
 START_PX, END_PX = (2000.0, 1500.0), (2118.0, 1512.0)
-
-
-class OneProposal:
-    """Stands in where no trained network is installed."""
-
-    def run(self, frame_map: FrameMap) -> tuple[NetworkBox, ...]:
-        """The one streak of the benchmark's frame."""
-        return (
-            NetworkBox(
-                confidence=0.9,
-                x0_px=START_PX[0] - 5,
-                y0_px=START_PX[1] - 5,
-                x1_px=END_PX[0] + 5,
-                y1_px=END_PX[1] + 5,
-                x_a_px=START_PX[0] + 3,
-                y_a_px=START_PX[1] - 2,
-                x_b_px=END_PX[0] + 2,
-                y_b_px=END_PX[1] + 2,
-            ),
-        )
+SEED = 4404
+"""Of frames on which nothing was trained or set."""
+STAGES = ("background", "map", "stars", "network", "fit")
+WARM_PX = 512
+_MB = 1024.0 * 1024.0
 
 
 def bench_frame(optics: OpticsConfig) -> Frame:
@@ -70,50 +68,140 @@ def bench_frame(optics: OpticsConfig) -> Frame:
     )
 
 
-def timed_ms(action: Callable[[], object], repeats: int) -> list[float]:
-    """Wall times after one run that warms up."""
+def save_frame(number: int, path: Path) -> str:
+    """Draw a frame, 0 being the one of noise and stars; returns what it is called."""
+    if number == 0:
+        frame, name = bench_frame(OpticsConfig()), "noise, stars, a streak"
+    else:
+        frame, streaks = draw(number - 1, SEED)
+        name = f"drawn {number}, {len(streaks)} streak(s)"
+    np.save(path.with_suffix(".npy"), frame.pixels)
+    path.write_bytes(pickle.dumps(replace(frame, name=name, pixels=frame.pixels[:1])))
+    return name
+
+
+def time_stages(paths: list[Path], threads: int, repeats: int) -> dict[str, Any]:
+    """Medians in ms by frame and stage, by the wall's clock and by the processor's."""
+    detector, _ = _detector(threads)
+    figures: dict[str, Any] = {}
+    for path in paths:
+        frame = _load(path)
+        detector.analyse(frame)
+        rows: list[dict[str, float]] = []
+        for _ in range(repeats):
+            began, began_cpu = time.perf_counter(), time.process_time()
+            analysis = detector.analyse(frame)
+            whole = {
+                "all": time.perf_counter() - began,
+                "all, CPU": time.process_time() - began_cpu,
+            }
+            rows.append(dict(analysis.detections.stage_ms) | {k: s * 1e3 for k, s in whole.items()})
+        figures[frame.name] = {
+            name: round(median(row[name] for row in rows), 2)
+            for name in (*STAGES, "all", "all, CPU")
+        } | {
+            "largest": round(max(row["all"] for row in rows), 2),
+            "detections": len(analysis.detections.detections),
+            "rejected": len(analysis.detections.rejected),
+            "stars found": len(analysis.stars),
+        }
+    return figures
+
+
+def measure_memory(paths: list[Path], threads: int) -> dict[str, float]:
+    """Most that one frame needs beyond the loaded program and the frame itself, in MB.
+
+    "resident" is the kernel's count of the whole process, "arrays" what Python and NumPy asked
+    for. The program is loaded and warm: a small cut of a frame has been through it.
+    """
+    detector, _ = _detector(threads)
+    first = _load(paths[0])
+    small = np.ascontiguousarray(first.pixels[:WARM_PX, :WARM_PX])
+    detector.analyse(replace(first, pixels=small))
+    most = {"resident": 0.0, "arrays": 0.0}
+    for path in paths:
+        frame = _load(path)
+        most["resident"] = max(most["resident"], _peak_mb(lambda: detector.analyse(frame)))  # noqa: B023 # called at once
+    tracemalloc.start()
+    for path in paths:
+        frame = _load(path)
+        tracemalloc.reset_peak()
+        before, _ = tracemalloc.get_traced_memory()
+        detector.analyse(frame)
+        most["arrays"] = max(most["arrays"], (tracemalloc.get_traced_memory()[1] - before) / _MB)
+    return {name: round(value, 1) for name, value in most.items()}
+
+
+def _peak_mb(action: Callable[[], object]) -> float:
+    """By how much the process grows at most while ``action`` runs (Linux)."""
+    Path("/proc/self/clear_refs").write_text("5")
+    before_mb = _resident_mb()
     action()
-    times = []
-    for _ in range(repeats):
-        began = time.perf_counter()
-        action()
-        times.append((time.perf_counter() - began) * 1e3)
-    return times
+    return _resident_mb() - before_mb
+
+
+def _resident_mb() -> float:
+    rows = Path("/proc/self/status").read_text().splitlines()
+    return next(float(row.split()[1]) / 1024.0 for row in rows if row.startswith("VmHWM"))
+
+
+def _detector(threads: int) -> tuple[StreakDetector, Network]:
+    settings = DetectorConfig(threads=threads)
+    network = Network.load(settings.model, settings.threads)
+    return StreakDetector(network, settings, ConfidenceCurve.from_card(network.card)), network
+
+
+def _load(path: Path) -> Frame:
+    return replace(pickle.loads(path.read_bytes()), pixels=np.load(path.with_suffix(".npy")))
+
+
+def _apart(work: Callable[..., Any], *arguments: Any) -> Any:
+    """The answer of ``work`` from a process of its own, which reads its environment anew."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(work, arguments)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    """Measure, print, and write when asked to."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=9)
-    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--frames", type=int, default=4, help="drawn ones, beside the other")
+    parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
-    cv2.setNumThreads(options.threads)
-    frame = bench_frame(OpticsConfig())
-    network: Proposer = OneProposal()
-    named = "a stand-in that answers at once"
-    try:
-        loaded = Network.load(threads=options.threads)
-        network, named = loaded, loaded.version
-    except ModelError as error:
-        print(f"no trained network: {error}")
-    sky = local_background(frame.pixels)
-    stars = find_stars(frame.pixels, sky)
-    fast = make_map(frame.pixels, "fast", 8)
-    box = (START_PX[0] - 5, START_PX[1] - 5, END_PX[0] + 5, END_PX[1] + 5)
-    detector = StreakDetector(network, DetectorConfig(threads=options.threads))
-    stages: dict[str, Callable[[], object]] = {
-        "background": lambda: local_background(frame.pixels),
-        "stars": lambda: find_stars(frame.pixels, sky, saturation_adu=frame.saturation_adu),
-        "map, fast": lambda: make_map(frame.pixels, "fast", 8),
-        "map, paper": lambda: make_map(frame.pixels, "paper", 8),
-        "network": lambda: network.run(fast),
-        "fit of one streak": lambda: fit_streak(frame.pixels, sky, box, stars=stars),
-        "detector, all stages": lambda: detector.detect(frame),
+    for name in ONE_THREAD:
+        os.environ.setdefault(name, "1")
+    figures: dict[str, Any] = {
+        "network": Network.load().version,
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+        "load_before": round(os.getloadavg()[0], 1),
+        "repeats": options.repeats,
+        "unit": "ms",
     }
-    print(f"{frame.width_px} x {frame.height_px} uint16, {options.threads} thread(s), {named}")
-    print(f"{'stage':22s}{'median ms':>10s}{'largest ms':>12s}   of {options.repeats}")
-    for name, action in stages.items():
-        times = timed_ms(action, options.repeats)
-        print(f"{name:22s}{median(times):10.1f}{max(times):12.1f}")
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [Path(folder) / str(number) for number in range(options.frames + 1)]
+        for number, path in enumerate(paths):
+            _apart(save_frame, number, path)
+        for threads in options.threads:
+            stages = _apart(time_stages, paths, threads, options.repeats)
+            memory_mb = _apart(measure_memory, paths, threads)
+            figures[f"threads {threads}"] = {"frames": stages, "extra_memory_mb": memory_mb}
+            print_table(threads, stages, memory_mb)
+    figures["load_after"] = round(os.getloadavg()[0], 1)
+    print(f"load {figures['load_before']} before, {figures['load_after']} after")
+    if options.write:
+        RESULTS.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+
+
+def print_table(threads: int, stages: dict[str, Any], memory_mb: dict[str, float]) -> None:
+    """One row a frame."""
+    columns = (*STAGES, "all", "largest", "all, CPU", "detections", "rejected", "stars found")
+    print(f"{threads} thread(s); medians in ms; the stars' time runs beside the network's")
+    print(f"{'':24s}" + "".join(f"{name:>12s}" for name in columns))
+    for name, row in stages.items():
+        print(f"{name:24s}" + "".join(f"{row[column]:12.4g}" for column in columns))
+    words = ", ".join(f"{name} {value:.0f}" for name, value in memory_mb.items())
+    print(f"extra memory at most, MB: {words}")
 
 
 if __name__ == "__main__":
