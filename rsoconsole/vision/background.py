@@ -124,24 +124,32 @@ def _noise_of_tiles(
 
     From clipped differences of bins two columns apart, in some lines of the tile.
     """
+    import cv2
+
     step = max(1, len(inside) * (tile_w - 2) // _SAMPLES_PER_TILE)
     lines = inside[step // 2 :: step]
-    raw = np.empty((len(lines) * binning, columns * tile_w * binning), dtype=np.float32)
+    dtype = pixels.dtype if binning == 1 else np.float32
+    raw = np.empty((len(lines) * binning, columns * tile_w * binning), dtype=dtype)
     for part in range(binning):
         start, stop = lines.start * binning + part, lines.stop * binning
         take_rows(pixels, range(start, stop, step * binning), raw[part::binning])
-    tiles = mean_of_squares(raw, binning).reshape(len(lines), columns, tile_w)
-    difference = np.abs(tiles[..., 2:] - tiles[..., :-2])
-    samples = difference.transpose(1, 0, 2).reshape(columns, -1)
-    count = samples.shape[-1]
-    samples.partition(int(count * 0.75), axis=-1)
-    limit = samples[:, int(count * 0.75)].copy()
+    bins = mean_of_squares(raw, binning)
+    difference = np.empty_like(bins)
+    cv2.absdiff(bins[:, 2:], bins[:, :-2], dst=difference[:, :-2])
+    # The last two of a tile reach into the next one.
+    tiles = difference.reshape(len(lines), columns, tile_w)[..., :-2]
+    samples = tiles.transpose(1, 0, 2).reshape(columns, -1)
+    most, nearly_all = int(samples.shape[-1] * 0.75), int(samples.shape[-1] * 0.95)
+    samples.partition(most, axis=-1)
     # 75 % of a normal's magnitudes lie below 1.15 sigma; coarse digitisation can make that 0.
-    if not limit.all():
-        samples.partition(int(count * 0.95), axis=-1)
-        limit = np.where(limit > 0, limit, samples[:, int(count * 0.95)])
-    is_kept = samples <= 3.0 * limit[:, None]
-    total = np.where(is_kept, samples * samples, 0.0).sum(axis=-1)
-    rms = np.sqrt(total / np.maximum(is_kept.sum(axis=-1), 1))
+    scale = samples[:, most]
+    if not scale.all():
+        larger = np.partition(samples, nearly_all, axis=-1)[:, nearly_all]
+        scale = np.where(scale > 0, scale, larger)
+    inner, outer = np.hsplit(samples.astype(np.float32, copy=False), [most])
+    is_kept = outer <= np.float32(3.0) * scale[:, None]
+    total = np.einsum("ij,ij->i", inner, inner)
+    total += np.where(is_kept, outer * outer, 0.0).sum(axis=-1)
+    rms = np.sqrt(total / (most + np.count_nonzero(is_kept, axis=-1)).clip(1))
     noise: Float32Array = (rms / (np.sqrt(2.0) * _CLIPPED_GAUSS_RMS)).astype(np.float32)
     return noise

@@ -99,7 +99,7 @@ def block_maximum(values: _Values, block: int) -> _Values:
     return out
 
 
-def mean_of_squares(values: Float32Array, side: int) -> Float32Array:
+def mean_of_squares(values: _Values, side: int) -> _Values:
     """Mean of every ``side`` x ``side`` square; both sides of ``values`` are whole multiples."""
     import cv2
 
@@ -134,7 +134,7 @@ def _up_to_cells(count: int, size: int, block: int) -> npt.NDArray[np.intp]:
     return mirrored(mirrored(bins, whole // binning) * binning + within, size)
 
 
-def take_rows(pixels: PixelArray, rows: range, out: Float32Array) -> None:
+def take_rows(pixels: PixelArray, rows: range, out: PixelArray) -> None:
     """Copy some rows, as far right as ``out`` is wide, of the frame with its mirror images."""
     height, width = pixels.shape
     inside = min(width, out.shape[1])
