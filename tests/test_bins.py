@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.vision.background import local_background, sky_noise
@@ -45,6 +45,7 @@ def up_to(values: np.ndarray, whole: int) -> np.ndarray:
     return np.pad(values, ((0, -height % whole), (0, -width % whole)), mode="reflect")
 
 
+@settings(max_examples=30, deadline=None)
 @given(height=SIDES, width=SIDES, dtype=DTYPES)
 def test_cells_and_blocks_are_those_of_the_whole_frame(height, width, dtype):
     pixels = sky(height, width, dtype)
@@ -59,6 +60,7 @@ def test_cells_and_blocks_are_those_of_the_whole_frame(height, width, dtype):
         assert np.allclose(bins.brightest[block], largest, rtol=a_float32)
 
 
+@settings(max_examples=30, deadline=None)
 @given(height=SIDES, width=SIDES, dtype=DTYPES, block=st.sampled_from(BLOCKS))
 def test_a_map_sees_a_rim_of_whole_blocks_then_of_whole_cells(height, width, dtype, block):
     pixels = sky(height, width, dtype)
@@ -71,6 +73,7 @@ def test_a_map_sees_a_rim_of_whole_blocks_then_of_whole_cells(height, width, dty
     assert np.allclose(means, expected, rtol=a_float32)
 
 
+@settings(max_examples=30, deadline=None)
 @given(height=SIDES, width=SIDES, dtype=DTYPES, block=st.sampled_from((2, 4, 8, 16)))
 def test_noise_of_bins_is_that_of_a_frame_made_of_them(height, width, dtype, block):
     pixels = sky(height, width, dtype)
@@ -84,6 +87,7 @@ def test_noise_of_bins_is_that_of_a_frame_made_of_them(height, width, dtype, blo
     assert np.allclose(noise, alone.noise, rtol=a_float32)
 
 
+@settings(max_examples=30, deadline=None)
 @given(height=SIDES, width=SIDES, dtype=DTYPES)
 def test_what_is_handed_on_and_what_is_made_anew_agree_to_the_last_bit(height, width, dtype):
     pixels = sky(height, width, dtype)
