@@ -19,17 +19,13 @@ PSF_PX = 2.4
 @given(
     network=st.floats(1e-6, 0.999),
     snr=st.floats(1.0, 500.0),
-    width_px=st.floats(0.5, 10.0),
     length_px=st.floats(1.0, 600.0),
 )
-def test_confidence_is_a_probability_and_grows_with_what_is_seen(network, snr, width_px, length_px):
-    seen = straight_detection(confidence=network, snr=snr, width_px=width_px, length_px=length_px)
-    clearer = straight_detection(
-        confidence=network, snr=2.0 * snr, width_px=width_px, length_px=length_px
-    )
-    believed = straight_detection(
-        confidence=min(0.999, 2.0 * network), snr=snr, width_px=width_px, length_px=length_px
-    )
+def test_confidence_is_a_probability_and_grows_with_what_is_seen(network, snr, length_px):
+    given_so = {"width_px": PSF_PX, "length_px": length_px}
+    seen = straight_detection(confidence=network, snr=snr, **given_so)
+    clearer = straight_detection(confidence=network, snr=2.0 * snr, **given_so)
+    believed = straight_detection(confidence=min(0.999, 2.0 * network), snr=snr, **given_so)
     p = CURVE.confidence(seen, PSF_PX)
     assert 0.0 <= p <= 1.0
     assert CURVE.confidence(clearer, PSF_PX) >= p

@@ -2,23 +2,41 @@
 
 The network sees a map of maxima, in which a chain of stars or a cosmic ray can look like a faint
 streak. The line fit on the raw frame tells them apart: a real streak holds its light along a
-line of the seeing's width. A logistic curve over both, fitted on frames with known truth, makes
-their product a probability.
+line of the seeing's width. Only the company it keeps tells a distant aircraft's flash: others lie
+on the same line, or a much longer trail runs beside it. A logistic curve over all of it, fitted
+on frames with known truth (``models.confidence``), makes a probability.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rsoconsole.errors import ModelError
 from rsoconsole.records import Detection
 
-FEATURES = ("constant", "network", "log_snr", "width_misfit", "shortness")
+FEATURES = (
+    "constant",
+    "network",
+    "log_snr",
+    "wide",
+    "narrow",
+    "shortness",
+    "longness",
+    "in_line",
+    "beside_longer",
+)
+"""All from ``wide`` on are 0 or more, speak against a satellite and weigh nothing at 0."""
 MOST_LOG_SNR = 0.3
-SHORT_FWHM = 20.0
-"""Below so many widths of a star, shorter is less likely: chains of stars are short."""
+SHORT_FWHM, LONG_FWHM = 20.0, 120.0
+"""Below and above so many widths of a star, shorter and longer are less likely: chains of stars
+are short, lights that cross the frame are long."""
+MOST_IN_LINE = 2
 _LEAST, _MOST = 1e-7, 1.0 - 1e-7
+_SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
+"""Logarithm of width over the stars' that says nothing: at best, and times the signal to noise."""
+_SAME_LINE_PX, _MOST_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
+_MUCH_LONGER, _BESIDE_DEG = 2.5, 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +47,15 @@ class ConfidenceCurve:
 
     @classmethod
     def from_card(cls, card: Mapping[str, Any]) -> "ConfidenceCurve":
-        """As the network's card gives them. Raises ModelError when they are missing."""
+        """As the network's card gives them.
+
+        Raises ModelError when they are missing or made for other features.
+        """
         try:
             table = card["measured_confidence"]["weights"]
+            if set(table) != set(FEATURES):
+                odd = ", ".join(sorted(set(table) ^ set(FEATURES)))
+                raise ValueError(f"made for other features: {odd}")
             return cls(tuple(float(table[name]) for name in FEATURES))
         except (KeyError, TypeError, ValueError) as error:
             raise ModelError(
@@ -39,26 +63,73 @@ class ConfidenceCurve:
                 "reinstall rsoconsole, or run models.confidence for your own network"
             ) from error
 
-    def confidence(self, detection: Detection, psf_fwhm_px: float) -> float:
-        """Probability, 0 to 1, of a measured candidate that carries the network's confidence."""
-        features = confidence_features(detection, psf_fwhm_px)
+    def confidence(
+        self, detection: Detection, psf_fwhm_px: float, others: Sequence[Detection] = ()
+    ) -> float:
+        """Probability, 0 to 1, of a measured candidate that carries the network's confidence.
+
+        ``others`` are the measured candidates of its frame, itself among them or not.
+        """
+        features = confidence_features(detection, psf_fwhm_px, others)
         z = sum(w * f for w, f in zip(self.weights, features, strict=True))
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
+    def judged(self, candidates: Sequence[Detection], psf_fwhm_px: float) -> list[Detection]:
+        """A frame's measured candidates, each with the confidence that it earns among them."""
+        return [
+            replace(each, confidence=self.confidence(each, psf_fwhm_px, candidates))
+            for each in candidates
+        ]
 
-def confidence_features(detection: Detection, psf_fwhm_px: float) -> tuple[float, ...]:
+
+def confidence_features(
+    detection: Detection, psf_fwhm_px: float, others: Sequence[Detection] = ()
+) -> tuple[float, ...]:
     """What the curve looks at, in the order of ``FEATURES``.
 
     The network's log-odds; the logarithm of the fit's matched signal to noise over 20, no more
     than ``MOST_LOG_SNR``, since a chain of bright stars is bright too; how far, as a logarithm,
-    the streak's width is from the stars'; how short it is against ``SHORT_FWHM``.
+    the streak is wider and narrower than the stars, beyond what its signal to noise leaves open;
+    how short it is against ``SHORT_FWHM`` and how long against ``LONG_FWHM``; how many others lie
+    on its line; whether a much longer one is parallel to it.
     """
     p = min(max(detection.confidence, _LEAST), _MOST)
-    psf_px = max(psf_fwhm_px, 0.1)
+    psf_px, length_px = max(psf_fwhm_px, 0.1), max(detection.length_px, 0.1)
+    snr = max(detection.snr, 0.1)
+    misfit = math.log(max(detection.width_px, 0.1) / psf_px)
+    leeway = _SAME_WIDTH + _WIDTH_PER_SNR / snr
+    rest = [other for other in others if other is not detection]
     return (
         1.0,
         math.log(p / (1.0 - p)),
-        min(math.log(max(detection.snr, 0.1) / 20.0), MOST_LOG_SNR),
-        abs(math.log(max(detection.width_px, 0.1) / psf_px)),
-        max(0.0, math.log(SHORT_FWHM * psf_px / max(detection.length_px, 0.1))),
+        min(math.log(snr / 20.0), MOST_LOG_SNR),
+        max(0.0, misfit - leeway),
+        max(0.0, -misfit - leeway),
+        max(0.0, math.log(SHORT_FWHM * psf_px / length_px)),
+        max(0.0, math.log(length_px / (LONG_FWHM * psf_px))),
+        float(min(sum(_is_in_line(detection, other) for other in rest), MOST_IN_LINE)),
+        float(any(_is_much_longer_beside(detection, other) for other in rest)),
     )
+
+
+def _is_in_line(one: Detection, other: Detection) -> bool:
+    """Whether ``other`` lies on the line of ``one``, as far as that line's direction is known."""
+    if _turn_deg(one, other) > _SAME_LINE_DEG:
+        return False
+    angle = math.radians(one.angle_deg)
+    dx, dy = other.x_px - one.x_px, other.y_px - one.y_px
+    along = abs(dx * math.cos(angle) + dy * math.sin(angle))
+    across = abs(dy * math.cos(angle) - dx * math.sin(angle))
+    # Of a line known evenly all along: sigma of its slope is sqrt(12) of its offset's a length.
+    slope_error = 3.0 * math.sqrt(12.0) * one.sigma_across_px / max(one.length_px, 1.0)
+    return across < min(_SAME_LINE_PX + slope_error * along, _MOST_OFF_LINE_PX)
+
+
+def _is_much_longer_beside(one: Detection, other: Detection) -> bool:
+    is_longer = other.length_px > _MUCH_LONGER * one.length_px
+    return is_longer and _turn_deg(one, other) < _BESIDE_DEG
+
+
+def _turn_deg(one: Detection, other: Detection) -> float:
+    """Angle between the two directions, 0 to 90 deg."""
+    return abs((one.angle_deg - other.angle_deg + 90.0) % 180.0 - 90.0)

@@ -7,7 +7,7 @@ held possible is kept with the reason why it was not taken.
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -149,20 +149,19 @@ class StreakDetector:
                 detection = plain if fit.fit is None else _from_fit(frame, box, fit.fit)
                 rejected.append(Rejection(detection=detection, reason=fit.reason))
                 continue
-            detection = self._judged(_from_fit(frame, box, fit), stars)
+            detection = _from_fit(frame, box, fit)
             if any(is_same_streak(detection, other) for other in taken):
                 reason = "same streak as a more confident candidate"
                 rejected.append(Rejection(detection=detection, reason=reason))
             else:
                 taken.append(detection)
-        return sorted(taken, key=lambda d: -d.confidence), rejected
+        return sorted(self._judged(taken, stars), key=lambda d: -d.confidence), rejected
 
-    def _judged(self, detection: Detection, stars: StarList) -> Detection:
-        """With the confidence that its measurement earns."""
-        if self._curve is None:
-            return detection
-        confidence = self._curve.confidence(detection, stars.median_fwhm_px)
-        return replace(detection, confidence=confidence)
+    def _judged(self, taken: list[Detection], stars: StarList) -> list[Detection]:
+        """With the confidence that each earns by its measurement and among the others."""
+        if self._curve is None or self._settings.centroid == "box":
+            return taken
+        return self._curve.judged(taken, stars.median_fwhm_px)
 
 
 def _distinct(frame: Frame, found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:

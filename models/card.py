@@ -1,0 +1,171 @@
+"""Put the measured figures into the model card, so that none is typed by hand.
+
+    python -m models.card
+
+Rewrites what stands between two marks in ``models/README.md`` from ``models/figures.json`` and from
+``measured_confidence`` in the network's card.
+"""
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from models.rows import HERE
+from rsoconsole.vision.network import MODEL_NAME
+
+README = HERE / "README.md"
+FIGURES = HERE / "figures.json"
+CARD = (HERE / MODEL_NAME).with_suffix(".json")
+BEGIN = "<!-- figures: written by python -m models.card -->"
+END = "<!-- end of figures -->"
+NOT_MEASURED = "Not measured yet: `python -m models.measure`, then `python -m models.card`."
+
+
+def section(figures: Any, card: Any) -> str:
+    """The part of the model card that holds figures, in Markdown."""
+    if figures is None:
+        return NOT_MEASURED
+    parts = [
+        f"Network {figures['network']}, tau = {figures['tau']:.2f}. Intervals are exact, 95 %.",
+        "### False alarms\n\n" + _false_alarms(figures),
+        "### Recall by length (px) and signal to noise, whole streaks, clear sky\n\n"
+        + _recall(figures["recall"])
+        + "\n\n"
+        + _recall_elsewhere(figures),
+        "### Midpoint\n\n" + _midpoint(figures["midpoint_error_px"]),
+        "### Where the missed ones were lost\n\n" + _lost(figures["lost"]),
+        "### Is confidence a probability\n\n" + _confidence(figures, card),
+        "### Average precision and time\n\n" + _rest(figures),
+    ]
+    return "\n\n".join(parts)
+
+
+def rewritten(text: str, figures: Any, card: Any) -> str:
+    """The model card with this section between its marks."""
+    before, rest = text.split(BEGIN)
+    _, after = rest.split(END)
+    return f"{before}{BEGIN}\n\n{section(figures, card)}\n\n{END}{after}"
+
+
+def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    rows = [head, ["---"] * len(head), *lines]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
+def _false_alarms(figures: Any) -> str:
+    lines = [
+        [
+            name,
+            f"{each['count']} in {each['frames']}",
+            f"{each['rate']:g} per {each['per']}",
+            f"{each['interval'][0]:g} to {each['interval'][1]:g}",
+            f"{each['upper_limit']:g}",
+        ]
+        for name, each in figures["false_alarms"].items()
+        if each is not None
+    ]
+    again, trails = figures["second_detections"]
+    table = _table(["frames", "false above tau", "rate", "95 % interval", "upper limit"], lines)
+    return f"{table}\n\nSecond detections on one trail: {again} on {trails} trails."
+
+
+def _recall(recall: Any) -> str:
+    bands = list(next(iter(recall.values())))
+    lines = [[f"SNR {snr}", *(_share(cells[px]) for px in bands)] for snr, cells in recall.items()]
+    return _table(["", *(f"{px} px" for px in bands)], lines)
+
+
+def _recall_elsewhere(figures: Any) -> str:
+    lines = [
+        [f"SNR {snr}", _share(each), _share(figures["recall_under_clouds"][snr])]
+        for snr, each in figures["recall_cut_by_the_edge"].items()
+    ]
+    return _table(["", "cut by the frame's edge", "under clouds (SNR of what is left)"], lines)
+
+
+def _share(each: Any) -> str:
+    if not each["of"]:
+        return "-"
+    low, high = each["interval"]
+    return f"**{each['recall']:.2f}** ({low:.2f}-{high:.2f}; {each['found']} of {each['of']})"
+
+
+def _midpoint(errors: Any) -> str:
+    lines = [
+        [f"SNR {snr}"]
+        + (
+            [f"{each[name]:.2f} px" for name in ("median", "percentile_95", "largest")]
+            + [str(each["streaks"])]
+            if each
+            else ["-"] * 4
+        )
+        for snr, each in errors.items()
+    ]
+    return _table(["", "median", "95th percentile", "largest", "streaks"], lines)
+
+
+def _lost(lost: Any) -> str:
+    lines = []
+    for snr, reasons in lost.items():
+        words = "; ".join(f"{count} {reason}" for reason, count in reasons.items())
+        lines.append([f"SNR {snr}", words or "none missed"])
+    return _table(["", "of whole streaks of any length"], lines)
+
+
+def _confidence(figures: Any, card: Any) -> str:
+    told = figures["reliability"]
+    if told is None:
+        return "The card states no population."
+    shares = card["measured_confidence"]["population"]["shares_of_frames"]
+    mix = ", ".join(f"{share:.0%} {name}" for name, share in shares.items())
+    text = (
+        f"In a population of frames ({mix}) of which one clear or cloudy frame in "
+        f"{told['one_frame_with_satellites_in']} holds one to three satellites:"
+    )
+    lines = [
+        [
+            f"{each['from']:.1f}-{each['to']:.1f}",
+            f"{each['said']:.3f}",
+            f"{each['share']:.3f}",
+            f"{each['true']} of {each['candidates']}",
+        ]
+        for each in told["bins"]
+    ]
+    head = ["confidence", "mean said", "share true (weighed)", "true of candidates (as drawn)"]
+    return f"{text}\n\n{_table(head, lines)}"
+
+
+def _rest(figures: Any) -> str:
+    precision = "; ".join(
+        f"{name}: {value:.3f}"
+        for name, value in figures["average_precision"].items()
+        if value is not None
+    )
+    product = figures["product_as_it_is"]
+    times = ", ".join(
+        f"{name} {ms:g}" for name, ms in product["median_ms"].items() if name != "all"
+    )
+    differing = len(product["differing"])
+    return (
+        f"Average precision, half of the ordinary frames with satellites: {precision}.\n\n"
+        f"Frame in memory to refined detections, 4656 x 3520, {product['threads']} threads: median "
+        f"{product['median_ms'].get('all', 0.0):g} ms over {product['timed']} frames ({times}). "
+        f"Answers of the product as it is, with its curve and tau, that differ from the rows "
+        f"these figures were made of: {differing} of {product['frames']} frames."
+    )
+
+
+def read_json(path: Path) -> Any:
+    """None where there is no such file."""
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+
+
+def main() -> None:
+    """Rewrite the section."""
+    text = README.read_text(encoding="utf-8")
+    README.write_text(rewritten(text, read_json(FIGURES), read_json(CARD)), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

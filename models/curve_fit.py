@@ -1,0 +1,226 @@
+"""A logistic curve through candidates of known truth, and what prevalence makes of it.
+
+Two steps. First the weights: which candidates are likelier than which, from all rows alike, so that
+aircraft and the like count in full. Then slope and constant: how likely, with every row weighed as
+often as it comes in the stated population of frames. The population's one free number, how many
+frames hold a satellite, is lowered until tau keeps the false alarms that are allowed.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize
+
+from models.frames import HARD, Kind
+from models.judging import FrameRow, features_of
+from models.scoring import logit_for_rate
+from rsoconsole.vision.confidence import FEATURES
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+TAU = 0.10
+SHARES: Mapping[str, float] = {
+    "clear": 0.87,
+    "clouds": 0.10,
+    "aircraft": 0.01,
+    "jitter": 0.01,
+    "rays": 0.01,
+}
+"""Of all frames, the stated population."""
+FRAMES_PER_SATELLITE = (2, 3, 5, 10, 20, 30, 50, 100, 200)
+"""One clear or cloudy frame in so many holds one to three satellites: which are tried."""
+FALSE_PER_ORDINARY, FALSE_PER_HARD = 0.5 / 1000.0, 1.0 / 100.0
+"""Expected above tau: half of what is promised."""
+ORDINARY: tuple[Kind, ...] = ("empty", "satellites")
+_AT_TAU = math.log(TAU / (1.0 - TAU))
+_FOR, _AGAINST = ("network", "log_snr"), FEATURES[3:]
+_RIDGE = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Candidates:
+    """The candidates of many frames; one entry each."""
+
+    features: FloatArray
+    """(n, features)"""
+    is_true: BoolArray
+    kind: tuple[Kind, ...]
+    frame: npt.NDArray[np.int64]
+    """Index of the frame among the rows."""
+    frames: Mapping[Kind, int]
+    """How many frames of each kind were looked at."""
+
+    def only(self, chosen: BoolArray, frames: Mapping[Kind, int]) -> "Candidates":
+        """Some of them, from so many frames."""
+        return Candidates(
+            features=self.features[chosen],
+            is_true=self.is_true[chosen],
+            kind=tuple(k for k, c in zip(self.kind, chosen, strict=True) if c),
+            frame=self.frame[chosen],
+            frames=frames,
+        )
+
+    def of_kind(self, *kinds: Kind) -> BoolArray:
+        """Mask of those from frames of these kinds."""
+        return np.array([kind in kinds for kind in self.kind], dtype=bool)
+
+
+def gathered(rows: Sequence[FrameRow]) -> Candidates:
+    """All candidates that a confidence counts for: those not refused after it."""
+    features, is_true, kinds, frames = [], [], [], []
+    for number, row in enumerate(rows):
+        for each, seen in zip(row["candidates"], features_of(row), strict=True):
+            if each["is_taken"]:
+                features.append(seen)
+                is_true.append(each["trail"] is not None)
+                kinds.append(row["kind"])
+                frames.append(number)
+    return Candidates(
+        features=np.array(features, dtype=np.float64).reshape(-1, len(FEATURES)),
+        is_true=np.array(is_true, dtype=bool),
+        kind=tuple(kinds),
+        frame=np.array(frames, dtype=np.int64),
+        frames=Counter(row["kind"] for row in rows),
+    )
+
+
+def population_weights(them: Candidates, frames_per_satellite: float) -> FloatArray:
+    """How often each row comes in one frame of the population, (n,)."""
+    frames = them.frames
+    clear = max(frames.get("empty", 0) + frames.get("satellites", 0), 1)
+    weights = np.zeros(len(them.is_true))
+    for index, (kind, is_true) in enumerate(zip(them.kind, them.is_true, strict=True)):
+        share = SHARES["clear" if kind in ORDINARY else kind]
+        if is_true:
+            weights[index] = share / frames[kind] / frames_per_satellite
+        else:
+            weights[index] = share / (clear if kind in ORDINARY else frames[kind])
+    return weights
+
+
+def fit_weights(features: FloatArray, is_true: BoolArray) -> FloatArray:
+    """Weights by maximum likelihood, a little held back to zero, each of the sign it must have."""
+    sign = np.where(is_true, 1.0, -1.0)
+
+    def cost(weights: FloatArray) -> tuple[float, FloatArray]:
+        margin = sign * (features @ weights)
+        loss = np.logaddexp(0.0, -margin).sum() + _RIDGE * (weights[1:] ** 2).sum()
+        gradient = -(features * (sign / (1.0 + np.exp(margin)))[:, None]).sum(axis=0)
+        gradient[1:] += 2.0 * _RIDGE * weights[1:]
+        return float(loss), gradient
+
+    bounds = [
+        (0.0, None) if name in _FOR else (None, 0.0) if name in _AGAINST else (None, None)
+        for name in FEATURES
+    ]
+    start = np.zeros(features.shape[1])
+    return np.asarray(minimize(cost, start, jac=True, bounds=bounds, method="L-BFGS-B").x)
+
+
+def fit_scale(z: FloatArray, is_true: BoolArray, weights: FloatArray) -> tuple[float, float]:
+    """Slope (at least 0) and constant of the logistic curve through weighed rows (Platt 1999)."""
+    sign, total = np.where(is_true, 1.0, -1.0), max(float(weights.sum()), 1e-12)
+
+    def cost(line: FloatArray) -> tuple[float, FloatArray]:
+        margin = sign * (line[0] * z + line[1])
+        pull = weights * sign / (1.0 + np.exp(np.clip(margin, -500.0, 500.0))) / total
+        loss = float((weights * np.logaddexp(0.0, -margin)).sum() / total)
+        held = 1e-4 * (line[0] - 1.0)
+        return loss + 0.5e-4 * (line[0] - 1.0) ** 2, np.array(
+            [-(pull * z).sum() + held, -pull.sum()]
+        )
+
+    bounds = [(0.0, None), (None, None)]
+    best = minimize(cost, np.array([1.0, 0.0]), jac=True, bounds=bounds, method="L-BFGS-B").x
+    return float(best[0]), float(best[1])
+
+
+def lowest_for(them: Candidates, z: FloatArray, kinds: Sequence[Kind], per_frame: float) -> float:
+    """z above which so many false candidates are expected in a frame of these kinds."""
+    frames = sum(them.frames.get(kind, 0) for kind in kinds)
+    false_z = z[~them.is_true & them.of_kind(*kinds)]
+    return logit_for_rate(false_z, per_frame * frames) if frames else -math.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FittedCurve:
+    """Weights of the logistic curve, and the population in which its answers are probabilities."""
+
+    weights: FloatArray
+    frames_per_satellite: int
+    keeps_ordinary: bool
+    keeps_hard: bool
+    """False: more false ones than allowed are expected above tau."""
+
+    def confidence(self, features: FloatArray) -> FloatArray:
+        """Probability of each row of features, (n,)."""
+        return np.asarray(1.0 / (1.0 + np.exp(-np.clip(features @ self.weights, -30.0, 30.0))))
+
+
+def fit_curve(them: Candidates, frames_per_satellite: int | None = None) -> FittedCurve:
+    """The curve in a population with this prevalence, or with the highest that serves.
+
+    That is the first tried at which tau keeps ordinary and hard frames alike, or else the ordinary
+    ones; where none does, the lowest.
+    """
+    weights = fit_weights(them.features, them.is_true)
+    z = them.features @ weights
+    ordinary = lowest_for(them, z, ORDINARY, FALSE_PER_ORDINARY)
+    hard = lowest_for(them, z, HARD, FALSE_PER_HARD)
+    tried = FRAMES_PER_SATELLITE if frames_per_satellite is None else (frames_per_satellite,)
+    curves = []
+    for frames in tried:
+        slope, constant = fit_scale(z, them.is_true, population_weights(them, frames))
+        scaled = slope * weights
+        scaled[0] += constant
+        curves.append(
+            FittedCurve(
+                weights=scaled,
+                frames_per_satellite=frames,
+                keeps_ordinary=slope * ordinary + constant <= _AT_TAU,
+                keeps_hard=slope * hard + constant <= _AT_TAU,
+            )
+        )
+    best = max(curves, key=lambda curve: (curve.keeps_ordinary, curve.keeps_hard))
+    return best if best.keeps_ordinary else curves[-1]
+
+
+def out_of_fold(rows: Sequence[FrameRow], frames_per_satellite: int, folds: int = 5) -> FloatArray:
+    """Confidence of every candidate by a curve fitted on other frames than its own, (n,)."""
+    them = gathered(rows)
+    confidence = np.zeros(len(them.is_true))
+    for fold in range(folds):
+        is_left_out = them.frame % folds == fold
+        kept = [row["kind"] for number, row in enumerate(rows) if number % folds != fold]
+        curve = fit_curve(them.only(~is_left_out, Counter(kept)), frames_per_satellite)
+        confidence[is_left_out] = curve.confidence(them.features[is_left_out])
+    return confidence
+
+
+def reliability(
+    confidence: FloatArray, is_true: BoolArray, weights: FloatArray, bins: int = 10
+) -> list[dict[str, Any]]:
+    """By bins of confidence: rows, mean confidence and share of true ones, both weighed."""
+    table = []
+    inner = np.minimum((confidence * bins).astype(int), bins - 1)
+    for index in range(bins):
+        inside = inner == index
+        if inside.any():
+            weight = weights[inside]
+            table.append(
+                {
+                    "from": index / bins,
+                    "to": (index + 1) / bins,
+                    "candidates": int(inside.sum()),
+                    "true": int(is_true[inside].sum()),
+                    "said": round(float(np.average(confidence[inside], weights=weight)), 4),
+                    "share": round(float(np.average(is_true[inside], weights=weight)), 4),
+                }
+            )
+    return table

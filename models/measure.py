@@ -1,0 +1,128 @@
+"""The proof: the product's detector on frames it has never met, with exact intervals.
+
+    python -m models.measure [--frames 6000] [--kinds empty ...] [--workers 2] [--anew] [--gallery]
+
+Looks at whole frames of the split ``test`` (``models.frames``), keeps them as rows
+(``models.rows``: work broken off goes on), and writes ``models/figures.json``, which
+``python -m models.card`` puts into the model card. At the end the product runs as it is, curve, tau
+and all, on some of the same frames with two threads: its answers must be those of the rows.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from models.figures import figures, outcome_of
+from models.frames import KINDS, Kind, draw
+from models.gallery import contact_sheet
+from models.judging import FrameRow, confidences_of, measured_of
+from models.rows import HERE, complete, fingerprint, folder_of
+from rsoconsole.config import DetectorConfig
+from rsoconsole.records import Detection
+from rsoconsole.vision.confidence import ConfidenceCurve
+from rsoconsole.vision.detector import StreakDetector
+from rsoconsole.vision.network import Network
+
+FIGURES = HERE / "figures.json"
+GALLERY = HERE / "gallery.png"
+SPLIT: dict[Kind, float] = {
+    "empty": 0.83,
+    "satellites": 0.10,
+    "clouds": 0.02,
+    "aircraft": 0.02,
+    "jitter": 0.015,
+    "rays": 0.015,
+}
+CHECKED = 24
+"""Frames on which the product as it is must answer as the rows say."""
+_SAME_PX, _SAME_CONFIDENCE = 0.01, 1e-3
+
+
+def counts_of(frames: int, kinds: Sequence[Kind]) -> dict[Kind, int]:
+    """How many frames of each kind."""
+    return {kind: max(1, round(frames * SPLIT[kind])) for kind in KINDS if kind in kinds}
+
+
+def as_it_is(rows: Sequence[FrameRow], network: Network, curve: ConfidenceCurve) -> dict[str, Any]:
+    """Frames where the product differs from the rows, and how long an ordinary one takes it."""
+    settings = DetectorConfig(threads=2)
+    detector = StreakDetector(network, settings, curve)
+    chosen = sorted(rows, key=lambda row: (row["number"], row["kind"]))[: CHECKED + 1]
+    times: list[dict[str, float]] = []
+    differing: list[str] = []
+    for turn, row in enumerate(chosen):
+        true = draw("test", row["kind"], row["number"])
+        began = time.perf_counter()
+        found = detector.detect(true.frame)
+        wall_ms = (time.perf_counter() - began) * 1e3
+        if not _is_as_said(row, found.detections, curve, settings.tau):
+            differing.append(true.frame.name)
+        if turn and row["kind"] in {"empty", "satellites"}:  # the first warms caches
+            times.append({**found.stage_ms, "all": wall_ms})
+    names = sorted({name for each in times for name in each})
+    return {
+        "frames": len(chosen),
+        "differing": differing,
+        "timed": len(times),
+        "threads": settings.threads,
+        "median_ms": {
+            name: round(float(np.median([each.get(name, 0.0) for each in times])), 1)
+            for name in names
+        },
+    }
+
+
+def _is_as_said(
+    row: FrameRow, found: Sequence[Detection], curve: ConfidenceCurve, tau: float
+) -> bool:
+    """Whether these detections are the candidates of the row above tau."""
+    said = [
+        (measured_of(each), confidence)
+        for each, confidence in zip(row["candidates"], confidences_of(row, curve), strict=True)
+        if each["is_taken"] and confidence > tau
+    ]
+    return len(said) == len(found) and all(
+        any(
+            abs(one.confidence - confidence) < _SAME_CONFIDENCE
+            and abs(one.x_px - each.x_px) + abs(one.y_px - each.y_px) < _SAME_PX
+            for one in found
+        )
+        for each, confidence in said
+    )
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m models.measure", description=__doc__)
+    parser.add_argument("--frames", type=int, default=6000, help="of all kinds together")
+    parser.add_argument("--kinds", nargs="*", choices=KINDS, default=list(KINDS))
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--anew", action="store_true", help="look at every frame again")
+    parser.add_argument("--gallery", action="store_true", help="draw models/gallery.png too")
+    parser.add_argument("--print-only", action="store_true", help="leave figures.json as it is")
+    args = parser.parse_args()
+    network = Network.load(None, 2)
+    curve = ConfidenceCurve.from_card(network.card)
+    tau = DetectorConfig().tau
+    counts = counts_of(args.frames, args.kinds)
+    rows = complete(folder_of("measure"), "test", counts, args.workers, anew=args.anew)
+    measured = {
+        "network": network.version,
+        "rows": fingerprint(),
+        **figures(rows, curve, network.card, tau),
+        "product_as_it_is": as_it_is(rows, network, curve),
+    }
+    text = json.dumps(measured, indent=1)
+    print(text)
+    if not args.print_only:
+        FIGURES.write_text(text + "\n", encoding="utf-8")
+    if args.gallery:
+        contact_sheet(outcome_of(rows, curve, tau), tau, GALLERY)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""Rows of looked-at frames on disk: each frame once per network and state of the code.
+
+    models/runs/<name>/<fingerprint>/<kind>.jsonl
+
+One line of JSON a frame, appended as it comes, so that work broken off goes on where it stopped.
+The fingerprint covers the network, the code that looks and the code that draws; the curve of
+confidence is no part of it, since rows keep what was measured, not what was concluded.
+"""
+
+import hashlib
+import json
+import multiprocessing
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from models.frames import KINDS, Kind, Split, draw
+from models.judging import FrameRow, Judge
+from rsoconsole.simulator.sensor import SensorModel
+from rsoconsole.vision.network import MODEL_NAME
+
+HERE = Path(__file__).parent
+RUNS = HERE / "runs"
+_PRODUCT = HERE.parent / "rsoconsole"
+_LOOKING = ("rsoconsole/vision/*.py", "rsoconsole/simulator/*.py")
+_DRAWING = ("models/frames.py", "models/nuisances.py", "models/judging.py")
+_NOT_LOOKING = ("rsoconsole/vision/confidence.py",)
+
+Task = tuple[Split, Kind, int]
+
+
+def fingerprint() -> str:
+    """Of the network and of all code that a row depends on."""
+    digest = hashlib.sha256((HERE / MODEL_NAME).read_bytes())
+    card = json.loads((HERE / MODEL_NAME).with_suffix(".json").read_text(encoding="utf-8"))
+    digest.update(json.dumps(card["calibration"], sort_keys=True).encode())
+    root = HERE.parent
+    paths = {path for pattern in _LOOKING + _DRAWING for path in root.glob(pattern)}
+    for path in sorted(paths - {root / name for name in _NOT_LOOKING}):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def folder_of(name: str) -> Path:
+    """Where the rows of this network and code lie."""
+    return RUNS / name / fingerprint()
+
+
+def read(folder: Path) -> list[FrameRow]:
+    """All rows in a folder, in order of kind and number."""
+    rows: dict[tuple[Kind, int], FrameRow] = {}
+    for kind in KINDS:
+        path = folder / f"{kind}.jsonl"
+        if path.exists():
+            for line in path.read_text(encoding="utf-8").splitlines():
+                row = _row_of(line)
+                if row is not None:
+                    rows[kind, row["number"]] = row
+    return [rows[key] for key in sorted(rows, key=lambda key: (KINDS.index(key[0]), key[1]))]
+
+
+def complete(
+    folder: Path, split: Split, counts: Mapping[Kind, int], workers: int, *, anew: bool = False
+) -> list[FrameRow]:
+    """The rows of the first ``counts`` frames of each kind, looking at those that are missing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if anew:
+        for kind in counts:
+            (folder / f"{kind}.jsonl").unlink(missing_ok=True)
+    for path in folder.glob("*.jsonl"):
+        # A line that a crash left unfinished must not swallow the next one.
+        if not path.read_bytes().endswith(b"\n"):
+            with path.open("ab") as lines:
+                lines.write(b"\n")
+    known = {(row["kind"], row["number"]) for row in read(folder)}
+    wanted = [(split, kind, n) for kind, count in counts.items() for n in range(count)]
+    missing = [task for task in wanted if task[1:] not in known]
+    # Kinds mixed evenly: what is on disk serves at any time, and the time left is foretold well.
+    missing.sort(key=lambda task: (task[2] + 0.5) / counts[task[1]])
+    for row in _looked_at(missing, workers):
+        with (folder / f"{row['kind']}.jsonl").open("a", encoding="utf-8") as lines:
+            lines.write(json.dumps(row) + "\n")
+    asked = {task[1:] for task in wanted}
+    return [row for row in read(folder) if (row["kind"], row["number"]) in asked]
+
+
+def _row_of(line: str) -> FrameRow | None:
+    """None for a line that a crash left unfinished."""
+    try:
+        row: FrameRow = json.loads(line)
+    except ValueError:
+        return None
+    return row
+
+
+def _looked_at(tasks: list[Task], workers: int) -> Iterator[FrameRow]:
+    if not tasks:
+        return
+    bar = Progress(len(tasks))
+    if workers <= 1:
+        _begin(None)
+        for task in tasks:
+            yield _look(task)
+            bar.step()
+        return
+    with multiprocessing.get_context("spawn").Pool(workers, _begin, (None,)) as pool:
+        for row in pool.imap_unordered(_look, tasks, chunksize=2):
+            yield row
+            bar.step()
+
+
+_state: dict[str, Judge | SensorModel | None] = {}
+
+
+def _begin(sensor: SensorModel | None) -> None:
+    """Of one worker: its own detector, one thread each."""
+    import cv2
+
+    cv2.setNumThreads(1)
+    _state["judge"] = Judge()
+    _state["sensor"] = sensor
+
+
+def _look(task: Task) -> FrameRow:
+    judge, sensor = _state["judge"], _state["sensor"]
+    assert isinstance(judge, Judge)
+    return judge.row(draw(*task, sensor if isinstance(sensor, SensorModel) else None))
+
+
+class Progress:
+    """A line on the terminal: how many of how many, and the time left."""
+
+    def __init__(self, total: int) -> None:
+        self._total, self._done, self._began = total, 0, time.monotonic()
+        self._is_shown = sys.stderr.isatty()
+
+    def step(self) -> None:
+        """One more is done."""
+        self._done += 1
+        if not self._is_shown and self._done % 100 and self._done != self._total:
+            return
+        left_s = (time.monotonic() - self._began) / self._done * (self._total - self._done)
+        share = self._done / self._total
+        text = f"[{'#' * int(30 * share):<30}] {self._done} of {self._total} frames"
+        text += f", {int(left_s // 60)} min {int(left_s % 60):02d} s left"
+        print(f"\r{text}  " if self._is_shown else text, end="", file=sys.stderr)
+        if not self._is_shown or self._done == self._total:
+            print(file=sys.stderr, flush=True)
