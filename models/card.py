@@ -37,6 +37,7 @@ def section(figures: Any, card: Any) -> str:
         "### Where the missed ones were lost\n\n" + _lost(figures["lost"]),
         "### Is confidence a probability\n\n" + _confidence(figures, card),
         "### Average precision and time\n\n" + _rest(figures),
+        "### Training, as the network's card tells it\n\n" + _training(card),
     ]
     return "\n\n".join(parts)
 
@@ -154,6 +155,11 @@ def _rest(figures: Any) -> str:
         f"Answers of the product as it is, with its curve and tau, that differ from the rows "
         f"these figures were made of: {differing} of {product['frames']} frames."
     )
+
+
+def _training(card: Any) -> str:
+    told = {**card.get("training", {}), **card.get("calibration", {})}
+    return "; ".join(f"{name} {value}" for name, value in told.items()) or "Not told."
 
 
 def read_json(path: Path) -> Any:
