@@ -42,7 +42,8 @@ SPLIT: dict[Kind, float] = {
 }
 """Of the frames looked at: what each kind costs and teaches, not how often it comes."""
 ENOUGH = 200
-"""Candidates in a bin of confidence that has to be reliable."""
+MOST_OFF = 0.05
+"""Candidates in a bin of confidence that has to be reliable, and how far off it may be."""
 SNR_BANDS = ((0.8, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 5.0), (5.0, 30.0))
 
 
@@ -108,6 +109,18 @@ def entry(rows: Sequence[FrameRow], one_in: int | None = None) -> dict[str, Any]
     }
 
 
+def _say(fitted: dict[str, Any]) -> None:
+    """In words, what the curve does not keep."""
+    for kind, keeps in fitted["keeps_false_alarms"].items():
+        if not keeps:
+            print(f"{kind} frames: more false ones above tau are expected than allowed")
+    worst = fitted["judged"]["worst_of_bins_with_enough"]
+    if worst is None:
+        print(f"no bin of confidence has {ENOUGH} candidates: more --frames judge it better")
+    elif worst > MOST_OFF:
+        print(f"a bin of confidence is off by {worst:.3f}, {MOST_OFF} allowed")
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m models.confidence", description=__doc__)
@@ -122,6 +135,7 @@ def main() -> None:
     )
     fitted = entry(rows, args.one_in)
     print(json.dumps(fitted, indent=1))
+    _say(fitted)
     if not args.print_only:
         card = json.loads(CARD.read_text(encoding="utf-8"))
         card["measured_confidence"] = fitted

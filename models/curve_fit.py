@@ -145,7 +145,11 @@ def lowest_for(them: Candidates, z: FloatArray, kinds: Sequence[Kind], per_frame
     """z above which so many false candidates are expected in a frame of these kinds."""
     frames = sum(them.frames.get(kind, 0) for kind in kinds)
     false_z = z[~them.is_true & them.of_kind(*kinds)]
-    return logit_for_rate(false_z, per_frame * frames) if frames else -math.inf
+    if not frames:
+        return -math.inf
+    # The tail alone, since the bulk would foretell too many.
+    tail = int(np.clip(len(false_z) // 5, 5, 20))
+    return logit_for_rate(false_z, per_frame * frames, tail)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -50,3 +50,13 @@ def test_the_card_says_how_the_curve_was_judged():
     judged = CARD["measured_confidence"]["judged"]
     assert set(CARD["measured_confidence"]["weights"]) == set(FEATURES)
     assert judged["false_above_tau"] / judged["frames"] <= 1 / 200
+    worst_bin = judged.get("worst_of_bins_with_enough")
+    assert worst_bin is None or worst_bin <= 0.05
+
+
+def test_a_card_whose_curve_was_made_for_other_features_is_refused():
+    weights = CARD["measured_confidence"]["weights"]
+    fewer = {name: weights[name] for name in FEATURES[:-1]}
+    for odd in (fewer, weights | {"colour": 1.0}):
+        with pytest.raises(ModelError, match=r"other features: (beside_longer|colour)"):
+            ConfidenceCurve.from_card({"measured_confidence": {"weights": odd}})

@@ -87,6 +87,14 @@ def test_the_model_card_holds_the_measured_figures_and_no_others():
     assert rewritten(text, read_json(FIGURES), read_json(CARD)) == text
 
 
+@pytest.mark.skipif(not FIGURES.exists(), reason="nothing measured yet: python -m models.measure")
+def test_the_figures_are_of_the_network_and_the_curve_that_ship():
+    told, card = read_json(FIGURES), read_json(CARD)
+    assert told["network"] == f"{card['name']} {card['version']} ({card['sha256'][:8]})"
+    assert told["curve"] == pytest.approx(card["measured_confidence"]["weights"])
+    assert told["product_as_it_is"]["differing"] == []
+
+
 def test_the_card_of_figures_can_be_written_from_any_measurement():
     shares = {"clear": 0.9, "clouds": 0.1}
     card = {
