@@ -90,7 +90,7 @@ def choose(figures: dict[str, dict[str, float]]) -> str:
         name
         for name, of in figures.items()
         if name != "float32"
-        and of["recall"] >= plain["recall"] - _LOST
+        and all(of[name] >= plain[name] - _LOST for name in plain if name.startswith("recall"))
         and of["ms_one_thread"] <= _WORTH * plain["ms_one_thread"]
     ]
     return min(better, key=lambda name: figures[name]["ms_one_thread"], default="float32")
