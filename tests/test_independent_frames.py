@@ -12,7 +12,7 @@ DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 SIMULATED, REAL = DATA / "simulated", DATA / "real"
 SILENT = ("pocs_*", "tetra3_*", "cutouts/*")
 pytestmark = [
-    pytest.mark.timeout(400),
+    pytest.mark.timeout(600),
     pytest.mark.shared_data,
     pytest.mark.skipif(not DATA.exists(), reason=f"{DATA} is not here"),
 ]
@@ -28,7 +28,7 @@ def answers() -> dict[str, dict]:
         + [str(path) for path in sorted(paths)],
         capture_output=True,
         text=True,
-        timeout=390,
+        timeout=590,
         check=False,
     )
     assert run.returncode == 0, run.stderr
