@@ -32,6 +32,19 @@ def test_confidence_is_a_probability_and_grows_with_what_is_seen(network, snr, l
     assert CURVE.confidence(believed, PSF_PX) >= p
 
 
+@given(
+    network=st.floats(1e-6, 0.999),
+    snr=st.floats(1.0, 500.0),
+    length_px=st.floats(1.0, 600.0),
+    width_px=st.floats(0.5, 8.0),
+)
+def test_no_measurement_lifts_a_proposal_above_the_highest(network, snr, length_px, width_px):
+    seen = straight_detection(confidence=network, snr=snr, length_px=length_px, width_px=width_px)
+    assert CURVE.confidence(seen, PSF_PX) <= CURVE.highest(network) * (1 + 1e-9)
+    best = straight_detection(confidence=network, snr=500.0, length_px=120.0, width_px=PSF_PX)
+    assert CURVE.confidence(best, PSF_PX) == pytest.approx(CURVE.highest(network), rel=1e-6)
+
+
 def test_a_bright_chain_of_stars_that_the_network_does_not_believe_stays_below_tau():
     """What was met on the real sky: 55 px of stars at a signal to noise of 64."""
     chain = straight_detection(confidence=0.003, snr=64.0, length_px=55.0, width_px=2.4)

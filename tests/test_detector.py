@@ -11,12 +11,9 @@ from rsoconsole.config import DetectorConfig
 from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.records import Frame
 from rsoconsole.simulator.psf import add_points
-from rsoconsole.vision.detector import (
-    TRAILED_STREAKS,
-    FrameAnalysis,
-    StreakDetector,
-    is_same_streak,
-)
+from rsoconsole.vision.candidates import is_same_streak
+from rsoconsole.vision.confidence import FEATURES, ConfidenceCurve
+from rsoconsole.vision.detector import TRAILED_STREAKS, FrameAnalysis, StreakDetector
 from rsoconsole.vision.maps import FrameMap
 from rsoconsole.vision.network import NetworkBox
 
@@ -109,6 +106,25 @@ def test_below_tau_is_rejected_with_both_numbers() -> None:
     assert [r.reason for r in found.rejected] == ["confidence 0.06 below tau 0.10"]
     assert found.rejected[0].detection.length_px == pytest.approx(119, abs=1.5)
     assert len(detector.detect(frame_with((A, B)), tau=0.05).detections) == 1
+
+
+def curve(**weights: float) -> ConfidenceCurve:
+    table = {"constant": 2.0, "network": 1.0} | weights
+    return ConfidenceCurve(tuple(table.get(name, 0.0) for name in FEATURES))
+
+
+def test_what_no_measurement_can_lift_above_tau_is_not_measured() -> None:
+    frame, boxes = frame_with((A, B), (C, D)), (candidate(A, B, 0.8), candidate(C, D, 0.012))
+    strict = StreakDetector(Proposals(*boxes), DetectorConfig(), curve()).detect(frame)
+    assert [d.method for d in strict.detections] == ["line"]
+    # It runs alike, and so bears witness; a wide turn does not.
+    assert [r.detection.method for r in strict.rejected] == ["line"]
+    turned = candidate((260.0, 300.0), (275.0, 418.0), 0.012)
+    other = StreakDetector(Proposals(boxes[0], turned), DetectorConfig(), curve()).detect(frame)
+    assert [r.detection.method for r in other.rejected] == ["box"]
+    assert other.rejected[0].reason == "below tau 0.10 however well a line fits"
+    open_minded = StreakDetector(Proposals(*boxes), DetectorConfig(), curve(constant=5.0))
+    assert len(open_minded.detect(frame).detections) == 2
 
 
 def test_a_candidate_that_is_no_streak_is_rejected_with_the_reason() -> None:

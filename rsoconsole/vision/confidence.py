@@ -74,6 +74,15 @@ class ConfidenceCurve:
         z = sum(w * f for w, f in zip(self.weights, features, strict=True))
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
+    def highest(self, network_confidence: float) -> float:
+        """What a proposal of this confidence can come to at most, whatever is measured of it."""
+        p = min(max(network_confidence, _LEAST), _MOST)
+        table = dict(zip(FEATURES, self.weights, strict=True))
+        z = table["constant"] + table["network"] * math.log(p / (1.0 - p))
+        z += max(table["log_snr"], 0.0) * MOST_LOG_SNR
+        # None of the others speaks for a satellite.
+        return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
+
     def judged(self, candidates: Sequence[Detection], psf_fwhm_px: float) -> list[Detection]:
         """A frame's measured candidates, each with the confidence that it earns among them."""
         return [

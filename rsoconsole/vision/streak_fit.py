@@ -28,7 +28,8 @@ _SHORTEST, _SHORTEST_GUESS = 5.0, 3.5
 """Length relative to the stars' width, of the fit and of the first guess."""
 _MAX_SIGMA_SHARE = 0.2
 _MIN_LIT_SHARE = 0.6
-_MAX_UNEVEN_SHARE = 0.35
+_MAX_UNEVEN_SHARE, _MAX_UNEVEN_GUESS = 0.35, 0.45
+_FAINTEST_GUESS = 0.65
 _MAX_FLICKER = 0.6
 _FLOOR_PX = 0.005
 """What remains of a pixel's own shape in a perfect frame."""
@@ -87,10 +88,9 @@ def fit_streak(
     if isinstance(looked, NoStreak):
         return looked
     cutout, guess, stretch = looked
-    rough_px = stretch.u_b - stretch.u_a
-    if rough_px < _SHORTEST_GUESS * fwhm:
-        snr = stretch.matched_snr
-        return NoStreak(reason=_too_faint(snr) if snr < MIN_SNR else _too_short(rough_px))
+    hopeless = _hopeless(stretch, fwhm)
+    if hopeless is not None:
+        return NoStreak(reason=hopeless)
     is_clipped_a = _leaves_frame(cutout, guess, stretch.u_a, 1.5 * fwhm)
     is_clipped_b = _leaves_frame(cutout, guess, stretch.u_b, 1.5 * fwhm)
     start = Line(
@@ -103,10 +103,14 @@ def fit_streak(
         knot_range=(stretch.u_a, stretch.u_b),
     )
     axes = _axes(cutout, guess)
+    uneven = uneven_share(cutout, axes, start)
+    if uneven > _MAX_UNEVEN_GUESS:
+        return NoStreak(reason=_in_a_row(uneven))
     fitted = fit_robustly(cutout, axes, start, stretch, psf_sigma)
     if fitted is None:
-        uneven = uneven_share(cutout, axes, start)
-        return NoStreak(reason=_in_a_row(uneven) or "no line fits the light in the box")
+        if uneven > _MAX_UNEVEN_SHARE:
+            return NoStreak(reason=_in_a_row(uneven))
+        return NoStreak(reason="no line fits the light in the box")
     fit = _describe(cutout, guess, fitted, stretch)
     reason = _fault(
         fit, stretch, fitted.fit.line, fwhm, uneven_share(cutout, axes, fitted.fit.line)
@@ -146,6 +150,16 @@ def _look(
         box = _grown(box, stretch, guess)
         ends = _guess_ends(guess, stretch)
     return looked or NoStreak(reason="no ends found: the light runs on")
+
+
+def _hopeless(stretch: Ends, psf_fwhm: float) -> str | None:
+    """Why a first guess is not worth a fit, in words."""
+    length_px, snr = stretch.u_b - stretch.u_a, stretch.matched_snr
+    if snr < _FAINTEST_GUESS * MIN_SNR:
+        return _too_faint(snr)
+    if length_px < _SHORTEST_GUESS * psf_fwhm:
+        return _too_faint(snr) if snr < MIN_SNR else _too_short(length_px)
+    return None
 
 
 def _guess_ends(guess: Guess, stretch: Ends) -> Box:
@@ -230,9 +244,7 @@ def _too_faint(snr: float) -> str:
     return f"too faint: signal to noise {snr:.1f}, {MIN_SNR:.0f} needed"
 
 
-def _in_a_row(uneven: float) -> str | None:
-    if uneven <= _MAX_UNEVEN_SHARE:
-        return None
+def _in_a_row(uneven: float) -> str:
     return f"uneven over {100 * uneven:.0f} % of its length: stars in a row"
 
 

@@ -115,12 +115,15 @@ def _clear_giant(layers: Layers, middle: tuple[float, float], noise: float) -> N
 
 def _profile(part: FloatArray, radius: FloatArray, noise: float) -> npt.NDArray[np.float64]:
     """Median of each ring of one pixel, never rising outwards; ADU."""
-    ring = radius.astype(int).ravel()
-    order = np.argsort(ring, kind="stable")
+    ring = radius.astype(np.int64).ravel()
+    # One sort for all rings: whole part the ring, broken part the value in 0 to 1.
+    low, high = float(part.min()), float(part.max())
+    scale = max(high - low, 1e-9) * 1.000001
+    ordered = np.sort(ring + (part.ravel() - low) / scale)
     counts = np.bincount(ring, minlength=_REACH_PX)[:_REACH_PX]
-    split = np.split(part.ravel()[order], np.cumsum(counts))[:_REACH_PX]
-    medians = np.array([np.median(each) if each.size >= 5 else np.nan for each in split])
-    known = np.flatnonzero(np.isfinite(medians))
+    middles = np.minimum(np.cumsum(counts) - counts + counts // 2, ordered.size - 1)
+    medians = (ordered[middles] % 1.0) * scale + low
+    known = np.flatnonzero(counts >= 5)
     if known.size == 0:
         return np.full(1, 1e3 * noise)
     filled = np.interp(np.arange(_REACH_PX), known, medians[known])

@@ -10,7 +10,7 @@ from rsoconsole.vision.streak_search import Cutout, Guess
 
 _WINDOW = 5
 _PARTS = 6
-_MOST_BINS = 160
+_MOST_BINS = 100
 _CAP, _HALF = 1.3, 0.45
 """Of the typical level: no brighter part counts more, and what is darker counts against."""
 

@@ -1,10 +1,10 @@
 """How long vision takes from a frame in memory to measured streaks, and how much memory.
 
-    python -m tests.bench.bench_vision [--repeats 9] [--threads 1 2] [--frames 4] [--write]
+    python -m tests.bench.bench_vision [--repeats 9] [--threads 1 2] [--frames 6] [--write]
 
 Run from the project's root. The detector is made as the product makes it, with the confidence
 curve of the network's card, and sees 4656 x 3520 frames of 16 bits: one of noise, stars and one
-streak, and some drawn by the simulated telescope on the real sky, half of them with streaks. Every
+streak, and some drawn by the simulated telescope on the real sky, one of every kind. Every
 number of threads has a process of its own; memory is measured in yet another. Prints medians,
 asserts nothing; ``--write`` keeps the figures in ``results/vision.json``.
 """
@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from models.confidence import draw
+from models.frames import KINDS, draw
 from rsoconsole.cli import ONE_THREAD
 from rsoconsole.config import DetectorConfig, OpticsConfig
 from rsoconsole.records import Frame
@@ -37,8 +37,8 @@ from rsoconsole.vision.network import Network
 
 RESULTS = Path(__file__).parent / "results" / "vision.json"
 START_PX, END_PX = (2000.0, 1500.0), (2118.0, 1512.0)
-SEED = 4404
-"""Of frames on which nothing was trained or set."""
+FIRST = 900_000
+"""Number of the first frame drawn: far beyond those that the curve was fitted on."""
 STAGES = ("background", "map", "stars", "network", "fit")
 WARM_PX = 512
 _MB = 1024.0 * 1024.0
@@ -73,8 +73,9 @@ def save_frame(number: int, path: Path) -> str:
     if number == 0:
         frame, name = bench_frame(OpticsConfig()), "noise, stars, a streak"
     else:
-        frame, streaks = draw(number - 1, SEED)
-        name = f"drawn {number}, {len(streaks)} streak(s)"
+        kind = KINDS[(number - 1) % len(KINDS)]
+        frame = draw("calibrate", kind, FIRST + number).frame
+        name = f"drawn: {kind}"
     np.save(path.with_suffix(".npy"), frame.pixels)
     path.write_bytes(pickle.dumps(replace(frame, name=name, pixels=frame.pixels[:1])))
     return name
@@ -166,7 +167,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=9)
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--frames", type=int, default=4, help="drawn ones, beside the other")
+    parser.add_argument(
+        "--frames", type=int, default=len(KINDS), help="drawn ones, beside the other"
+    )
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     for name in ONE_THREAD:
