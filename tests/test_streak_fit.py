@@ -225,6 +225,32 @@ def test_a_star_just_beyond_an_end_is_not_part_of_the_streak() -> None:
         assert np.hypot(fit.x_px - 159.5, fit.y_px - 146.0) < 1.5
 
 
+def test_a_bright_trail_half_as_wide_again_as_the_stars_is_no_satellite() -> None:
+    image = draw(np.random.default_rng(10), [((100.0, 150.0), (219.0, 170.0), 20.0)], fwhm=3.9)
+    assert "wider" in reason_of(image, (95, 145, 225, 175))
+
+
+def test_an_evenly_flashing_light_is_an_aircraft_and_a_tumbling_one_is_not() -> None:
+    ends = (60.0, 150.0), (260.0, 170.0)
+    flashes = [0.05, 0.05, 2.0, 0.05] * 9
+    image = draw(np.random.default_rng(20), [(*ends, 8.0)], brightness=flashes)
+    assert "flashes every 2" in reason_of(image, (55, 145, 265, 175))
+    tumbling = [0.2, 1.0, 0.2, 1.0, 0.2]
+    image = draw(np.random.default_rng(21), [(*ends, 8.0)], brightness=tumbling)
+    sky = local_background(image)
+    assert isinstance(fit_streak(image, sky, (55, 145, 265, 175), psf_fwhm_px=2.3), StreakFit)
+
+
+def test_light_that_crosses_a_large_frame_is_not_measured() -> None:
+    rng = np.random.default_rng(22)
+    light = np.zeros((96, 2400), dtype=np.float32)
+    x = np.linspace(-50.0, 2450.0, 5000)
+    points(light, x, 40.0 + 0.005 * x, np.full(5000, 250.0), 0.95)
+    image = np.clip(730 + light + NOISE_ADU * rng.normal(size=light.shape), 0, 65520)
+    image = image.astype(np.uint16)
+    assert "runs on" in reason_of(image, (1100, 42, 1220, 50))
+
+
 def test_stars_in_a_row_are_no_streak() -> None:
     for seed in range(5):
         rng = np.random.default_rng(seed)

@@ -14,8 +14,8 @@ from rsoconsole.vision.streak_model import (
     LineFit,
     Pixels,
     Points,
-    variance_of,
 )
+from rsoconsole.vision.streak_noise import variance_of
 
 Axes = tuple[FloatArray, FloatArray]
 """u along and v across of every pixel of a cutout, (h, w) each."""
@@ -64,7 +64,7 @@ def unexplained(
     import cv2
 
     shape = axes[0].shape
-    variance = variance_of(pixels.variance, fit.light, fit.glare, fit.excess, fit.unsteady)
+    variance = variance_of(pixels.variance, fit.light, fit.glare, fit.noise)
     residual = pixels.value - fit.line.sky - fit.light - fit.glare
     deviation = np.zeros(shape, dtype=np.float32)
     deviation.ravel()[pixels.index] = residual / np.sqrt(variance)

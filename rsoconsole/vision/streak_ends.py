@@ -20,8 +20,8 @@ from rsoconsole.vision.streak_model import (
     across_profile,
     amplitude_at,
     star_columns,
-    variance_of,
 )
+from rsoconsole.vision.streak_noise import variance_of
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -139,7 +139,7 @@ def _side_of(
     chosen = np.flatnonzero(near & (np.abs(v) < 3.0 * line.sigma + 1.0))
     u = pixels.u[chosen]
     shining = fit.light[chosen], fit.glare[chosen]
-    variance = variance_of(pixels.variance[chosen], *shining, fit.excess, fit.unsteady)
+    variance = variance_of(pixels.variance[chosen], *shining, fit.noise)
     scale = 1.0 / np.sqrt(variance)
     # The knots next to the end are no witness: a guess that reaches too far has dark ones.
     low, high = line.knot_range

@@ -12,6 +12,7 @@ from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
 from rsoconsole.vision.streak_beside import Axes
+from rsoconsole.vision.streak_blink import flash_period_px
 from rsoconsole.vision.streak_model import Line
 from rsoconsole.vision.streak_robust import Measured, fit_robustly, uneven_share
 from rsoconsole.vision.streak_search import Box, Cutout, Guess, cut_out, find_line
@@ -20,15 +21,16 @@ from rsoconsole.vision.streak_stretch import Ends, find_ends
 MIN_SNR = 7.0
 _MARGIN_PX = 16.0
 _LOOKS = 4
-_LARGEST_CUTOUT_PX = 4_000_000
+_LONGEST_PX = 1000.0
 _CLIPPED_SIGMA_PX = 100.0
-_NARROWEST, _WIDEST = 0.6, 2.2
-"""Width relative to the stars'."""
+_NARROWEST, _WIDEST = (0.6, 0.78, 2.0), (2.2, 1.5, 10.0)
+"""Width relative to the stars': the gate at its widest, the gate of a bright streak, and how much
+that is opened over the signal to noise."""
 _SHORTEST, _SHORTEST_GUESS = 5.0, 3.5
 """Length relative to the stars' width, of the fit and of the first guess."""
 _MAX_SIGMA_SHARE = 0.2
 _MIN_LIT_SHARE = 0.6
-_MAX_UNEVEN_SHARE, _MAX_UNEVEN_GUESS = 0.35, 0.45
+_MAX_UNEVEN_SHARE, _MAX_UNEVEN_GUESS, _SUSPICIOUS_UNEVEN = 0.35, 0.45, 0.2
 _FAINTEST_GUESS = 0.65
 _MAX_FLICKER = 0.6
 _FLOOR_PX = 0.005
@@ -104,8 +106,9 @@ def fit_streak(
     )
     axes = _axes(cutout, guess)
     uneven = uneven_share(cutout, axes, start)
-    if uneven > _MAX_UNEVEN_GUESS:
-        return NoStreak(reason=_in_a_row(uneven))
+    not_one = _not_one_light(cutout, axes, start, uneven)
+    if not_one is not None:
+        return NoStreak(reason=not_one)
     fitted = fit_robustly(cutout, axes, start, stretch, psf_sigma)
     if fitted is None:
         if uneven > _MAX_UNEVEN_SHARE:
@@ -130,7 +133,6 @@ def _look(
     """Line and rough ends, further out each time the light runs into the cutout's rim."""
     margin = _MARGIN_PX + 6.0 * psf_sigma
     cutout = cut_out(pixels, sky, box, margin, stars)
-    looked: tuple[Cutout, Guess, Ends] | None = None
     for _ in range(_LOOKS):
         guess = find_line(cutout, box, psf_sigma, ends)
         if guess is None:
@@ -144,12 +146,15 @@ def _look(
         wider = cut_out(pixels, sky, _grown(box, stretch, guess), margin, stars)
         if wider.values.shape == cutout.values.shape:
             break
-        if wider.values.size > _LARGEST_CUTOUT_PX:
-            return NoStreak(reason="no ends found: the light runs on for thousands of pixels")
+        if stretch.u_b - stretch.u_a > _LONGEST_PX:
+            length_px = stretch.u_b - stretch.u_a
+            return NoStreak(reason=f"no ends found: the light runs on for {length_px:.0f} px")
         cutout = wider
         box = _grown(box, stretch, guess)
         ends = _guess_ends(guess, stretch)
-    return looked or NoStreak(reason="no ends found: the light runs on")
+    else:
+        return NoStreak(reason="no ends found: the light runs on and on")
+    return looked
 
 
 def _hopeless(stretch: Ends, psf_fwhm: float) -> str | None:
@@ -160,6 +165,15 @@ def _hopeless(stretch: Ends, psf_fwhm: float) -> str | None:
     if length_px < _SHORTEST_GUESS * psf_fwhm:
         return _too_faint(snr) if snr < MIN_SNR else _too_short(length_px)
     return None
+
+
+def _not_one_light(cutout: Cutout, axes: Axes, start: Line, uneven: float) -> str | None:
+    """What else than one streak lies along a guessed line, in words."""
+    if uneven > _SUSPICIOUS_UNEVEN:
+        period_px = flash_period_px(cutout, axes, start)
+        if period_px is not None:
+            return f"it flashes every {period_px:.0f} px: an aircraft"
+    return _in_a_row(uneven) if uneven > _MAX_UNEVEN_GUESS else None
 
 
 def _guess_ends(guess: Guess, stretch: Ends) -> Box:
@@ -220,7 +234,7 @@ def _describe(cutout: Cutout, guess: Guess, measured: Measured, stretch: Ends) -
         sigma_along_px=float(np.hypot(along, _FLOOR_PX)),
         sigma_across_px=float(np.hypot(across**0.5, _FLOOR_PX)),
         is_clipped=is_clipped,
-        flicker=measured.fit.flicker,
+        flicker=measured.fit.noise.flicker(line.sigma),
     )
 
 
@@ -255,14 +269,16 @@ def _too_short(length_px: float) -> str:
 def _fault(fit: StreakFit, stretch: Ends, line: Line, psf_fwhm: float, uneven: float) -> str | None:
     """The first gate that the fit does not pass, in words; None where it passes all."""
     ratio = fit.width_px / psf_fwhm
+    narrowest = max(_NARROWEST[0], _NARROWEST[1] - _NARROWEST[2] / max(fit.snr, 1.0))
+    widest = min(_WIDEST[0], _WIDEST[1] + _WIDEST[2] / max(fit.snr, 1.0))
     reason = None
     if max(line.amplitudes) <= 0:
         reason = "darker than the sky"
     elif fit.snr < MIN_SNR:
         reason = _too_faint(fit.snr)
-    elif ratio < _NARROWEST:
+    elif ratio < narrowest:
         reason = f"narrower than a star ({fit.width_px:.1f} of {psf_fwhm:.1f} px): a cosmic ray"
-    elif ratio > _WIDEST:
+    elif ratio > widest:
         reason = (
             f"wider than a star ({fit.width_px:.1f} of {psf_fwhm:.1f} px): an aircraft or glare"
         )

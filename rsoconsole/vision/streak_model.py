@@ -12,12 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
+from rsoconsole.vision.streak_noise import SourceNoise, excess_of, unsteady_of, variance_of
 
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.intp]
 
-GLARE_ERROR = 0.12
-"""Share of a star's light, pixel by pixel, that our disc of a star gets wrong."""
 _WINGS = ((0.88, 1.0), (0.12, 2.2))
 """Share of a star's light and width relative to its core: a Moffat disc of beta 3.5, roughly."""
 _STAR_REACH = 6.0
@@ -30,8 +29,6 @@ _PLACE_PRIOR_PX = 0.6
 _LARGEST_STEP_PX = 1.5
 _FAR_OFF_PX = 12.0
 _SHAPE = 3
-_WIDTH_PIXELS = 5.9
-"""Pixels that count in one width of a line of unit sigma."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -91,19 +88,11 @@ class LineFit:
     points: Points
     covariance: FloatArray
     """(2, 2) of offset and slope."""
-    excess: float
-    """Variance that the source's own light adds, ADU^2 per ADU: photons and a PSF unlike ours."""
-    unsteady: float
-    """Variance per ADU^2 of the source: how much its light flickers along the line."""
+    noise: SourceNoise
     light: FloatArray
     """Of the line alone, ADU at every pixel."""
     glare: FloatArray
     """Of the stars alone."""
-
-    @property
-    def flicker(self) -> float:
-        """Share by which the light changes from one width of the seeing to the next."""
-        return float(np.sqrt(self.unsteady / _WIDTH_PIXELS) / self.line.sigma)
 
 
 def fit_line(
@@ -112,9 +101,8 @@ def fit_line(
     points: Points,
     psf_sigma: float,
     *,
-    excess: float = 0.0,
-    unsteady: float = 0.0,
-    steps: int = 4,
+    noise: SourceNoise,
+    steps: int,
 ) -> LineFit | None:
     """Gauss-Newton from ``start``, ends held; None when it runs away or its matrix is singular."""
     line, count = start, len(start.amplitudes)
@@ -122,7 +110,7 @@ def fit_line(
     light, glare, jacobian = _evaluate(pixels, line, points, psf_sigma)
     inverse: FloatArray = np.zeros((parameters.size, parameters.size))
     for step in range(steps + 1):
-        weight = 1.0 / variance_of(pixels.variance, light, glare, excess, unsteady)
+        weight = 1.0 / variance_of(pixels.variance, light, glare, noise)
         residual = pixels.value - line.sky - light - glare
         prior_j, prior_r = _priors(parameters, count, psf_sigma, start, points)
         weighted = jacobian * weight[:, None]
@@ -151,20 +139,27 @@ def fit_line(
         line=line,
         points=points,
         covariance=inverse[:2, :2],
-        excess=source_noise(pixels, line, light, glare),
-        unsteady=flicker(pixels, line, light, glare),
+        noise=_noise_of(pixels, line, light, glare),
         light=light,
         glare=glare,
     )
 
 
-def variance_of(
-    plain: FloatArray, light: FloatArray, glare: FloatArray, excess: float, unsteady: float
-) -> FloatArray:
-    """``plain`` and what the streak's own light adds, and how badly a star is known."""
-    glare_error = GLARE_ERROR * glare
-    lit = np.maximum(light, 0.0)
-    return plain + (excess + unsteady * lit) * lit + glare_error * glare_error
+def _noise_of(pixels: Pixels, line: Line, light: FloatArray, glare: FloatArray) -> SourceNoise:
+    """What the residuals say of the source's own noise."""
+    residual = pixels.value - line.sky - light - glare
+    width, (low, high) = 2.36 * line.sigma, line.knot_range
+    inside = (pixels.u > low + width) & (pixels.u < high - width) & (glare < 0.1 * light)
+    return SourceNoise(
+        excess=excess_of(residual, pixels.variance, light, glare),
+        unsteady=unsteady_of(
+            (residual + glare)[inside],
+            light[inside],
+            pixels.u[inside] - low,
+            sigma=line.sigma,
+            pixel_variance=pixels.noise**2,
+        ),
+    )
 
 
 def light_at(u: FloatArray, v: FloatArray, line: Line) -> FloatArray:
@@ -184,49 +179,6 @@ def amplitude_at(u: FloatArray, line: Line) -> FloatArray:
     """ADU per pixel of length, held beyond the outer knots."""
     knots = np.linspace(*line.knot_range, len(line.amplitudes))
     return np.asarray(np.interp(u, knots, line.amplitudes), dtype=np.float64)
-
-
-def source_noise(pixels: Pixels, line: Line, light: FloatArray, glare: FloatArray) -> float:
-    """Variance per ADU of the source, from the residuals away from stars; never negative.
-
-    Residuals beyond four sigma are cut back: what stands in the way is no noise.
-    """
-    source = np.where(glare < 0.3 * light, np.maximum(light, 0.0), 0.0)
-    total = float(source @ source)
-    plain = pixels.variance
-    residual2 = (pixels.value - line.sky - light - glare) ** 2
-    excess = 0.0
-    for _ in range(2):
-        limit = 16.0 * (plain + max(excess, 0.2 * pixels.noise) * source)
-        squared = np.minimum(residual2, limit) - plain
-        excess = max(0.0, float(source @ squared) / total) if total > 0 else 0.0
-    return excess
-
-
-def flicker(pixels: Pixels, line: Line, light: FloatArray, glare: FloatArray) -> float:
-    """Variance per ADU^2 of the source that its changes over one width of the seeing make.
-
-    Tumbling, scintillation and a wavering mount move light along the line: each stretch of one
-    width is off by a share of its own. Written as noise of each pixel, as the fits take it.
-    """
-    width = 2.36 * line.sigma
-    low, high = line.knot_range
-    inside = (pixels.u > low + width) & (pixels.u < high - width) & (glare < 0.1 * light)
-    chosen = np.flatnonzero(inside)
-    if chosen.size == 0:
-        return 0.0
-    bins = ((pixels.u[chosen] - low) / width).astype(int)
-    lit = light[chosen]
-    residual = pixels.value[chosen] - line.sky - lit
-    power = np.bincount(bins, lit * lit)
-    is_full = power > 0.5 * np.max(power)
-    power = power[is_full]
-    share = np.bincount(bins, lit * residual)[is_full] / power
-    squared = np.sort(share**2 - pixels.noise**2 / power)
-    if squared.size < 5:
-        return 0.0
-    kept = squared[: -max(1, squared.size // 10)]
-    return _WIDTH_PIXELS * line.sigma**2 * max(0.0, float(np.mean(kept)))
 
 
 def with_knots(line: Line, count: int, knot_range: tuple[float, float]) -> Line:

@@ -8,7 +8,6 @@ from rsoconsole.vision.stars import FWHM_PER_SIGMA
 from rsoconsole.vision.streak_beside import Axes, joined, unexplained, within
 from rsoconsole.vision.streak_ends import End, find_end, strip_reach
 from rsoconsole.vision.streak_model import (
-    GLARE_ERROR,
     BoolArray,
     Line,
     LineFit,
@@ -19,10 +18,12 @@ from rsoconsole.vision.streak_model import (
     star_columns,
     with_knots,
 )
+from rsoconsole.vision.streak_noise import GLARE_ERROR, NO_SOURCE_NOISE
 from rsoconsole.vision.streak_search import Cutout
 from rsoconsole.vision.streak_stretch import Ends
 
 _ROUNDS = 3
+_LEAST_PIXELS = 30
 _HALF_STRIP = 4.0
 """Half the width of the strip that is fitted, in sigmas of a star; a pixel and a half more."""
 _KNOTS = ((6, 30.0), (3, 15.0))
@@ -43,19 +44,19 @@ def fit_robustly(
     cutout: Cutout, axes: Axes, start: Line, stretch: Ends, psf_sigma: float
 ) -> Measured | None:
     """The line, the stars beside it and its ends in turn until the ends stay; None: no line."""
-    calm = replace(start, amplitudes=_calm(start.amplitudes))
-    line = with_knots(calm, _knots(stretch, psf_sigma), start.knot_range)
+    line = with_knots(start, _knots(stretch, psf_sigma), start.knot_range)
     points = _listed(cutout, axes, line, psf_sigma)
     masked = np.zeros(cutout.values.size, dtype=bool)
     pixels = _strip(cutout, axes, line, psf_sigma, masked)
     points = joined(points, _in_the_way(axes, pixels, line, points, psf_sigma))
     measured: Measured | None = None
-    excess = unsteady = 0.0
+    noise = NO_SOURCE_NOISE
     for number in range(_ROUNDS):
-        pixels = _strip(cutout, axes, line, psf_sigma, masked)
-        if pixels.u.size < 30:
+        if number > 0:
+            pixels = _strip(cutout, axes, line, psf_sigma, masked)
+        if pixels.u.size < _LEAST_PIXELS:
             return None
-        fit = fit_line(pixels, line, points, psf_sigma, excess=excess, unsteady=unsteady)
+        fit = fit_line(pixels, line, points, psf_sigma, noise=noise, steps=3)
         if fit is None:
             return None
         more, lone = unexplained(axes, pixels, fit, psf_sigma)
@@ -64,19 +65,18 @@ def fit_robustly(
         if len(more) or lone.size:
             masked[lone] = True
             pixels = _strip(cutout, axes, line, psf_sigma, masked)
-            excess, unsteady, points = fit.excess, fit.unsteady, joined(fit.points, more)
-            fit = fit_line(pixels, fit.line, points, psf_sigma, excess=excess, unsteady=unsteady)
+            noise, points = fit.noise, joined(fit.points, more)
+            fit = fit_line(pixels, fit.line, points, psf_sigma, noise=noise, steps=3)
         if fit is None or max(fit.line.amplitudes) <= 0.0:
             return None
         measured = _with_ends(pixels, fit, psf_sigma, is_near=number > 0)
         is_settled = not _has_moved(measured, fit.line, psf_sigma)
-        line, points = measured.fit.line, fit.points
-        excess, unsteady = fit.excess, fit.unsteady
+        line, points, noise = measured.fit.line, fit.points, fit.noise
         if is_settled:
             break
     if measured is None:
         return None
-    last = fit_line(pixels, line, points, psf_sigma, excess=excess, unsteady=unsteady, steps=2)
+    last = fit_line(pixels, line, points, psf_sigma, noise=noise, steps=2)
     return replace(measured, fit=last) if last is not None else measured
 
 
@@ -91,8 +91,7 @@ def _in_the_way(axes: Axes, pixels: Pixels, line: Line, points: Points, psf_sigm
         line=line,
         points=points,
         covariance=np.zeros((2, 2)),
-        excess=0.0,
-        unsteady=0.0,
+        noise=NO_SOURCE_NOISE,
         light=light,
         glare=glare,
     )
@@ -100,12 +99,6 @@ def _in_the_way(axes: Axes, pixels: Pixels, line: Line, points: Points, psf_sigm
     streak = np.max(light, initial=0.0) / pixels.noise * np.sqrt(2.0 * np.pi) * psf_sigma
     found, _ = unexplained(axes, pixels, guessed, psf_sigma, 4.5 + 1.5 * streak)
     return found
-
-
-def _calm(amplitudes: tuple[float, ...]) -> tuple[float, ...]:
-    """Running median of three: one part brightened by a star does not count."""
-    padded = np.array([amplitudes[0], *amplitudes, amplitudes[-1]])
-    return tuple(float(a) for a in np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0))
 
 
 def _with_ends(pixels: Pixels, fit: LineFit, psf_sigma: float, *, is_near: bool) -> Measured:

@@ -22,7 +22,7 @@ class Ends:
     u_a: float
     u_b: float
     amplitudes: tuple[float, ...]
-    """ADU per pixel of length in equal parts of the stretch, first to last."""
+    """ADU per pixel of length in equal parts of the stretch, first to last, calmed."""
     matched_snr: float
     """Of the stretch, roughly."""
     lit_share: float
@@ -54,11 +54,17 @@ def find_ends(cutout: Cutout, guess: Guess, psf_sigma: float) -> Ends | None:
     return Ends(
         u_a=float(first + a) - 0.5,
         u_b=float(first + b) + 0.5,
-        amplitudes=tuple(max(float(np.median(part)), 0.05 * level) for part in parts),
+        amplitudes=_calm(tuple(max(float(np.median(part)), 0.05 * level) for part in parts)),
         matched_snr=float(np.sqrt(inside.size) * np.mean(np.minimum(inside, 3.0 * level)) / noise),
         lit_share=float(np.mean(inside > 0.25 * level)),
         reaches_rim=bool(a <= known[0] + 4 or b >= known[-1] - 4),
     )
+
+
+def _calm(amplitudes: tuple[float, ...]) -> tuple[float, ...]:
+    """Running median of three: one part brightened by a star does not count."""
+    padded = np.array([amplitudes[0], *amplitudes, amplitudes[-1]])
+    return tuple(float(a) for a in np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0))
 
 
 def _smoothed(profile: FloatArray, is_known: BoolArray) -> FloatArray:
