@@ -296,6 +296,37 @@ def test_an_end_behind_a_glaring_star_is_found_beside_it() -> None:
     assert max(errors) < half_a_pixel
 
 
+def test_a_streak_is_followed_to_its_end_on_the_other_side_of_a_giant_star() -> None:
+    a, b = (100.0, 150.0), (219.0, 142.0)
+    half_a_pixel = 0.5
+    for seed in range(30, 36):
+        star = ((200.0, 141.0), (200.5, 141.0), 3000.0)
+        image = draw(np.random.default_rng(seed), [(a, b, 8.0), star], stars=30)
+        sky = local_background(image)
+        stars = find_stars(image, sky)
+        fit = fit_streak(image, sky, (96, 138, 223, 154), stars=stars)
+        assert isinstance(fit, StreakFit)
+        assert np.hypot(fit.x_px - 159.5, fit.y_px - 146.0) < half_a_pixel
+
+
+def test_an_unlisted_star_on_the_tip_moves_the_middle_no_further_than_is_said() -> None:
+    errors, normalised = [], []
+    for seed in range(40, 64):
+        rng = np.random.default_rng(seed)
+        a, b = (100.0, 150.0), (219.0, 142.0)
+        x, y = b[0] + rng.uniform(-3.0, 5.0), b[1] + rng.uniform(-2.0, 2.0)
+        image = draw(rng, [(a, b, 6.0), ((x, y), (x + 0.5, y), rng.uniform(8.0, 40.0))])
+        fit = fit_streak(image, local_background(image), box_of(a, b, rng), psf_fwhm_px=2.3)
+        assert isinstance(fit, StreakFit)
+        along = abs(fit.x_px - 159.5)
+        errors.append(along)
+        normalised.append(along / fit.sigma_along_px)
+    # Such a star adds up to 7 px to what is lit.
+    assert np.median(errors) < 0.4
+    assert max(errors) < 2.0
+    assert np.sqrt(np.mean(np.square(normalised))) < 1.6
+
+
 def test_an_end_that_nobody_can_see_is_known_only_as_well_as_what_hides_it_is_wide() -> None:
     a, b = (100.0, 150.0), (219.0, 142.0)
     image = draw(np.random.default_rng(15), [(a, b, 15.0)], stars=30)

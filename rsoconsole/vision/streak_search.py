@@ -16,6 +16,8 @@ Box = tuple[float, float, float, float]
 _SMALL_BOX_PX = 40.0
 _BOX_ERROR_PX = 12.0
 _OFFSETS_PX = 10.0
+_ANGLE_ERROR_RAD = 0.13
+"""The direction of a network's line is trusted no better than so."""
 _CLIP = (-1.5, 4.0)
 """Of the smoothed signal to noise, so that a star in the way counts little."""
 
@@ -122,7 +124,7 @@ def find_line(cutout: Cutout, box: Box, psf_sigma: float, ends: Box | None = Non
     if ends is None or length < _SMALL_BOX_PX / 2:
         angles = _fan(x1 - x0, y1 - y0, length, step)
     else:
-        spread = min(10.0 / length + 2 * step, np.pi / 4)
+        spread = min(max(10.0 / length + 2 * step, _ANGLE_ERROR_RAD), np.pi / 4)
         angle = float(np.arctan2(y1 - y0, x1 - x0))
         angles = np.arange(angle - spread, angle + spread + step / 2, step)
     reach = min(_OFFSETS_PX, 4.0 + 0.1 * length)
