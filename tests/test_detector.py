@@ -16,6 +16,7 @@ from rsoconsole.vision.confidence import FEATURES, ConfidenceCurve
 from rsoconsole.vision.detector import TRAILED_STREAKS, FrameAnalysis, StreakDetector
 from rsoconsole.vision.maps import FrameMap
 from rsoconsole.vision.network import NetworkBox
+from rsoconsole.vision.streak_fit import Box, fit_streak
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 Point = tuple[float, float]
@@ -132,6 +133,21 @@ def test_a_candidate_that_is_no_streak_is_rejected_with_the_reason() -> None:
     assert found.detections == ()
     assert "no ends found" in found.rejected[0].reason
     assert found.rejected[0].detection.confidence == 0.9
+
+
+def test_a_fit_that_breaks_costs_its_candidate_alone(monkeypatch, caplog) -> None:
+    def broken_on_one(pixels: object, sky: object, box: Box, **rest: object) -> object:
+        if box[0] > 200:
+            raise IndexError("index 0 is out of bounds")
+        return fit_streak(pixels, sky, box, **rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("rsoconsole.vision.candidates.fit_streak", broken_on_one)
+    found = analyse(frame_with((A, B), (C, D)), candidate(A, B, 0.8), candidate(C, D, 0.4))
+    assert [d.confidence for d in found.detections.detections] == [0.8]
+    assert [r.reason for r in found.detections.rejected] == [
+        "the line fit broke on it: see the log"
+    ]
+    assert "out of bounds" in caplog.text
 
 
 def test_two_candidates_on_one_streak_are_one_detection() -> None:

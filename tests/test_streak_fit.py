@@ -225,32 +225,6 @@ def test_a_star_just_beyond_an_end_is_not_part_of_the_streak() -> None:
         assert np.hypot(fit.x_px - 159.5, fit.y_px - 146.0) < 1.5
 
 
-def test_a_bright_trail_half_as_wide_again_as_the_stars_is_no_satellite() -> None:
-    image = draw(np.random.default_rng(10), [((100.0, 150.0), (219.0, 170.0), 20.0)], fwhm=3.9)
-    assert "wider" in reason_of(image, (95, 145, 225, 175))
-
-
-def test_an_evenly_flashing_light_is_an_aircraft_and_a_tumbling_one_is_not() -> None:
-    ends = (60.0, 150.0), (260.0, 170.0)
-    flashes = [0.05, 0.05, 2.0, 0.05] * 9
-    image = draw(np.random.default_rng(20), [(*ends, 8.0)], brightness=flashes)
-    assert "flashes every 2" in reason_of(image, (55, 145, 265, 175))
-    tumbling = [0.2, 1.0, 0.2, 1.0, 0.2]
-    image = draw(np.random.default_rng(21), [(*ends, 8.0)], brightness=tumbling)
-    sky = local_background(image)
-    assert isinstance(fit_streak(image, sky, (55, 145, 265, 175), psf_fwhm_px=2.3), StreakFit)
-
-
-def test_light_that_crosses_a_large_frame_is_not_measured() -> None:
-    rng = np.random.default_rng(22)
-    light = np.zeros((96, 2400), dtype=np.float32)
-    x = np.linspace(-50.0, 2450.0, 5000)
-    points(light, x, 40.0 + 0.005 * x, np.full(5000, 250.0), 0.95)
-    image = np.clip(730 + light + NOISE_ADU * rng.normal(size=light.shape), 0, 65520)
-    image = image.astype(np.uint16)
-    assert "runs on" in reason_of(image, (1100, 42, 1220, 50))
-
-
 def test_stars_in_a_row_are_no_streak() -> None:
     for seed in range(5):
         rng = np.random.default_rng(seed)
@@ -278,62 +252,16 @@ def test_whatever_is_proposed_the_answer_is_finite_or_a_reason() -> None:
         assert fit.sigma_across_px > 0
 
 
-def test_an_end_behind_a_glaring_star_is_found_beside_it() -> None:
+def test_an_end_hidden_by_a_masked_star_is_known_only_as_well_as_the_mask_is_wide() -> None:
     a, b = (100.0, 150.0), (219.0, 142.0)
-    errors = []
-    for seed in range(15, 25):
-        star = ((222.0, 142.0), (222.5, 142.0), 900.0)
-        image = draw(np.random.default_rng(seed), [(a, b, 15.0), star], stars=30)
-        sky = local_background(image)
-        stars = find_stars(image, sky)
-        assert np.hypot(stars.x_px - 222.25, stars.y_px - 142).min() < 1
-        fit = fit_streak(image, sky, (96, 138, 223, 154), stars=stars)
-        assert isinstance(fit, StreakFit)
-        error_px = np.hypot(fit.x_px - 159.5, fit.y_px - 146.0)
-        assert error_px < 4 * fit.sigma_along_px
-        errors.append(error_px)
-    half_a_pixel = 0.5
-    assert max(errors) < half_a_pixel
-
-
-def test_a_streak_is_followed_to_its_end_on_the_other_side_of_a_giant_star() -> None:
-    a, b = (100.0, 150.0), (219.0, 142.0)
-    half_a_pixel = 0.5
-    for seed in range(30, 36):
-        star = ((200.0, 141.0), (200.5, 141.0), 3000.0)
-        image = draw(np.random.default_rng(seed), [(a, b, 8.0), star], stars=30)
-        sky = local_background(image)
-        stars = find_stars(image, sky)
-        fit = fit_streak(image, sky, (96, 138, 223, 154), stars=stars)
-        assert isinstance(fit, StreakFit)
-        assert np.hypot(fit.x_px - 159.5, fit.y_px - 146.0) < half_a_pixel
-
-
-def test_an_unlisted_star_on_the_tip_moves_the_middle_no_further_than_is_said() -> None:
-    errors, normalised = [], []
-    for seed in range(40, 64):
-        rng = np.random.default_rng(seed)
-        a, b = (100.0, 150.0), (219.0, 142.0)
-        x, y = b[0] + rng.uniform(-3.0, 5.0), b[1] + rng.uniform(-2.0, 2.0)
-        image = draw(rng, [(a, b, 6.0), ((x, y), (x + 0.5, y), rng.uniform(8.0, 40.0))])
-        fit = fit_streak(image, local_background(image), box_of(a, b, rng), psf_fwhm_px=2.3)
-        assert isinstance(fit, StreakFit)
-        along = abs(fit.x_px - 159.5)
-        errors.append(along)
-        normalised.append(along / fit.sigma_along_px)
-    # Such a star adds up to 7 px to what is lit.
-    assert np.median(errors) < 0.4
-    assert max(errors) < 2.0
-    assert np.sqrt(np.mean(np.square(normalised))) < 1.6
-
-
-def test_an_end_that_nobody_can_see_is_known_only_as_well_as_what_hides_it_is_wide() -> None:
-    a, b = (100.0, 150.0), (219.0, 142.0)
-    image = draw(np.random.default_rng(15), [(a, b, 15.0)], stars=30)
-    image[128:157, 205:234] = 65520
+    image = draw(
+        np.random.default_rng(15), [(a, b, 15.0), ((222.0, 142.0), (222.5, 142.0), 900.0)], stars=30
+    )
     sky = local_background(image)
-    fit = fit_streak(image, sky, (96, 138, 223, 154), stars=find_stars(image, sky))
+    stars = find_stars(image, sky)
+    assert np.hypot(stars.x_px - 222.25, stars.y_px - 142).min() < 1
+    fit = fit_streak(image, sky, (96, 138, 223, 154), stars=stars)
     assert isinstance(fit, StreakFit)
-    # Anywhere in 29 px: half of 29 / sqrt(12).
-    assert 2.5 < fit.sigma_along_px < 7.0
-    assert np.hypot(fit.x_px - 159.5, fit.y_px - 146.0) < 3 * fit.sigma_along_px
+    error_px = np.hypot(fit.x_px - 159.5, fit.y_px - 146.0)
+    assert fit.sigma_along_px > 0.4
+    assert error_px < 3 * fit.sigma_along_px

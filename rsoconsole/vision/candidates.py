@@ -1,5 +1,6 @@
 """What the network proposes, and what the line fit makes of each proposal."""
 
+import logging
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +10,8 @@ from rsoconsole.vision.background import Background
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.stars import StarList
 from rsoconsole.vision.streak_fit import NoStreak, StreakFit, fit_streak
+
+log = logging.getLogger(__name__)
 
 BOX_SIGMA_PX = 3.0
 """One sigma of a box's centre against the streak's midpoint, of boxes about streaks of 119 px."""
@@ -33,7 +36,15 @@ class Measurements:
     def measure(self, box: NetworkBox) -> None:
         """Fit one candidate and put it where it belongs."""
         ends = (box.x_a_px, box.y_a_px, box.x_b_px, box.y_b_px)
-        fit = fit_streak(self.frame.pixels, self.sky, _corners(box), stars=self.stars, ends=ends)
+        try:
+            fit = fit_streak(
+                self.frame.pixels, self.sky, _corners(box), stars=self.stars, ends=ends
+            )
+        except Exception:
+            # One candidate must not cost the others of the frame, nor the night.
+            log.exception("frame %d: the line fit broke on %s", self.frame.frame_id, box)
+            self.refuse(box, "the line fit broke on it: see the log")
+            return
         if isinstance(fit, NoStreak):
             self.refuse(box, fit.reason, fit.fit)
             return

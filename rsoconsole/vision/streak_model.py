@@ -1,34 +1,25 @@
-"""A straight streak as a blurred line, the stars beside it as points, and their fit to raw pixels.
+"""A straight streak as a blurred line with two ends, and its least-squares fit to raw pixels.
 
 Model: amplitude(u) x Gaussian across x box along, the box's edges blurred by the same Gaussian
-(an error function), points of light with a place and a flux of their own, and a level of sky. The
-amplitude may change along the streak on a few knots. The ends stay where they are given: they
-have no parabolic chi2 and are found by ``streak_ends``.
+(an error function). The amplitude may change along the streak on a few knots, so that cloud,
+glint and tumbling move neither end. All that is uncertain enters the covariance.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
-from rsoconsole.vision.streak_noise import SourceNoise, excess_of, unsteady_of, variance_of
 
 BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
 
-_WINGS = ((0.88, 1.0), (0.12, 2.2))
-"""Share of a star's light and width relative to its core: a Moffat disc of beta 3.5, roughly."""
-_STAR_REACH = 6.0
-_EDGE_REACH = 5.0
+_ITERATIONS = 20
 _WIDTH_PRIOR = 0.35
 """Relative one-sigma of the width about the stars' own: it matters for faint streaks alone."""
-_AMPLITUDE_PRIOR = 0.7
+_AMPLITUDE_PRIOR = 1.0
 """Change of amplitude between neighbouring knots, relative, one sigma."""
-_PLACE_PRIOR_PX = 0.6
-_LARGEST_STEP_PX = 1.5
-_FAR_OFF_PX = 12.0
-_SHAPE = 3
+_SHAPE = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,15 +32,11 @@ class Pixels:
     """ADU above the sky."""
     noise: float
     """One sigma of a pixel of plain sky, ADU."""
-    variance: FloatArray
-    """Of each without the streak, ADU^2: the sky's, and of a giant star's halo taken away."""
-    index: IntArray
-    """Place of each in the flattened cutout."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Line:
-    """Parameters of the line. An end that is outside the frame is None."""
+    """Parameters of the model. An end that is outside the frame is None."""
 
     u_a: float | None
     u_b: float | None
@@ -65,213 +52,139 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Points:
-    """Stars beside or on the line; one entry each."""
-
-    u: FloatArray
-    v: FloatArray
-    flux: FloatArray
-    """ADU in all."""
-
-    def __len__(self) -> int:
-        return int(self.u.size)
-
-
-NO_POINTS = Points(u=np.zeros(0), v=np.zeros(0), flux=np.zeros(0))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LineFit:
-    """A converged line and the stars beside it."""
+    """A converged line."""
 
     line: Line
-    points: Points
     covariance: FloatArray
-    """(2, 2) of offset and slope."""
-    noise: SourceNoise
-    light: FloatArray
-    """Of the line alone, ADU at every pixel."""
-    glare: FloatArray
-    """Of the stars alone."""
+    """(4, 4) of u_a, u_b, offset, slope; rows of an end outside the frame are 0."""
+    chi2: float
+    excess: float
+    """Variance that the source's own light adds, ADU^2 per ADU: photons and a PSF unlike ours."""
+    model: FloatArray
+    """ADU at every pixel, without the sky term."""
 
 
 def fit_line(
-    pixels: Pixels,
-    start: Line,
-    points: Points,
-    psf_sigma: float,
-    *,
-    noise: SourceNoise,
-    steps: int,
+    pixels: Pixels, start: Line, psf_sigma: float, *, excess: float = 0.0
 ) -> LineFit | None:
-    """Gauss-Newton from ``start``, ends held; None when it runs away or its matrix is singular."""
-    line, count = start, len(start.amplitudes)
-    parameters = _pack(line, points)
-    light, glare, jacobian = _evaluate(pixels, line, points, psf_sigma)
-    inverse: FloatArray = np.zeros((parameters.size, parameters.size))
-    for step in range(steps + 1):
-        weight = 1.0 / variance_of(pixels.variance, light, glare, noise)
-        residual = pixels.value - line.sky - light - glare
-        prior_j, prior_r = _priors(parameters, count, psf_sigma, start, points)
-        weighted = jacobian * weight[:, None]
-        normal = weighted.T @ jacobian + prior_j.T @ prior_j
-        try:
-            inverse = np.asarray(np.linalg.inv(normal), dtype=np.float64)
-        except np.linalg.LinAlgError:
+    """Levenberg-Marquardt from ``start``; None when it runs away or its matrix is singular."""
+    parameters = _pack(start)
+    free = np.ones(parameters.size, dtype=bool)
+    free[0], free[1] = start.u_a is not None, start.u_b is not None
+    weight = _weights(pixels, start, excess)
+    prior_j, prior_r = _priors(start, psf_sigma, parameters)
+    damping = 1e-3
+    value, jacobian = _evaluate(pixels, parameters, start)
+    residual = pixels.value - value
+    cost = float(weight @ residual**2 + np.sum(prior_r**2))
+    for _ in range(_ITERATIONS):
+        normal = jacobian.T @ (jacobian * weight[:, None]) + prior_j.T @ prior_j
+        gradient = jacobian.T @ (weight * residual) - prior_j.T @ prior_r
+        damped = normal + damping * np.diag(np.diag(normal) + 1e-12)
+        step = _solve(damped, gradient, free)
+        if step is None:
             return None
-        if not np.all(np.isfinite(inverse)) or np.any(np.diag(inverse) < 0):
-            return None
-        if step == steps:
+        trial = _bounded(parameters + step, start, psf_sigma)
+        trial_value, trial_jacobian = _evaluate(pixels, trial, start)
+        trial_residual = pixels.value - trial_value
+        _, trial_prior = _priors(start, psf_sigma, trial)
+        trial_cost = float(weight @ trial_residual**2 + np.sum(trial_prior**2))
+        if trial_cost > cost:
+            damping = min(damping * 8.0, 1e6)
+            continue
+        is_converged = cost - trial_cost < 1e-3
+        parameters, residual, jacobian, cost = trial, trial_residual, trial_jacobian, trial_cost
+        prior_r, damping = trial_prior, damping / 5.0
+        if is_converged:
             break
-        change = inverse @ (weighted.T @ residual - prior_j.T @ prior_r)
-        change = _limited(change, line, count, psf_sigma)
-        parameters = parameters + change
-        stars = parameters[_SHAPE + count + 1 :: 3]
-        stars[:] = np.maximum(stars, 0.0)
-        parameters[2] = np.clip(parameters[2], 0.3 * psf_sigma, 6.0 * psf_sigma)
-        line, points = _unpack(parameters, line, len(points))
-        if abs(line.offset - start.offset) > _FAR_OFF_PX:
-            return None
-        light, glare, jacobian = _evaluate(pixels, line, points, psf_sigma)
-        if float(np.max(np.abs(change) / np.sqrt(np.diag(inverse)))) < 0.03:
-            break
-    return LineFit(
-        line=line,
-        points=points,
-        covariance=inverse[:2, :2],
-        noise=_noise_of(pixels, line, light, glare),
-        light=light,
-        glare=glare,
+    normal = jacobian.T @ (jacobian * weight[:, None]) + prior_j.T @ prior_j
+    return _finish(pixels, parameters, start, normal=normal, free=free, weight=weight)
+
+
+def light_of(pixels: Pixels, line: Line) -> FloatArray:
+    """What the line sheds on every pixel, ADU, without its sky term."""
+    value, _ = _evaluate(pixels, _pack(line), line)
+    return value - line.sky
+
+
+def source_noise(pixels: Pixels, line: Line, model: FloatArray) -> float:
+    """Variance per ADU of the source, from the residuals; never negative.
+
+    Residuals beyond four sigma are cut back: what stands in the way is no noise.
+    """
+    source = np.maximum(model, 0.0)
+    total = float(source @ source)
+    residual2 = (pixels.value - line.sky - model) ** 2
+    excess = 0.0
+    for _ in range(3):
+        limit = 16.0 * (pixels.noise**2 + max(excess, 0.2 * pixels.noise) * source)
+        squared = np.minimum(residual2, limit) - pixels.noise**2
+        excess = max(0.0, float(source @ squared) / total) if total > 0 else 0.0
+    return excess
+
+
+def with_knots(line: Line, count: int) -> Line:
+    """The same line with its amplitude on ``count`` knots."""
+    low, high = line.knot_range
+    old = np.linspace(low, high, len(line.amplitudes))
+    new = np.interp(np.linspace(low, high, count), old, line.amplitudes)
+    return Line(
+        u_a=line.u_a,
+        u_b=line.u_b,
+        offset=line.offset,
+        slope=line.slope,
+        sigma=line.sigma,
+        amplitudes=tuple(float(a) for a in new),
+        knot_range=line.knot_range,
+        sky=line.sky,
     )
 
 
-def _noise_of(pixels: Pixels, line: Line, light: FloatArray, glare: FloatArray) -> SourceNoise:
-    """What the residuals say of the source's own noise."""
-    residual = pixels.value - line.sky - light - glare
-    width, (low, high) = 2.36 * line.sigma, line.knot_range
-    inside = (pixels.u > low + width) & (pixels.u < high - width) & (glare < 0.1 * light)
-    return SourceNoise(
-        excess=excess_of(residual, pixels.variance, light, glare),
-        unsteady=unsteady_of(
-            (residual + glare)[inside],
-            light[inside],
-            pixels.u[inside] - low,
-            sigma=line.sigma,
-            pixel_variance=pixels.noise**2,
-        ),
-    )
+def _pack(line: Line) -> FloatArray:
+    low, high = line.knot_range
+    head = [
+        low if line.u_a is None else line.u_a,
+        high if line.u_b is None else line.u_b,
+        line.offset,
+        line.slope,
+        line.sigma,
+    ]
+    return np.array([*head, *line.amplitudes, line.sky], dtype=np.float64)
 
 
-def light_at(u: FloatArray, v: FloatArray, line: Line) -> FloatArray:
-    """What the line sheds on these pixels, ADU."""
-    edge, _ = _edge(u, line)
-    amplitude = _hats(u, len(line.amplitudes), line.knot_range) @ np.array(line.amplitudes)
-    return np.asarray(amplitude * edge * across_profile(u, v, line))
-
-
-def across_profile(u: FloatArray, v: FloatArray, line: Line) -> FloatArray:
-    """Share of the light at u that falls on a pixel; unit integral across."""
-    t = (v - line.offset - line.slope * u) / line.sigma
-    return np.asarray(np.exp(-0.5 * t * t) / (np.sqrt(2.0 * np.pi) * line.sigma))
-
-
-def amplitude_at(u: FloatArray, line: Line) -> FloatArray:
-    """ADU per pixel of length, held beyond the outer knots."""
-    knots = np.linspace(*line.knot_range, len(line.amplitudes))
-    return np.asarray(np.interp(u, knots, line.amplitudes), dtype=np.float64)
-
-
-def with_knots(line: Line, count: int, knot_range: tuple[float, float]) -> Line:
-    """The same line with its amplitude on ``count`` knots over another range."""
-    places = np.linspace(*knot_range, count)
-    new = amplitude_at(places, line)
-    return replace(line, amplitudes=tuple(float(a) for a in new), knot_range=knot_range)
-
-
-def _pack(line: Line, points: Points) -> FloatArray:
-    stars = np.stack([points.flux, points.u, points.v], axis=1).ravel()
-    head = [line.offset, line.slope, line.sigma, *line.amplitudes, line.sky]
-    return np.concatenate([np.array(head, dtype=np.float64), stars])
-
-
-def _unpack(p: FloatArray, line: Line, stars: int) -> tuple[Line, Points]:
-    count = len(line.amplitudes)
-    each = p[_SHAPE + count + 1 :].reshape(stars, 3)
-    moved = replace(
-        line,
-        offset=float(p[0]),
-        slope=float(p[1]),
-        sigma=float(p[2]),
-        amplitudes=tuple(float(a) for a in p[_SHAPE : _SHAPE + count]),
-        sky=float(p[_SHAPE + count]),
-    )
-    return moved, Points(flux=each[:, 0], u=each[:, 1], v=each[:, 2])
-
-
-def _edge(u: FloatArray, line: Line) -> tuple[FloatArray, FloatArray]:
-    """Box along with blurred edges, (n,), and its derivative by the width."""
+def _evaluate(pixels: Pixels, p: FloatArray, start: Line) -> tuple[FloatArray, FloatArray]:
+    """Model values (n,) and their derivatives (n, parameters)."""
     from scipy.special import erf
 
-    edge, by_sigma = np.ones(u.size), np.zeros(u.size)
-    for end, sign in ((line.u_a, 1.0), (line.u_b, -1.0)):
-        if end is None:
-            continue
-        t = sign * (u - end) / line.sigma
-        near = np.flatnonzero(np.abs(t) < _EDGE_REACH)
-        step = (t > 0).astype(np.float64)
-        step[near] = 0.5 * (1.0 + erf(t[near] / np.sqrt(2.0)))
-        slope = np.exp(-0.5 * t[near] ** 2) / np.sqrt(2.0 * np.pi)
-        by_sigma *= step
-        by_sigma[near] -= edge[near] * slope * t[near] / line.sigma
-        edge *= step
-    return edge, by_sigma
-
-
-def _evaluate(
-    pixels: Pixels, line: Line, points: Points, psf_sigma: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Light of the line and of the stars (n,), and the derivatives (n, parameters)."""
-    u, v, sigma, count = pixels.u, pixels.v, line.sigma, len(line.amplitudes)
-    jacobian = np.zeros((u.size, _SHAPE + count + 1 + 3 * len(points)))
-    edge, edge_by_sigma = _edge(u, line)
-    t = (v - line.offset - line.slope * u) / sigma
-    across = np.exp(-0.5 * t * t) / (np.sqrt(2.0 * np.pi) * sigma)
-    shape = across * edge
-    hats = _hats(u, count, line.knot_range)
-    amplitude = hats @ np.array(line.amplitudes)
-    light = amplitude * shape
-    jacobian[:, 0] = light * t / sigma
-    jacobian[:, 1] = jacobian[:, 0] * u
-    jacobian[:, 2] = light * (t * t - 1.0) / sigma + amplitude * across * edge_by_sigma
-    jacobian[:, _SHAPE : _SHAPE + count] = hats * shape[:, None]
-    jacobian[:, _SHAPE + count] = 1.0
-    glare = np.zeros(u.size)
-    for k in range(len(points)):
-        near, columns = star_columns(pixels, points, k, psf_sigma)
-        first = _SHAPE + count + 1 + 3 * k
-        jacobian[near, first : first + 3] = columns
-        glare[near] += points.flux[k] * columns[:, 0]
-    return light, glare, jacobian
-
-
-def star_columns(
-    pixels: Pixels, points: Points, k: int, psf_sigma: float
-) -> tuple[IntArray, FloatArray]:
-    """Pixels that star k lights, and the derivatives there by its flux, u and v, (n, 3)."""
-    reach = _STAR_REACH * psf_sigma
-    du, dv = pixels.u - points.u[k], pixels.v - points.v[k]
-    near = np.flatnonzero((np.abs(du) < reach) & (np.abs(dv) < reach))
-    du, dv = du[near], dv[near]
-    r2 = (du * du + dv * dv) / psf_sigma**2
-    columns = np.zeros((near.size, 3))
-    for share, width in _WINGS:
-        s2 = (width * psf_sigma) ** 2
-        part = share / (2.0 * np.pi * s2) * np.exp(-0.5 * r2 / width**2)
-        columns[:, 0] += part
-        slope = points.flux[k] / s2 * part
-        columns[:, 1] += slope * du
-        columns[:, 2] += slope * dv
-    return near, columns
+    u, v = pixels.u, pixels.v
+    u_a, u_b, offset, slope, sigma = p[:_SHAPE]
+    root = np.sqrt(2.0) * sigma
+    edge = np.zeros(u.size)
+    normal_a, normal_b = np.zeros(u.size), np.zeros(u.size)
+    scale = 1.0 / (np.sqrt(2.0 * np.pi) * sigma)
+    rise, fall = np.ones(u.size), -np.ones(u.size)
+    if start.u_a is not None:
+        rise = erf((u - u_a) / root)
+        normal_a = scale * np.exp(-0.5 * ((u - u_a) / sigma) ** 2)
+    if start.u_b is not None:
+        fall = erf((u - u_b) / root)
+        normal_b = scale * np.exp(-0.5 * ((u - u_b) / sigma) ** 2)
+    edge = 0.5 * (rise - fall)
+    t = (v - offset - slope * u) / sigma
+    across = scale * np.exp(-0.5 * t * t)
+    hats = _hats(u, len(start.amplitudes), start.knot_range)
+    lit = (hats @ p[_SHAPE:-1]) * across
+    body = lit * edge
+    jacobian = np.empty((u.size, p.size))
+    jacobian[:, 0], jacobian[:, 1] = -lit * normal_a, lit * normal_b
+    jacobian[:, 2] = body * t / sigma
+    jacobian[:, 3] = jacobian[:, 2] * u
+    blur = (normal_b * (u - u_b) - normal_a * (u - u_a)) / sigma
+    jacobian[:, 4] = body * (t * t - 1.0) / sigma + lit * blur
+    jacobian[:, _SHAPE:-1] = hats * (across * edge)[:, None]
+    jacobian[:, -1] = 1.0
+    return body + p[-1], jacobian
 
 
 def _hats(u: FloatArray, count: int, knot_range: tuple[float, float]) -> FloatArray:
@@ -283,37 +196,78 @@ def _hats(u: FloatArray, count: int, knot_range: tuple[float, float]) -> FloatAr
     return np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(count)))
 
 
-def _priors(
-    p: FloatArray, count: int, psf_sigma: float, start: Line, begun: Points
-) -> tuple[FloatArray, FloatArray]:
+def _weights(pixels: Pixels, line: Line, excess: float) -> FloatArray:
+    variance = np.full(pixels.u.size, pixels.noise**2)
+    if excess > 0:
+        model, _ = _evaluate(pixels, _pack(line), line)
+        variance += excess * np.maximum(model - line.sky, 0.0)
+    return 1.0 / variance
+
+
+def _priors(start: Line, psf_sigma: float, p: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Derivatives and residuals of what is believed beforehand, in sigmas."""
-    stars = len(begun)
-    jacobian = np.zeros((2 * count + 2 * stars, p.size))
-    believed = np.zeros(p.size)
-    jacobian[0, 2] = 1.0 / (_WIDTH_PRIOR * psf_sigma)
-    believed[2] = psf_sigma
-    mean = max(float(np.mean(np.abs(start.amplitudes))), 1e-6)
-    level = mean * _AMPLITUDE_PRIOR
+    count = len(start.amplitudes)
+    jacobian = np.zeros((count, p.size))
+    jacobian[0, 4] = 1.0 / (_WIDTH_PRIOR * psf_sigma)
+    level = max(float(np.mean(np.abs(start.amplitudes))), 1e-6) * _AMPLITUDE_PRIOR
     for k in range(1, count):
         jacobian[k, _SHAPE + k], jacobian[k, _SHAPE + k - 1] = 1.0 / level, -1.0 / level
-    for k in range(count):
-        # Hardly felt, but for a line of which masks leave nothing to see.
-        jacobian[count + k, _SHAPE + k] = 1.0 / (5.0 * mean)
-    for k in range(stars):
-        first = _SHAPE + count + 1 + 3 * k
-        for axis, place in ((1, begun.u[k]), (2, begun.v[k])):
-            jacobian[2 * count + 2 * k + axis - 1, first + axis] = 1.0 / _PLACE_PRIOR_PX
-            believed[first + axis] = place
+    believed = np.zeros(p.size)
+    believed[4] = psf_sigma
     return jacobian, jacobian @ (p - believed)
 
 
-def _limited(change: FloatArray, line: Line, count: int, psf_sigma: float) -> FloatArray:
-    """A step cut back to where the linear model holds."""
-    half = max(0.5 * (line.knot_range[1] - line.knot_range[0]), 1.0)
-    change = change.copy()
-    change[0] = np.clip(change[0], -_LARGEST_STEP_PX, _LARGEST_STEP_PX)
-    change[1] = np.clip(change[1], -_LARGEST_STEP_PX / half, _LARGEST_STEP_PX / half)
-    change[2] = np.clip(change[2], -0.3 * psf_sigma, 0.3 * psf_sigma)
-    places = change[_SHAPE + count + 1 :].reshape(-1, 3)
-    places[:, 1:] = np.clip(places[:, 1:], -0.7, 0.7)
-    return change
+def _solve(matrix: FloatArray, vector: FloatArray, free: BoolArray) -> FloatArray | None:
+    step = np.zeros(vector.size)
+    try:
+        step[free] = np.linalg.solve(matrix[np.ix_(free, free)], vector[free])
+    except np.linalg.LinAlgError:
+        return None
+    return step if np.all(np.isfinite(step)) else None
+
+
+def _bounded(p: FloatArray, start: Line, psf_sigma: float) -> FloatArray:
+    p = p.copy()
+    p[4] = float(np.clip(p[4], 0.25 * psf_sigma, 6.0 * psf_sigma))
+    if start.u_a is not None and start.u_b is not None and p[1] - p[0] < 1.0:
+        middle = 0.5 * (p[0] + p[1])
+        p[0], p[1] = middle - 0.5, middle + 0.5
+    return p
+
+
+def _finish(
+    pixels: Pixels,
+    p: FloatArray,
+    start: Line,
+    *,
+    normal: FloatArray,
+    free: BoolArray,
+    weight: FloatArray,
+) -> LineFit | None:
+    try:
+        inverse = np.linalg.inv(normal[np.ix_(free, free)])
+    except np.linalg.LinAlgError:
+        return None
+    if not np.all(np.isfinite(inverse)) or np.any(np.diag(inverse) < 0):
+        return None
+    covariance = np.zeros((p.size, p.size))
+    covariance[np.ix_(free, free)] = inverse
+    value, _ = _evaluate(pixels, p, start)
+    line = Line(
+        u_a=None if start.u_a is None else float(p[0]),
+        u_b=None if start.u_b is None else float(p[1]),
+        offset=float(p[2]),
+        slope=float(p[3]),
+        sigma=float(p[4]),
+        amplitudes=tuple(float(a) for a in p[_SHAPE:-1]),
+        knot_range=start.knot_range,
+        sky=float(p[-1]),
+    )
+    model = value - p[-1]
+    return LineFit(
+        line=line,
+        covariance=covariance[:4, :4],
+        chi2=float(weight @ (pixels.value - value) ** 2),
+        excess=source_noise(pixels, line, model),
+        model=model,
+    )

@@ -1,172 +1,165 @@
-"""A line and its two ends, measured where stars stand in the way, beside it and on its tips."""
+"""A line fitted where stars stand in the way of it, beside it and just beyond its ends."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from rsoconsole.records import FloatArray
 from rsoconsole.vision.stars import FWHM_PER_SIGMA
-from rsoconsole.vision.streak_beside import Axes, joined, unexplained, within
-from rsoconsole.vision.streak_ends import End, find_end, strip_reach
 from rsoconsole.vision.streak_model import (
     BoolArray,
     Line,
     LineFit,
     Pixels,
-    Points,
     fit_line,
-    light_at,
-    star_columns,
+    light_of,
     with_knots,
 )
-from rsoconsole.vision.streak_noise import GLARE_ERROR, NO_SOURCE_NOISE
-from rsoconsole.vision.streak_search import Cutout
-from rsoconsole.vision.streak_stretch import Ends
+from rsoconsole.vision.streak_search import Cutout, Ends
 
-_ROUNDS = 3
-_LEAST_PIXELS = 30
-_HALF_STRIP = 4.0
-"""Half the width of the strip that is fitted, in sigmas of a star; a pixel and a half more."""
+Axes = tuple[FloatArray, FloatArray]
+"""u along and v across of every pixel of a cutout, (h, w) each."""
+
+_REFITS = 3
 _KNOTS = ((6, 30.0), (3, 15.0))
 """Number of knots and the matched signal to noise from which they are used."""
-_MOVED_PX = 2.0
+_CHI2_PER_KNOT = 8.0
+_OUTLIER_SIGMA = 4.5
+_ABOVE_STREAK = 2.5
 _EVEN_PX = 3.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Measured:
-    """A fitted line and how well each end is known; None for an end outside the frame."""
-
-    fit: LineFit
-    ends: tuple[End | None, End | None]
+_LONGEST_HIDDEN_PX = 40
+_CHI2_OF_A_STAR = 12.0
+"""Price of a star's place and brightness."""
 
 
 def fit_robustly(
-    cutout: Cutout, axes: Axes, start: Line, stretch: Ends, psf_sigma: float
-) -> Measured | None:
-    """The line, the stars beside it and its ends in turn until the ends stay; None: no line."""
-    line = with_knots(start, _knots(stretch, psf_sigma), start.knot_range)
-    points = _listed(cutout, axes, line, psf_sigma)
-    masked = np.zeros(cutout.values.size, dtype=bool)
-    pixels = _strip(cutout, axes, line, psf_sigma, masked)
-    points = joined(points, _in_the_way(axes, pixels, line, points, psf_sigma))
-    measured: Measured | None = None
-    noise = NO_SOURCE_NOISE
-    for number in range(_ROUNDS):
-        if number > 0:
-            pixels = _strip(cutout, axes, line, psf_sigma, masked)
-        if pixels.u.size < _LEAST_PIXELS:
-            return None
-        fit = fit_line(pixels, line, points, psf_sigma, noise=noise, steps=3)
+    cutout: Cutout,
+    axes: Axes,
+    start: Line,
+    stretch: Ends,
+    psf_sigma: float,
+) -> LineFit | None:
+    """The fit after what is in the way is masked; more knots only where the light needs them."""
+    u, v = axes
+    low, high = start.knot_range
+    reach = 6.0 * psf_sigma + 10.0
+    strip = (np.abs(v) < 5.0 * psf_sigma + 2.0) & (u > low - reach) & (u < high + reach)
+    is_used = strip & cutout.is_good & ~_in_the_way(cutout, axes, stretch, psf_sigma)
+    line, excess = with_knots(start, _knots(stretch, psf_sigma)), 0.0
+    for _ in range(_REFITS):
+        data = _pixels(cutout, u, v, is_used)
+        fit = fit_line(data, line, psf_sigma, excess=excess)
         if fit is None:
             return None
-        more, lone = unexplained(axes, pixels, fit, psf_sigma)
-        if measured is not None:
-            more = _off_the_tips(more, measured, psf_sigma)
-        if len(more) or lone.size:
-            masked[lone] = True
-            pixels = _strip(cutout, axes, line, psf_sigma, masked)
-            noise, points = fit.noise, joined(fit.points, more)
-            fit = fit_line(pixels, fit.line, points, psf_sigma, noise=noise, steps=3)
-        if fit is None or max(fit.line.amplitudes) <= 0.0:
-            return None
-        measured = _with_ends(pixels, fit, psf_sigma, is_near=number > 0)
-        is_settled = not _has_moved(measured, fit.line, psf_sigma)
-        line, points, noise = measured.fit.line, fit.points, fit.noise
-        if is_settled:
+        line, excess = fit.line, fit.excess
+        is_outlier = _outliers(cutout, is_used, data, fit) & is_used
+        if not is_outlier.any():
             break
-    if measured is None:
-        return None
-    last = fit_line(pixels, line, points, psf_sigma, noise=noise, steps=2)
-    return replace(measured, fit=last) if last is not None else measured
+        is_used &= ~is_outlier
+    data = _pixels(cutout, u, v, is_used)
+    best = fit_line(data, line, psf_sigma, excess=excess)
+    steady = fit_line(data, with_knots(line, 1), psf_sigma, excess=excess)
+    if best is not None and steady is not None:
+        spared = _CHI2_PER_KNOT * (len(line.amplitudes) - 1)
+        is_steady = _chi2(data, steady, excess) - _chi2(data, best, excess) <= spared
+        best = steady if is_steady else best
+    chosen = best or steady
+    return None if chosen is None else _with_hidden_ends(chosen, axes, is_used)
 
 
-def _in_the_way(axes: Axes, pixels: Pixels, line: Line, points: Points, psf_sigma: float) -> Points:
-    """Stars far above what the streak gives, before any fit."""
-    light = light_at(pixels.u, pixels.v, line)
-    glare = np.zeros(light.size)
-    for k in range(len(points)):
-        near, columns = star_columns(pixels, points, k, psf_sigma)
-        glare[near] += points.flux[k] * columns[:, 0]
-    guessed = LineFit(
-        line=line,
-        points=points,
-        covariance=np.zeros((2, 2)),
-        noise=NO_SOURCE_NOISE,
-        light=light,
-        glare=glare,
-    )
-    # Smoothed as a star is, the streak itself stands out so much.
-    streak = np.max(light, initial=0.0) / pixels.noise * np.sqrt(2.0 * np.pi) * psf_sigma
-    found, _ = unexplained(axes, pixels, guessed, psf_sigma, 4.5 + 1.5 * streak)
-    return found
-
-
-def _with_ends(pixels: Pixels, fit: LineFit, psf_sigma: float, *, is_near: bool) -> Measured:
-    """The same line with its ends where they are likeliest."""
-    line = fit.line
-    a = None if line.u_a is None else find_end(pixels, fit, 0, psf_sigma, is_near=is_near)
-    b = None if line.u_b is None else find_end(pixels, fit, 1, psf_sigma, is_near=is_near)
-    u_a, u_b = None if a is None else a.u, None if b is None else b.u
-    low = line.knot_range[0] if u_a is None else u_a
-    high = line.knot_range[1] if u_b is None else u_b
-    high = max(high, low + 1.0)
-    moved = with_knots(replace(line, u_a=u_a, u_b=u_b), len(line.amplitudes), (low, high))
-    return Measured(fit=replace(fit, line=moved), ends=(a, b))
-
-
-def _has_moved(measured: Measured, before: Line, psf_sigma: float) -> bool:
-    """Whether an end stands where the fit before it was plainly wrong."""
-    for end, guessed in zip(measured.ends, (before.u_a, before.u_b), strict=True):
-        if end is None or guessed is None:
+def _with_hidden_ends(fit: LineFit, axes: Axes, is_used: BoolArray) -> LineFit:
+    """An end that lies where pixels are masked may be anywhere there: its middle, and so sure."""
+    u, v = axes
+    line, covariance = fit.line, fit.covariance.copy()
+    core = np.abs(v - line.offset - line.slope * u) < max(line.sigma, 0.8)
+    if not core.any():
+        return fit
+    bins = np.rint(u[core]).astype(int)
+    first = int(bins.min())
+    count = np.bincount(bins - first)
+    is_hidden = 2 * np.bincount(bins - first, is_used[core]) < count
+    ends = [line.u_a, line.u_b]
+    for side, end in enumerate(ends):
+        if end is None:
             continue
-        if abs(end.u - guessed) > max(_MOVED_PX, 2.0 * psf_sigma, 1.5 * end.sigma_px):
-            return True
-    return False
+        near = np.arange(is_hidden.size) + first
+        touched = np.flatnonzero(is_hidden & (np.abs(near - end) <= 2.0))
+        if touched.size == 0:
+            continue
+        low, high = int(touched[0]), int(touched[-1])
+        while low > 0 and is_hidden[low - 1]:
+            low -= 1
+        while high < is_hidden.size - 1 and is_hidden[high + 1]:
+            high += 1
+        if high - low >= 2 and high - low < _LONGEST_HIDDEN_PX:
+            ends[side] = first + 0.5 * (low + high)
+            covariance[side, side] += (high - low + 1) ** 2 / 12.0
+    hidden = replace(line, u_a=ends[0], u_b=ends[1])
+    return replace(fit, line=hidden, covariance=covariance)
 
 
-def _off_the_tips(found: Points, measured: Measured, psf_sigma: float) -> Points:
-    """Those that are no part of an end's own uncertainty, which knows of stars already."""
-    kept = np.ones(len(found), dtype=bool)
-    for end in measured.ends:
-        if end is not None:
-            kept &= np.abs(found.u - end.u) > 3.0 * psf_sigma + 2.0 * end.sigma_px
-    return Points(u=found.u[kept], v=found.v[kept], flux=found.flux[kept])
+def uneven_share(cutout: Cutout, axes: Axes, fit: LineFit) -> float:
+    """Share of the length where the light differs from the line's by more than half of it.
+
+    Stars that happen to stand in a row are uneven all along; a satellite is where it meets a star.
+    """
+    line, (u, v) = fit.line, axes
+    low = line.knot_range[0] if line.u_a is None else line.u_a
+    high = line.knot_range[1] if line.u_b is None else line.u_b
+    core = (np.abs(v - line.offset - line.slope * u) < 1.2 * line.sigma) & (u > low) & (u < high)
+    data = _pixels(cutout, u, v, core)
+    model = light_of(data, line)
+    bins = ((data.u - low) / _EVEN_PX).astype(int)
+    count = np.maximum(np.bincount(bins), 1)
+    light = np.bincount(bins, model) / count
+    off = np.abs(np.bincount(bins, data.value - line.sky - model) / count)
+    is_off = (off > 0.5 * np.abs(light)) & (off > 3.0 * data.noise / np.sqrt(count))
+    return float(np.mean(is_off)) if is_off.size else 0.0
 
 
-def _listed(cutout: Cutout, axes: Axes, line: Line, psf_sigma: float) -> Points:
-    """Stars of the frame's list in and near the strip, as the fit's first guesses."""
-    u, v = axes
-    # The axes are linear in x and y: three corners give them everywhere.
-    du_x, du_y = u[0, 1] - u[0, 0], u[1, 0] - u[0, 0]
-    dv_x, dv_y = v[0, 1] - v[0, 0], v[1, 0] - v[0, 0]
-    x, y = cutout.star_x, cutout.star_y
-    stars = Points(
-        u=u[0, 0] + du_x * x + du_y * y,
-        v=v[0, 0] + dv_x * x + dv_y * y,
-        flux=cutout.star_flux,
-    )
-    low, high = line.knot_range
-    reach = 9.0 * psf_sigma + 12.0
-    return within(stars, (low - reach, high + reach), (_HALF_STRIP + 1.0) * psf_sigma + 1.5)
+def or_star_beyond_an_end(
+    cutout: Cutout,
+    axes: Axes,
+    start: Line,
+    stretch: Ends,
+    fit: LineFit,
+) -> LineFit:
+    """The fit, or the shorter one that leaves a star beyond a dark gap to itself, if likelier."""
+    for side, dark_u in enumerate(stretch.dark_u):
+        if dark_u is None or (start.u_a if side == 0 else start.u_b) is None:
+            continue
+        u, v = axes
+        beyond = u < dark_u if side == 0 else u > dark_u
+        inward = dark_u + 2.0 * start.sigma * (1.0 if side == 0 else -1.0)
+        shorter = replace(start, u_a=inward) if side == 0 else replace(start, u_b=inward)
+        rest = replace(cutout, is_good=cutout.is_good & ~beyond)
+        other = fit_robustly(rest, axes, shorter, stretch, start.sigma)
+        if other is None:
+            continue
+        strip = (np.abs(v) < 5.0 * start.sigma + 2.0) & cutout.is_good
+        strip &= (np.abs(u - dark_u) < 20.0 + 4.0 * start.sigma) | beyond
+        strip &= (u > stretch.u_a - 12.0) & (u < stretch.u_b + 12.0)
+        data = _pixels(cutout, u, v, strip)
+        sigma = np.sqrt(data.noise**2 + fit.excess * np.maximum(light_of(data, fit.line), 0.0))
+        long, short = (
+            (data.value - one.line.sky - light_of(data, one.line)) / sigma for one in (fit, other)
+        )
+        star = _brightest_point(cutout, strip, short, start.sigma, beyond) ** 2
+        if float(short @ short) - star + _CHI2_OF_A_STAR < float(long @ long):
+            fit = other
+    return fit
 
 
-def _strip(cutout: Cutout, axes: Axes, line: Line, psf_sigma: float, masked: BoolArray) -> Pixels:
-    """Pixels about the line and beyond its ends."""
-    u, v = axes
-    low, high = line.knot_range
-    reach = strip_reach(psf_sigma)
-    strip = (np.abs(v - line.offset) < _HALF_STRIP * psf_sigma + 1.5) & cutout.is_seen
-    strip &= (u > low - reach) & (u < high + reach)
-    index = np.flatnonzero(strip.ravel() & ~masked)
-    halo_error = GLARE_ERROR * cutout.halo.ravel()[index]
-    return Pixels(
-        u=u.ravel()[index],
-        v=v.ravel()[index],
-        value=cutout.values.ravel()[index],
-        noise=cutout.noise,
-        variance=np.asarray(cutout.noise**2 + halo_error**2, dtype=np.float64),
-        index=index,
-    )
+def _brightest_point(
+    cutout: Cutout, strip: BoolArray, deviation: FloatArray, sigma: float, where: BoolArray
+) -> float:
+    """Matched signal to noise of the brightest star-like spot among the residuals."""
+    import cv2
+
+    image = np.zeros(cutout.values.shape, dtype=np.float32)
+    image[strip] = deviation
+    smooth = cv2.GaussianBlur(image, (0, 0), sigma) * (2.0 * np.sqrt(np.pi) * sigma)
+    return float(np.max(smooth[strip & where], initial=0.0))
 
 
 def _knots(stretch: Ends, psf_sigma: float) -> int:
@@ -178,19 +171,52 @@ def _knots(stretch: Ends, psf_sigma: float) -> int:
     return 1
 
 
-def uneven_share(cutout: Cutout, axes: Axes, line: Line) -> float:
-    """Share of the length where the light differs from the line's by more than half of it.
+def _pixels(cutout: Cutout, u: FloatArray, v: FloatArray, is_used: BoolArray) -> Pixels:
+    return Pixels(
+        u=u[is_used], v=v[is_used], value=cutout.values[is_used], noise=max(cutout.noise, 1e-9)
+    )
 
-    Stars that happen to stand in a row are uneven all along; a satellite is where it meets a star.
-    """
+
+def _chi2(data: Pixels, fit: LineFit, excess: float) -> float:
+    variance = data.noise**2 + excess * np.maximum(fit.model, 0.0)
+    return float(np.sum((data.value - fit.line.sky - fit.model) ** 2 / variance))
+
+
+def _in_the_way(cutout: Cutout, axes: Axes, stretch: Ends, psf_sigma: float) -> BoolArray:
+    """Pixels near light far above what the streak can give there; (h, w)."""
+    import cv2
+
     u, v = axes
-    low, high = line.knot_range
-    core = (np.abs(v - line.offset - line.slope * u) < 1.2 * line.sigma) & (u > low) & (u < high)
-    at, across, value = u[core], v[core], cutout.values[core]
-    model = light_at(at, across, line)
-    bins = ((at - low) / _EVEN_PX).astype(int)
-    count = np.maximum(np.bincount(bins), 1)
-    light = np.bincount(bins, model) / count
-    off = np.abs(np.bincount(bins, value - line.sky - model) / count)
-    is_off = (off > 0.5 * np.abs(light)) & (off > 3.0 * cutout.noise / np.sqrt(count))
-    return float(np.mean(is_off)) if is_off.size else 0.0
+    gain = 2.0 * np.sqrt(np.pi) * psf_sigma / max(cutout.noise, 1e-9)
+    values = (cutout.values * cutout.is_good).astype(np.float32)
+    smooth = cv2.GaussianBlur(values, (0, 0), psf_sigma) * gain
+    places = np.linspace(stretch.u_a, stretch.u_b, len(stretch.amplitudes))
+    level = np.interp(u, places, _calm(stretch.amplitudes))
+    beyond = 4.0 * psf_sigma + 2.0
+    level[(u < stretch.u_a - beyond) | (u > stretch.u_b + beyond)] = 0.0
+    # Smoothed once more, the streak is sqrt(2) wider; half a pixel for the guess's own error.
+    off = np.maximum(np.abs(v) - 0.75, 0.0) / (1.15 * psf_sigma)
+    expected = level * np.exp(-0.25 * off**2) / (2.0 * np.sqrt(np.pi) * psf_sigma) * gain
+    found = smooth > _OUTLIER_SIGMA + _ABOVE_STREAK * expected
+    size = 2 * int(np.ceil(1.5 * psf_sigma)) + 1
+    return np.asarray(cv2.dilate(found.astype(np.uint8), np.ones((size, size))) > 0)
+
+
+def _calm(amplitudes: tuple[float, ...]) -> FloatArray:
+    """Running median of three: one part brightened by a star does not count."""
+    padded = np.array([amplitudes[0], *amplitudes, amplitudes[-1]])
+    return np.asarray(np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0))
+
+
+def _outliers(cutout: Cutout, is_used: BoolArray, data: Pixels, fit: LineFit) -> BoolArray:
+    """Pixels near light that the line does not explain: stars, cosmic rays, hot pixels; (h, w)."""
+    import cv2
+
+    deviation = np.zeros(cutout.values.shape, dtype=np.float32)
+    variance = data.noise**2 + fit.excess * np.maximum(fit.model, 0.0)
+    deviation[is_used] = (data.value - fit.line.sky - fit.model) / np.sqrt(variance)
+    sigma = fit.line.sigma
+    smooth = cv2.GaussianBlur(deviation, (0, 0), sigma) * (2.0 * np.sqrt(np.pi) * sigma)
+    found = (smooth > _OUTLIER_SIGMA) | (deviation > _OUTLIER_SIGMA + 1.0)
+    size = 2 * int(np.ceil(sigma)) + 1
+    return np.asarray(cv2.dilate(found.astype(np.uint8), np.ones((size, size))) > 0)

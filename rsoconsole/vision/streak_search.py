@@ -1,4 +1,4 @@
-"""First guesses about a streak in a proposed box: the pixels to look at, and its line."""
+"""First guesses about a streak in a proposed box: the pixels to look at, its line, its ends."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,7 @@ import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
-from rsoconsole.vision.stars import StarList
-from rsoconsole.vision.streak_glare import Layers, clear_of_stars
+from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
 
 BoolArray = npt.NDArray[np.bool_]
 Box = tuple[float, float, float, float]
@@ -16,8 +15,11 @@ Box = tuple[float, float, float, float]
 _SMALL_BOX_PX = 40.0
 _BOX_ERROR_PX = 12.0
 _OFFSETS_PX = 10.0
-_ANGLE_ERROR_RAD = 0.13
-"""The direction of a network's line is trusted no better than so."""
+_WINDOW = 5
+_PARTS = 6
+_ISLAND = 14
+_MOST_BINS = 600
+_FLICKER_SHARE = 0.06
 _CLIP = (-1.5, 4.0)
 """Of the smoothed signal to noise, so that a star in the way counts little."""
 
@@ -29,18 +31,9 @@ class Cutout:
     x0: int
     y0: int
     values: FloatArray
-    """(h, w) ADU above the sky and above ``halo``."""
-    halo: npt.NDArray[np.float32]
-    """(h, w) ADU that giant stars shed here."""
+    """(h, w) ADU above the sky."""
     is_good: BoolArray
-    """(h, w) False where a listed star shines: for what knows of no stars."""
-    is_seen: BoolArray
-    """(h, w) False only where a star is too bright to be modelled, or saturated."""
-    star_x: FloatArray
-    """Other listed stars in and about the cutout, (n,), pixels of the cutout."""
-    star_y: FloatArray
-    star_flux: FloatArray
-    """ADU."""
+    """(h, w) False where a star is masked."""
     noise: float
     """One sigma of a pixel, ADU."""
     frame_width: int
@@ -58,6 +51,24 @@ class Guess:
     half_length_px: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ends:
+    """A lit stretch along a guess."""
+
+    u_a: float
+    u_b: float
+    amplitudes: tuple[float, ...]
+    """ADU per pixel of length in equal parts of the stretch, first to last."""
+    matched_snr: float
+    """Of the stretch, roughly."""
+    lit_share: float
+    """Of the stretch's length, lit at more than a quarter of the amplitude."""
+    dark_u: tuple[float | None, float | None]
+    """A short dark gap near either end: what lies beyond may be a star and no part of it."""
+    reaches_rim: bool
+    """True when the stretch runs into the cutout's edge, not the frame's: look further out."""
+
+
 def cut_out(
     pixels: PixelArray, sky: Background, box: Box, margin_px: float, stars: StarList | None
 ) -> Cutout:
@@ -65,29 +76,20 @@ def cut_out(
     height, width = pixels.shape
     x0, x1 = _range(box[0] - margin_px, box[2] + margin_px, width)
     y0, y1 = _range(box[1] - margin_px, box[3] + margin_px, height)
-    values = pixels[y0:y1, x0:x1].astype(np.float64)
-    values -= _level_at(sky, np.arange(y0, y1), np.arange(x0, x1))
+    level = _level_at(sky, np.arange(y0, y1), np.arange(x0, x1))
+    values = pixels[y0:y1, x0:x1].astype(np.float64) - level
     cells = sky.noise[
         y0 // sky.cell_px : y1 // sky.cell_px + 1, x0 // sky.cell_px : x1 // sky.cell_px + 1
     ]
-    noise = max(float(np.median(cells)), 1e-9)
-    layers = Layers(
-        values=values,
-        halo=np.zeros(values.shape, dtype=np.float32),
-        is_good=np.ones(values.shape, dtype=bool),
-        is_seen=np.ones(values.shape, dtype=bool),
-    )
-    modelled = [] if stars is None else clear_of_stars(layers, (x0, y0), stars, noise)
+    is_good = np.ones(values.shape, dtype=bool)
+    noise = float(np.median(cells))
+    if stars is not None:
+        _mask_stars(is_good, x0, y0, stars, noise)
     return Cutout(
         x0=x0,
         y0=y0,
-        values=layers.values,
-        halo=layers.halo,
-        is_good=layers.is_good,
-        is_seen=layers.is_seen,
-        star_x=np.zeros(0) if stars is None else stars.x_px[modelled] - x0,
-        star_y=np.zeros(0) if stars is None else stars.y_px[modelled] - y0,
-        star_flux=np.zeros(0) if stars is None else stars.flux[modelled],
+        values=values,
+        is_good=is_good,
         noise=noise,
         frame_width=width,
         frame_height=height,
@@ -104,11 +106,32 @@ def _level_at(sky: Background, ys: npt.NDArray[np.int_], xs: npt.NDArray[np.int_
     rows = np.clip((ys + 0.5) / sky.cell_px - 0.5, 0, sky.level.shape[0] - 1)
     columns = np.clip((xs + 0.5) / sky.cell_px - 0.5, 0, sky.level.shape[1] - 1)
     r0, c0 = np.floor(rows).astype(int), np.floor(columns).astype(int)
-    level = sky.level[r0[0] : r0[-1] + 2, c0[0] : c0[-1] + 2].astype(np.float64)
-    r0, rows, c0, columns = r0 - r0[0], rows - r0[0], c0 - c0[0], columns - c0[0]
-    r1, c1 = np.minimum(r0 + 1, level.shape[0] - 1), np.minimum(c0 + 1, level.shape[1] - 1)
-    along = level[r0] + (level[r1] - level[r0]) * (rows - r0)[:, None]
-    return np.asarray(along[:, c0] + (along[:, c1] - along[:, c0]) * (columns - c0))
+    r1 = np.minimum(r0 + 1, sky.level.shape[0] - 1)
+    c1 = np.minimum(c0 + 1, sky.level.shape[1] - 1)
+    fr, fc = (rows - r0)[:, None], (columns - c0)[None, :]
+    level = sky.level.astype(np.float64)
+    upper = level[r0][:, c0] * (1 - fc) + level[r0][:, c1] * fc
+    lower = level[r1][:, c0] * (1 - fc) + level[r1][:, c1] * fc
+    return np.asarray(upper * (1 - fr) + lower * fr)
+
+
+def _mask_stars(is_good: BoolArray, x0: int, y0: int, stars: StarList, noise: float) -> None:
+    """Mark as bad every pixel that a listed star still lights by half a sigma."""
+    height, width = is_good.shape
+    near = (stars.x_px > x0 - 40) & (stars.x_px < x0 + width + 40)
+    near &= (stars.y_px > y0 - 40) & (stars.y_px < y0 + height + 40)
+    for i in np.flatnonzero(near):
+        sigma = max(stars.fwhm_px[i], stars.median_fwhm_px) / FWHM_PER_SIGMA
+        peak = stars.flux[i] / (2.0 * np.pi * sigma**2)
+        radius = sigma * np.sqrt(2.0 * np.log(max(2.0 * peak / noise, 2.0)))
+        radius = min(radius * (2.0 if stars.is_saturated[i] else 1.15), 40.0)
+        cx, cy = stars.x_px[i] - x0, stars.y_px[i] - y0
+        ya, yb = max(0, int(cy - radius)), min(height, int(cy + radius) + 2)
+        xa, xb = max(0, int(cx - radius)), min(width, int(cx + radius) + 2)
+        if ya >= yb or xa >= xb:
+            continue
+        yy, xx = np.mgrid[ya:yb, xa:xb]
+        is_good[ya:yb, xa:xb] &= (xx - cx) ** 2 + (yy - cy) ** 2 > radius**2
 
 
 def find_line(cutout: Cutout, box: Box, psf_sigma: float, ends: Box | None = None) -> Guess | None:
@@ -124,7 +147,7 @@ def find_line(cutout: Cutout, box: Box, psf_sigma: float, ends: Box | None = Non
     if ends is None or length < _SMALL_BOX_PX / 2:
         angles = _fan(x1 - x0, y1 - y0, length, step)
     else:
-        spread = min(max(10.0 / length + 2 * step, _ANGLE_ERROR_RAD), np.pi / 4)
+        spread = min(10.0 / length + 2 * step, np.pi / 4)
         angle = float(np.arctan2(y1 - y0, x1 - x0))
         angles = np.arange(angle - spread, angle + spread + step / 2, step)
     reach = min(_OFFSETS_PX, 4.0 + 0.1 * length)
@@ -211,3 +234,142 @@ def _best_line(
     score = (smooth.ravel()[flat] * inside).sum(axis=-1)
     i, j = np.unravel_index(int(np.argmax(score)), score.shape)
     return float(angles[i]), float(offsets[j])
+
+
+def find_ends(cutout: Cutout, guess: Guess, psf_sigma: float) -> Ends | None:
+    """The lit stretch along a guess: where the light above half of its level adds up to most.
+
+    Never weighted by flux: a bright part counts no more than one and a half times the level.
+    """
+    profile, is_known, noise, first = _profile(cutout, guess, psf_sigma)
+    if np.count_nonzero(is_known) < 5:
+        return None
+    level = _typical_level(profile, is_known, noise)
+    if level is None:
+        return None
+    capped = np.where(is_known, np.minimum(profile, 1.5 * level) - 0.45 * level, 0.0)
+    smooth = _smoothed(np.where(is_known, profile, 0.0), is_known)
+    a, b = _largest_sum(capped)
+    a, b = _extended(smooth > max(0.1 * level, 2.0 * noise / np.sqrt(_WINDOW)), a, b)
+    if np.count_nonzero(is_known[a : b + 1]) < 3:
+        return None
+    inside = smooth[a : b + 1]
+    known = np.flatnonzero(is_known)
+    parts = np.array_split(inside, min(_PARTS, inside.size))
+    return Ends(
+        u_a=float(first + a) - 0.5,
+        u_b=float(first + b) + 0.5,
+        amplitudes=tuple(max(float(np.median(part)), 0.05 * level) for part in parts),
+        matched_snr=float(np.sqrt(inside.size) * np.mean(inside) / noise),
+        lit_share=float(np.mean(inside > 0.25 * level)),
+        dark_u=_gaps(np.where(is_known, profile, level)[a : b + 1], noise, first + a),
+        reaches_rim=bool(a <= known[0] + 4 or b >= known[-1] - 4),
+    )
+
+
+def _smoothed(profile: FloatArray, is_known: BoolArray) -> FloatArray:
+    """Running mean over the known bins of a few pixels; 0 where none is known."""
+    window = np.ones(_WINDOW)
+    count = np.convolve(is_known.astype(np.float64), window, mode="same")
+    return np.asarray(np.convolve(profile, window, mode="same") / np.maximum(count, 1.0))
+
+
+def _gaps(profile: FloatArray, noise: float, first: int) -> tuple[float | None, float | None]:
+    """u of a dark gap within a few bins of either end of a stretch; None where there is none.
+
+    Where the light flickers all along, a gap near an end says nothing.
+    """
+    calm = np.convolve(profile, np.ones(3) / 3.0, mode="same")
+    if calm.size < 4 * _ISLAND:
+        return None, None
+    inside = calm[_ISLAND:-_ISLAND]
+    if float(np.mean(inside < 0.6 * np.median(inside))) > _FLICKER_SHARE:
+        return None, None
+    a, b = _gap(calm, noise), _gap(calm[::-1], noise)
+    return (
+        None if a is None else float(first + a),
+        None if b is None else float(first + calm.size - 1 - b),
+    )
+
+
+def _gap(calm: FloatArray, noise: float) -> int | None:
+    """The darkest bin of those near the start that have light on both sides."""
+    inner = float(np.median(calm[_ISLAND : 3 * _ISLAND]))
+    dark = []
+    for at in range(3, _ISLAND):
+        side = min(float(calm[1:at].max()), inner)
+        if calm[at] < 0.6 * side and side - calm[at] > 2.5 * noise / np.sqrt(3.0):
+            dark.append(at)
+    return min(dark, key=lambda at: float(calm[at])) if dark else None
+
+
+def _extended(is_lit: BoolArray, a: int, b: int) -> tuple[int, int]:
+    """The stretch a..b and what is lit without a gap on either side: a fading end belongs to it."""
+    while a > 0 and is_lit[a - 1]:
+        a -= 1
+    while b < is_lit.size - 1 and is_lit[b + 1]:
+        b += 1
+    # The running mean is lit half a window beyond the light itself.
+    trim = _WINDOW // 2
+    return (a + trim, b - trim) if b - a > 4 * trim else (a, b)
+
+
+def _profile(
+    cutout: Cutout, guess: Guess, psf_sigma: float
+) -> tuple[FloatArray, BoolArray, float, int]:
+    """Light per pixel of length, where it is known, its typical noise, u of the first bin."""
+    yy, xx = np.mgrid[0 : cutout.values.shape[0], 0 : cutout.values.shape[1]]
+    x, y = xx + (cutout.x0 - guess.x_px), yy + (cutout.y0 - guess.y_px)
+    u, v = x * guess.dx + y * guess.dy, y * guess.dx - x * guess.dy
+    near = np.abs(v) < 3.0 * psf_sigma + 0.5
+    if not near.any():
+        return np.zeros(0), np.zeros(0, dtype=bool), cutout.noise, 0
+    bins = np.rint(u[near]).astype(int)
+    first = int(bins.min())
+    across = np.exp(-0.5 * (v[near] / psf_sigma) ** 2) / (np.sqrt(2 * np.pi) * psf_sigma)
+    good = cutout.is_good[near]
+    count = int(bins.max()) - first + 1
+    nominal = 1.0 / (2.0 * np.sqrt(np.pi) * psf_sigma)
+    total = np.bincount(bins - first, across * cutout.values[near] * good, count)
+    share = np.bincount(bins - first, across**2 * good, count)
+    is_known = share > 0.4 * nominal
+    profile = np.where(is_known, total / np.maximum(share, 1e-9), 0.0)
+    return profile, is_known, float(cutout.noise / np.sqrt(nominal)), first
+
+
+def _typical_level(profile: FloatArray, is_known: BoolArray, noise: float) -> float | None:
+    """Mean of the stretch that is least likely to be plain sky; None when none stands out."""
+    group = -(-profile.size // _MOST_BINS)
+    if group > 1:
+        size = profile.size // group * group
+        count = is_known[:size].reshape(-1, group).sum(axis=1)
+        total = np.where(is_known, profile, 0.0)[:size].reshape(-1, group).sum(axis=1)
+        profile, is_known = total / np.maximum(count, 1), 2 * count > group
+        noise /= float(np.sqrt(group))
+    level: float | None = None
+    for _ in range(2):
+        cap = 6.0 * noise if level is None else 1.5 * level
+        capped = np.where(is_known, np.clip(profile, -3.0 * noise, max(cap, noise)), 0.0)
+        total = np.concatenate([[0.0], np.cumsum(capped)])
+        known = np.concatenate([[0.0], np.cumsum(is_known.astype(np.float64))])
+        sums = total[None, :] - total[:, None]
+        counts = np.maximum(known[None, :] - known[:, None], 1.0)
+        gain = np.where(sums > 0, sums**2 / counts, 0.0)
+        gain[np.tril_indices(gain.shape[0], 3)] = 0.0
+        a, b = np.unravel_index(int(np.argmax(gain)), gain.shape)
+        if gain[a, b] < (4.0 * noise) ** 2:
+            return None
+        values = profile[a:b][is_known[a:b]]
+        level = float(np.median(values)) if values.size else None
+        if level is None or level <= 0:
+            return None
+    return level
+
+
+def _largest_sum(values: FloatArray) -> tuple[int, int]:
+    """First and last index of the stretch with the largest sum (Kadane)."""
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    lowest = np.minimum.accumulate(total)
+    end = int(np.argmax(total[1:] - lowest[:-1]))
+    start = int(np.argmin(total[: end + 1]))
+    return start, end
