@@ -23,7 +23,7 @@ from rsoconsole.simulator.launch import start_observatory
 from tests.terminal import Terminal
 from tests.whole_engine import COMMAND, WholeEngine, wait_for, whole_engine
 
-CADENCE_S = 8.0
+CADENCE_S, SPEED = 8.0, 10.0
 SIZE = (200, 60)
 """Large enough for the night's first words."""
 FIRST_WORDS = "armed by configuration"
@@ -35,7 +35,7 @@ def engine(tmp_path: Path) -> Iterator[WholeEngine]:
     exposure = {"exposure_s": 4.0, "cadence_s": CADENCE_S}
     stage = "tests.stub_stage:open_plain"
     with (
-        start_observatory("intelsat-14", 1, 20.0, stage=stage) as sky,
+        start_observatory("intelsat-14", 1, SPEED, stage=stage) as sky,
         whole_engine(tmp_path, sky, exposure=exposure) as running,
     ):
         running.start()
@@ -57,7 +57,8 @@ def frames_without_a_gap(session: Path) -> int:
     frames: list[Any] = [f for _, _, f in SessionReader(session).records(kinds=(FrameTaken,))]
     assert [frame.frame_id for frame in frames] == list(range(1, len(frames) + 1))
     steps = [b.t_start_utc_ns - a.t_start_utc_ns for a, b in itertools.pairwise(frames)]
-    assert max(steps) < 2.0 * statistics.median(steps)
+    # A busy machine delays an exposure by some of a real second, which is SPEED virtual ones.
+    assert max(steps) < 4.0 * statistics.median(steps)
     return len(frames)
 
 
