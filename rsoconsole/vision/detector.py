@@ -21,7 +21,7 @@ from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.stars import STAR_BLOCK_PX, StarList, find_stars
 from rsoconsole.vision.workers import Workers
 
-MOST_FITS = 40
+MOST_FITS = 12
 MOST_WITNESSES = 12
 TRAILED_STREAKS = 9
 """So many streaks of one length and direction are stars; no satellite cluster is as large."""
