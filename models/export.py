@@ -20,12 +20,13 @@ from models.streak_net import StreakNet
 from rsoconsole.vision.maps import (
     CODES_PER_SIGMA,
     LOWEST_SIGMA,
+    MAP_KIND,
     NETWORK_HEIGHT_CELLS,
     NETWORK_WIDTH_CELLS,
 )
 from rsoconsole.vision.network import LENGTH_UNIT_CELLS, MODEL_NAME, STRIDE_CELLS
 
-VERSION = "2"
+VERSION = "3"
 LOG_NAME = "training_log.jsonl"
 _FRAMES_PER_FALSE = 400
 
@@ -124,6 +125,7 @@ def export(
         "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
         "input": {
             "shape": [1, 1, NETWORK_HEIGHT_CELLS, NETWORK_WIDTH_CELLS],
+            "map": MAP_KIND,
             "meaning": "byte of the map / 255; zeros beyond the frame",
             "lowest_sigma": LOWEST_SIGMA,
             "codes_per_sigma": CODES_PER_SIGMA,

@@ -108,5 +108,5 @@ def is_asked_for(peak_snr: float, visible_cells: float, mode: MapMode, block: in
     # Binning 2 x 2 raises a line's signal to noise by 1.75 at such seeing.
     bin_snr = peak_snr * (1.75 if binning_of(block) == 2 else 1.0)
     if visible_cells < SHORT_CELLS:
-        return bin_snr >= 6.5
-    return bin_snr >= 2.2 and bin_snr * float(np.sqrt(visible_cells)) >= 10.0
+        return bin_snr >= 5.0
+    return bin_snr >= 2.0 and bin_snr * float(np.sqrt(visible_cells)) >= 9.0

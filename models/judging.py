@@ -8,17 +8,17 @@ every trail without such a candidate where it was lost.
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, TypedDict, cast
 
 from models.frames import Kind, TrueFrame, TrueTrail
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Detection, Detections
+from rsoconsole.vision.candidates import Measurements
 from rsoconsole.vision.confidence import ConfidenceCurve, confidence_features
-from rsoconsole.vision.detector import MOST_FITS, FrameAnalysis, StreakDetector
+from rsoconsole.vision.detector import DARK, MOST_FITS, FrameAnalysis, StreakDetector
 from rsoconsole.vision.maps import FrameMap
 from rsoconsole.vision.network import Network, NetworkBox
-from rsoconsole.vision.streak_fit import NoStreak, fit_streak
 
 ON_TRAIL_PX = 5.0
 BOX_ON_TRAIL_PX = 16.0
@@ -152,25 +152,23 @@ class Judge:
 
     def _where_lost(self, true: TrueFrame, trail: TrueTrail, analysis: FrameAnalysis) -> str:
         """Why no candidate lies on this trail."""
-        ranked = sorted(self._network.boxes, key=lambda box: -box.confidence)
-        near = [box for box in ranked if _is_box_on(box, trail)]
+        near = [box for box in self._network.boxes if _is_box_on(box, trail)]
         if not near:
             return NOT_PROPOSED
-        if ranked.index(near[0]) >= MOST_FITS:
-            return NOT_MEASURED
         for rejection in analysis.detections.rejected:
             if _is_on(rejection.detection, trail, BOX_ON_TRAIL_PX):
                 return without_figures(rejection.reason)
         # Whom the network hardly believes is refused without a record: asked once more.
-        box = near[0]
-        fit = fit_streak(
-            true.frame.pixels,
-            analysis.background,
-            (box.x0_px, box.y0_px, box.x1_px, box.y1_px),
-            stars=analysis.stars,
-            ends=(box.x_a_px, box.y_a_px, box.x_b_px, box.y_b_px),
-        )
-        return without_figures(fit.reason) if isinstance(fit, NoStreak) else "measured elsewhere"
+        box = max(near, key=lambda each: each.confidence)
+        measured = Measurements(true.frame, analysis.background, analysis.stars)
+        if measured.is_dark(box):
+            return DARK
+        before = [each for each in self._network.boxes if each.confidence > box.confidence]
+        if sum(not measured.is_dark(each) for each in before) >= MOST_FITS:
+            return NOT_MEASURED
+        measured.measure(replace(box, confidence=1.0))
+        reasons = [without_figures(rejection.reason) for rejection in measured.rejected]
+        return reasons[0] if reasons else "measured elsewhere"
 
 
 def features_of(row: FrameRow) -> list[tuple[float, ...]]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 
 from rsoconsole.vision.background import local_background, sky_noise
 from rsoconsole.vision.bins import (
@@ -11,6 +12,7 @@ from rsoconsole.vision.bins import (
     bin_frame,
     binning_of,
     block_maximum,
+    lines_of_light,
     means_of_whole_blocks,
 )
 from rsoconsole.vision.maps import make_map
@@ -60,6 +62,52 @@ def test_cells_and_blocks_are_those_of_the_whole_frame(height, width, dtype):
         assert np.allclose(bins.brightest[block], largest, rtol=a_float32)
 
 
+def opened(bins: np.ndarray) -> np.ndarray:
+    """Darkest of five in a row, brightest of eight directions, as morphology has it."""
+    best = np.full(bins.shape, -np.inf)
+    for angle in np.arange(8) * np.pi / 8:
+        row = np.zeros((5, 5), dtype=bool)
+        for step in range(-2, 3):
+            # The nearest bins on a square spiral: two to the side, one of them possibly askew.
+            far = max(abs(np.cos(angle)), abs(np.sin(angle)))
+            y, x = step * np.sin(angle) / far, step * np.cos(angle) / far
+            row[2 + round(np.sign(y) * np.floor(abs(y) + 0.45)), 2 + round(x_of(x))] = True
+        assert row.sum() == 5
+        best = np.maximum(best, ndimage.minimum_filter(bins, footprint=row, mode="mirror"))
+    return best
+
+
+def x_of(x: float) -> float:
+    """Half a bin to the side is still in the same column."""
+    return float(np.sign(x) * np.floor(abs(x) + 0.45))
+
+
+@settings(max_examples=30, deadline=None)
+@given(height=SIDES, width=SIDES, dtype=DTYPES, block=st.sampled_from(BLOCKS))
+def test_the_lines_of_blocks_are_those_of_the_whole_frame_opened(height, width, dtype, block):
+    pixels = sky(height, width, dtype)
+    lines = bin_frame(pixels, line_blocks=(block,), workers=TWO_THREADS).lines[block]
+    assert lines.shape == (-(-height // block), -(-width // block))
+    binned = squares(up_to(pixels.astype(np.float64), block), binning_of(block)).mean(axis=(1, 3))
+    expected = squares(opened(binned), block // binning_of(block)).max(axis=(1, 3))
+    # At the rim pixels are mirrored here and bins there; whole-numbered bins are rounded.
+    rim = -(-3 * binning_of(block) // block)
+    inner = slice(rim, -rim)
+    rounding = 0.51 if dtype is np.uint16 else 1e-2
+    assert np.allclose(lines[inner, inner], expected[inner, inner], atol=rounding)
+
+
+def test_an_opened_line_keeps_its_light_and_a_star_loses_it():
+    bins = np.zeros((40, 60), dtype=np.float32)
+    bins[20, 10:40] = 5.0
+    bins[28:31, 50:53] = 900.0
+    bins[33, 20:24] = 900.0
+    found = lines_of_light(bins)
+    assert found.shape == (36, 60)
+    assert (found[18, 12:38] == 5.0).all()
+    assert found[24:].max() == 0.0
+
+
 @settings(max_examples=30, deadline=None)
 @given(height=SIDES, width=SIDES, dtype=DTYPES, block=st.sampled_from(BLOCKS))
 def test_a_map_sees_a_rim_of_whole_blocks_then_of_whole_cells(height, width, dtype, block):
@@ -91,7 +139,7 @@ def test_noise_of_bins_is_that_of_a_frame_made_of_them(height, width, dtype, blo
 @given(height=SIDES, width=SIDES, dtype=DTYPES)
 def test_what_is_handed_on_and_what_is_made_anew_agree_to_the_last_bit(height, width, dtype):
     pixels = sky(height, width, dtype)
-    bins = bin_frame(pixels, (STAR_BLOCK_PX, *BLOCKS), workers=TWO_THREADS)
+    bins = bin_frame(pixels, (STAR_BLOCK_PX,), line_blocks=BLOCKS, workers=TWO_THREADS)
     with_bins = local_background(pixels, bins=bins, workers=TWO_THREADS)
     alone = local_background(pixels)
     assert np.array_equal(with_bins.level, alone.level)
@@ -114,7 +162,7 @@ def test_stars_are_the_same_with_bins_and_without(shape, dtype):
 
 def test_bins_without_the_block_that_is_asked_for_are_not_used_for_it():
     pixels = sky(200, 300, np.uint16)
-    bins = bin_frame(pixels, (8,))
+    bins = bin_frame(pixels, (4, 8), line_blocks=(8,))
     assert np.array_equal(
         make_map(pixels, "fast", 4, bins=bins).values, make_map(pixels, "fast", 4).values
     )

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from rsoconsole.errors import ModelError
 from rsoconsole.resources import model_resource
-from rsoconsole.vision.confidence import FEATURES, ConfidenceCurve
+from rsoconsole.vision.confidence import FEATURES, LENGTH_ERROR, ConfidenceCurve
 from tests.makers import straight_detection
 
 CARD = json.loads(model_resource("streak_ssd.json").read_text(encoding="utf-8"))
@@ -40,7 +40,9 @@ def test_confidence_is_a_probability_and_grows_with_what_is_seen(network, snr, l
 )
 def test_no_measurement_lifts_a_proposal_above_the_highest(network, snr, length_px, width_px):
     seen = straight_detection(confidence=network, snr=snr, length_px=length_px, width_px=width_px)
-    assert CURVE.confidence(seen, PSF_PX) <= CURVE.highest(network) * (1 + 1e-9)
+    highest = CURVE.highest(network, length_px / LENGTH_ERROR, PSF_PX)
+    assert CURVE.confidence(seen, PSF_PX) <= highest * (1 + 1e-9)
+    assert highest <= CURVE.highest(network) * (1 + 1e-9)
     best = straight_detection(confidence=network, snr=500.0, length_px=120.0, width_px=PSF_PX)
     assert CURVE.confidence(best, PSF_PX) == pytest.approx(CURVE.highest(network), rel=1e-6)
 
@@ -71,5 +73,5 @@ def test_a_card_whose_curve_was_made_for_other_features_is_refused():
     weights = CARD["measured_confidence"]["weights"]
     fewer = {name: weights[name] for name in FEATURES[:-1]}
     for odd in (fewer, weights | {"colour": 1.0}):
-        with pytest.raises(ModelError, match=r"other features: (beside_longer|colour)"):
+        with pytest.raises(ModelError, match=r"other features: (parallel_unlike|colour)"):
             ConfidenceCurve.from_card({"measured_confidence": {"weights": odd}})

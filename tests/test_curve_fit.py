@@ -1,6 +1,7 @@
 """The fit of the curve of confidence: probabilities in a stated population, and tau within it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -145,9 +146,13 @@ def test_flashes_on_one_line_and_lights_beside_a_long_trail_are_known_by_their_c
     )
     long = straight_detection(x_px=900.0, y_px=700.0, angle_deg=20.3, length_px=900.0)
     alone = _seen(one)
-    assert (alone["in_line"], alone["beside_longer"]) == (0.0, 0.0)
+    assert (alone["in_line"], alone["parallel_unlike"]) == (0.0, 0.0)
     assert _seen(one, ahead)["in_line"] == 1.0
     neighbours_in_a_slot = _seen(one, beside)
-    assert (neighbours_in_a_slot["in_line"], neighbours_in_a_slot["beside_longer"]) == (0.0, 0.0)
-    assert _seen(one, long)["beside_longer"] == 1.0
-    assert _seen(long, one)["beside_longer"] == 0.0
+    assert (neighbours_in_a_slot["in_line"], neighbours_in_a_slot["parallel_unlike"]) == (0.0, 0.0)
+    assert _seen(one, long)["parallel_unlike"] == 1.0
+    # A bright one of another length is a light too, a faint one may be a few stars in a row.
+    assert _seen(long, replace(one, snr=60.0))["parallel_unlike"] == 1.0
+    assert _seen(long, replace(one, snr=10.0))["parallel_unlike"] == 0.0
+    cut_by_the_edge = replace(one, snr=60.0, is_clipped=True)
+    assert _seen(long, cut_by_the_edge)["parallel_unlike"] == 0.0

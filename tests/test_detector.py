@@ -13,7 +13,12 @@ from rsoconsole.records import Frame
 from rsoconsole.simulator.psf import add_points
 from rsoconsole.vision.candidates import is_same_streak
 from rsoconsole.vision.confidence import FEATURES, ConfidenceCurve
-from rsoconsole.vision.detector import TRAILED_STREAKS, FrameAnalysis, StreakDetector
+from rsoconsole.vision.detector import (
+    MOST_FITS,
+    TRAILED_STREAKS,
+    FrameAnalysis,
+    StreakDetector,
+)
 from rsoconsole.vision.maps import FrameMap
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.streak_fit import Box, fit_streak
@@ -131,7 +136,7 @@ def test_what_no_measurement_can_lift_above_tau_is_not_measured() -> None:
 def test_a_candidate_that_is_no_streak_is_rejected_with_the_reason() -> None:
     found = analyse(frame_with((A, B)), candidate((300, 400), (418, 410), 0.9)).detections
     assert found.detections == ()
-    assert "no ends found" in found.rejected[0].reason
+    assert found.rejected[0].reason == "no unbroken light along a line there"
     assert found.rejected[0].detection.confidence == 0.9
 
 
@@ -189,8 +194,51 @@ def test_box_mode_measures_as_the_paper_does() -> None:
     assert detection.method == "box"
     assert (detection.x_px, detection.y_px) == (159.0, 207.5)
     assert detection.sigma_along_px == detection.sigma_across_px == 3.0
-    edge = candidate((4.0, 50.0), (120.0, 60.0), 0.8)
-    assert analyse(frame_with(), edge, centroid="box").detections.detections[0].is_clipped
+
+
+def test_box_mode_takes_the_papers_centre_not_its_word_for_what_is_a_streak() -> None:
+    frame, box = frame_with((A, B)), candidate(A, B, 0.8)
+    found = {}
+    for centroid in ("line", "box"):
+        settings = DetectorConfig(centroid=centroid)  # type: ignore[arg-type]
+        detector = StreakDetector(Proposals(box), settings, curve(constant=-2.0))
+        (found[centroid],) = detector.detect(frame).detections
+        strict = detector.detect(frame, tau=0.5)
+        assert strict.detections == ()
+        assert strict.rejected[0].reason.startswith("below tau 0.50")
+    assert found["box"].confidence == found["line"].confidence != box.confidence
+    assert found["box"].snr == found["line"].snr
+    nothing = analyse(frame_with(), box, centroid="box").detections
+    assert nothing.detections == ()
+    assert nothing.rejected[0].reason == "no unbroken light along a line there"
+
+
+def test_box_mode_knows_a_streak_that_the_edge_cuts() -> None:
+    a, b = (-60.0, 50.0), (60.0, 60.0)
+    edge = replace(candidate((4.0, 55.0), b, 0.8), x0_px=0.0)
+    (found,) = analyse(frame_with((a, b)), edge, centroid="box").detections.detections
+    assert (found.method, found.is_clipped) == ("box", True)
+
+
+def test_dark_proposals_do_not_cost_a_streak_its_turn() -> None:
+    dark = [
+        candidate((x, 400.0 + y), (x + 80.0, 404.0 + y), 0.9)
+        for x in (20.0, 150.0, 300.0)
+        for y in np.arange(0.0, 90.0, 9.0)
+    ]
+    assert len(dark) > MOST_FITS
+    found = analyse(frame_with((A, B)), *dark, candidate(A, B, 0.5)).detections
+    assert [d.confidence for d in found.detections] == [0.5]
+    assert {r.reason for r in found.rejected} == {"no unbroken light along a line there"}
+
+
+def test_a_short_proposal_is_measured_only_where_its_length_leaves_hope() -> None:
+    c, d = (260.0, 300.0), (275.0, 302.0)
+    frame, short = frame_with((A, B), (c, d)), candidate(c, d, 0.3)
+    for weight, reasons in ((0.0, set()), (-9.0, {"below tau 0.10 however well a line fits"})):
+        hope = StreakDetector(Proposals(short), DetectorConfig(), curve(shortness=weight))
+        found = hope.detect(frame)
+        assert {r.reason for r in found.rejected if "however" in r.reason} == reasons
 
 
 def test_the_map_is_made_as_configured() -> None:

@@ -77,6 +77,32 @@ def test_of_two_objects_the_pair_that_agrees_is_taken():
     assert after.track.x[1] == pytest.approx(GEO_RATE_DEG_S, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("faint", "bright", "leads"), [(0.993, 0.98, "bright"), (0.91, 0.75, "faint")]
+)
+def test_of_two_as_good_as_certain_the_better_measured_leads(faint, bright, leads):
+    def pair(frame_id: int) -> tuple[Measurement, Measurement]:
+        east = dataclasses.replace(
+            geo_measurement(frame_id, ra_deg=150.2),
+            confidence=faint,
+            cov_sky_arcsec2=(1.2, 0.0, 0.1),
+        )
+        west = dataclasses.replace(
+            geo_measurement(frame_id), confidence=bright, cov_sky_arcsec2=(0.02, 0.0, 0.02)
+        )
+        return (east, west) if faint > bright else (west, east)
+
+    first, _ = follow(Following(), seen(1, *pair(1)), SETTINGS)
+    after, _ = follow(first, seen(2, *pair(2)), SETTINGS)
+    assert after.taken is not None
+    assert after.taken.confidence == {"faint": faint, "bright": bright}[leads]
+    by_paper = dataclasses.replace(SETTINGS, choice="most confident")
+    first, _ = follow(Following(), seen(1, *pair(1)), by_paper)
+    after, _ = follow(first, seen(2, *pair(2)), by_paper)
+    assert after.taken is not None
+    assert after.taken.confidence == max(faint, bright)
+
+
 def test_a_clipped_streak_starts_no_track():
     first, records = follow(Following(), seen(1, geo_measurement(1, is_clipped=True)), SETTINGS)
     assert first.state == "SEARCH"

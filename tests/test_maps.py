@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.vision.bins import binning_of
+from rsoconsole.vision.bins import bin_frame, binning_of
 from rsoconsole.vision.maps import (
     CODES_PER_SIGMA,
+    LINE_GAIN,
+    LINE_SHIFT,
     LOWEST_SIGMA,
     FrameMap,
     choose_blocks,
@@ -21,16 +23,13 @@ def _frame(height: int, width: int, dtype: type = np.uint16) -> np.ndarray:
     return np.rint(rng.normal(800.0, 40.0, size=(height, width))).astype(dtype)
 
 
-@pytest.mark.parametrize("block", [1, 2, 4, 8, 16])
+@pytest.mark.parametrize("block", [2, 4, 8, 16])
 @pytest.mark.parametrize("dtype", [np.uint16, np.float32])
-def test_fast_map_is_the_brightest_bin_over_the_noise(block, dtype):
+def test_fast_map_is_the_brightest_line_over_the_noise(block, dtype):
     pixels = _frame(256, 320, dtype)
     frame_map = make_map(pixels, "fast", block)
-    b = binning_of(block)
-    bins = pixels.astype(float).reshape(256 // b, b, 320 // b, b).mean(axis=(1, 3))
-    k = block // b
-    brightest = bins.reshape(256 // block, k, 320 // block, k).max(axis=(1, 3))
-    sigmas = (brightest - 800.0) / (40.0 / b)
+    lines = bin_frame(pixels.astype(np.float32), line_blocks=(block,)).lines[block]
+    sigmas = LINE_GAIN * (lines - 800.0) / (40.0 / binning_of(block)) + LINE_SHIFT
     expected = (np.clip(sigmas, -2.0, 14.0) - LOWEST_SIGMA) * CODES_PER_SIGMA
     # The sky itself is measured: a tenth of a sigma of level, a few per cent of noise.
     half_a_sigma = 0.5 * CODES_PER_SIGMA
@@ -38,19 +37,54 @@ def test_fast_map_is_the_brightest_bin_over_the_noise(block, dtype):
     assert np.abs(frame_map.values - expected).mean() < 0.2 * half_a_sigma
 
 
-@pytest.mark.parametrize("mode", ["fast", "paper"])
+@pytest.mark.parametrize("block", [4, 8, 16])
+def test_plain_sky_of_a_fast_map_looks_as_the_brightest_of_its_bins_would(block):
+    pixels = _frame(1024, 1024)
+    k, b = block // binning_of(block), binning_of(block)
+    bins = pixels.astype(float).reshape(1024 // b, b, 1024 // b, b).mean(axis=(1, 3))
+    brightest = bins.reshape(1024 // block, k, 1024 // block, k).max(axis=(1, 3))
+    as_bins = ((brightest - 800.0) / (40.0 / b) - LOWEST_SIGMA) * CODES_PER_SIGMA
+    values = make_map(pixels, "fast", block).values
+    assert abs(float(np.median(values)) - float(np.median(as_bins))) < 0.5 * CODES_PER_SIGMA
+    assert np.std(values) == pytest.approx(np.std(as_bins), rel=0.5)
+
+
 @pytest.mark.parametrize(("height", "width"), [(64, 64), (77, 131), (512, 517)])
 @pytest.mark.parametrize("block", [2, 4, 8])
-def test_a_bright_pixel_lights_the_cell_that_holds_it_even_in_a_ragged_rim(
-    mode, height, width, block
-):
+def test_a_bright_pixel_lights_the_cell_that_holds_it_even_in_a_ragged_rim(height, width, block):
     for x, y in [(0, 0), (width - 1, height - 1), (width // 2 + 1, height // 3)]:
         pixels = _frame(height, width)
         pixels[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2] = 60000
-        frame_map = make_map(pixels, mode, block)
+        frame_map = make_map(pixels, "paper", block)
         assert frame_map.values.shape == (-(-height // block), -(-width // block))
         row, column = int(frame_map.to_cells(y)), int(frame_map.to_cells(x))
         assert frame_map.values[row, column] == 255
+
+
+@pytest.mark.parametrize(("height", "width"), [(64, 64), (77, 131), (512, 517)])
+@pytest.mark.parametrize("block", [2, 4, 8])
+def test_a_line_lights_the_cells_along_it_even_in_a_ragged_rim_and_a_star_does_not(
+    height, width, block
+):
+    for line in (np.s_[-3:, :40], np.s_[:3, :40], np.s_[:40, :3], np.s_[:40, -3:]):
+        pixels = _frame(height, width)
+        pixels[line] = 60000
+        pixels[height // 3 : height // 3 + 3, width // 2 : width // 2 + 3] = 60000
+        values = make_map(pixels, "fast", block).values
+        assert values.shape == (-(-height // block), -(-width // block))
+        along = np.arange(2 * block, 32, block)
+        rows, columns = np.arange(height)[line[0]], np.arange(width)[line[1]]
+        on_line = (
+            (along, np.full(along.size, columns[1]))
+            if rows.size > 3
+            else (
+                np.full(along.size, rows[1]),
+                along,
+            )
+        )
+        assert (values[on_line[0] // block, on_line[1] // block] == 255).all()
+        star = (height // 3 + 1) // block, (width // 2 + 1) // block
+        assert values[star] < to_codes(np.array([6.0], dtype=np.float32))[0]
 
 
 @given(

@@ -134,6 +134,24 @@ def test_a_streak_longer_than_its_box_is_followed_to_its_ends() -> None:
     assert fit.length_px == pytest.approx(261.2, abs=2)
 
 
+def test_half_a_streak_that_was_proposed_is_followed_to_the_whole() -> None:
+    a, b = (60.0, 140.0), (260.0, 160.0)
+    for seed in range(4):
+        image = draw(np.random.default_rng(seed), [(a, b, 1.8)], stars=20)
+        fit = fit_streak(image, local_background(image), (60, 138, 150, 152), psf_fwhm_px=2.3)
+        if isinstance(fit, StreakFit):
+            assert fit.length_px == pytest.approx(201.0, abs=8.0)
+
+
+def test_two_in_a_row_with_a_gap_between_are_not_made_one() -> None:
+    first, second = ((40.0, 150.0), (130.0, 150.0)), ((150.0, 150.0), (280.0, 150.0))
+    image = draw(np.random.default_rng(3), [(*first, 5.0), (*second, 5.0)])
+    fit = fit_streak(image, local_background(image), (38, 146, 132, 154), psf_fwhm_px=2.3)
+    assert isinstance(fit, StreakFit)
+    assert fit.length_px == pytest.approx(90.0, abs=2.0)
+    assert fit.x_px == pytest.approx(85.0, abs=1.0)
+
+
 def test_a_clipped_streak_is_known_across_alone() -> None:
     a, b = (-60.0, 100.0), (59.0, 110.0)
     image = draw(np.random.default_rng(6), [(a, b, 5.0)])
@@ -263,5 +281,6 @@ def test_an_end_hidden_by_a_masked_star_is_known_only_as_well_as_the_mask_is_wid
     fit = fit_streak(image, sky, (96, 138, 223, 154), stars=stars)
     assert isinstance(fit, StreakFit)
     error_px = np.hypot(fit.x_px - 159.5, fit.y_px - 146.0)
-    assert fit.sigma_along_px > 0.4
+    # Of one end somewhere in the mask, halved by the midpoint: no more and no less.
+    assert 0.4 < fit.sigma_along_px < 3.0
     assert error_px < 3 * fit.sigma_along_px

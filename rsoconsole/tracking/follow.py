@@ -37,6 +37,8 @@ from rsoconsole.tracking.neighbours import (
 
 Record = Any
 Choice = Literal["nearest", "most confident"]
+AS_GOOD_AS_CERTAIN = 0.9
+"""Confidence from which on brightness, not confidence, says which of two to follow."""
 
 NOTHING_SEEN = "no detection"
 NOTHING_FITS = "nothing fits the prediction"
@@ -116,10 +118,13 @@ def _acquire(
 ) -> tuple[Following, tuple[Record, ...]]:
     """Two successive frames whose measurements agree on one motion start a track.
 
-    The most confident one that has a partner leads. Every measurement hears its verdict once: a
-    candidate that waits for a second frame hears it with that frame.
+    The most confident one that has a partner leads; of those as good as certain, the one whose
+    place is known best, which is the brightest as a rule. Every measurement hears its verdict
+    once: a candidate that waits for a second frame hears it with that frame.
     """
     usable = tuple(m for m in seen.measurements if not m.is_clipped)
+    if settings.choice == "nearest":
+        usable = tuple(sorted(usable, key=_rank))
     clipped = tuple(
         _not_followed(m, "clipped by the frame: starts no track")
         for m in seen.measurements
@@ -148,6 +153,12 @@ def _acquire(
     alone = tuple(_not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
     return Following(state=state, candidates=usable), (*alone, *clipped)
+
+
+def _rank(m: Measurement) -> tuple[float, float]:
+    """Lowest first: by confidence as far as it tells them apart, then by variance."""
+    east, _, north = m.cov_sky_arcsec2
+    return -min(m.confidence, AS_GOOD_AS_CERTAIN), east + north
 
 
 def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: Seen) -> str:

@@ -1,15 +1,16 @@
 """What the network proposes, and what the line fit makes of each proposal."""
 
 import logging
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rsoconsole.records import Detection, Frame, Rejection
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.network import NetworkBox
-from rsoconsole.vision.stars import StarList
+from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
 from rsoconsole.vision.streak_fit import NoStreak, StreakFit, fit_streak
+from rsoconsole.vision.streak_glance import line_signal
 
 log = logging.getLogger(__name__)
 
@@ -33,12 +34,17 @@ class Measurements:
     """With the network's confidence."""
     rejected: list[Rejection] = field(default_factory=list)
 
+    def is_dark(self, box: NetworkBox) -> bool:
+        """Whether a glance along a candidate shows too little light to be worth a fit."""
+        psf_sigma = self.stars.median_fwhm_px / FWHM_PER_SIGMA
+        signal = line_signal(self.frame.pixels, self.sky, _ends(box), psf_sigma)
+        return not signal.is_worth_a_fit(box.confidence)
+
     def measure(self, box: NetworkBox) -> None:
         """Fit one candidate and put it where it belongs."""
-        ends = (box.x_a_px, box.y_a_px, box.x_b_px, box.y_b_px)
         try:
             fit = fit_streak(
-                self.frame.pixels, self.sky, _corners(box), stars=self.stars, ends=ends
+                self.frame.pixels, self.sky, _corners(box), stars=self.stars, ends=_ends(box)
             )
         except Exception:
             # One candidate must not cost the others of the frame, nor the night.
@@ -102,6 +108,10 @@ def _corners(box: NetworkBox) -> tuple[float, float, float, float]:
     return box.x0_px, box.y0_px, box.x1_px, box.y1_px
 
 
+def _ends(box: NetworkBox) -> tuple[float, float, float, float]:
+    return box.x_a_px, box.y_a_px, box.x_b_px, box.y_b_px
+
+
 def _from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
     return Detection(
         frame_id=frame.frame_id,
@@ -123,8 +133,24 @@ def _from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
     )
 
 
+def at_box_centre(detection: Detection) -> Detection:
+    """The paper's measurement of a detection: its box's centre stands for the streak's midpoint.
+
+    Whether it is a streak, and where it ends, is still what the line fit made of it.
+    """
+    x0, y0, x1, y1 = detection.box_px
+    return replace(
+        detection,
+        x_px=0.5 * (x0 + x1),
+        y_px=0.5 * (y0 + y1),
+        sigma_along_px=BOX_SIGMA_PX,
+        sigma_across_px=BOX_SIGMA_PX,
+        method="box",
+    )
+
+
 def from_box(frame: Frame, box: NetworkBox) -> Detection:
-    """The paper's measurement: the centre of the box stands for the streak's midpoint."""
+    """A proposal as it is, not measured: to compare, and for the record of what was refused."""
     x0, y0, x1, y1 = _corners(box)
     rim_px = 1.0
     is_clipped = (

@@ -1,10 +1,10 @@
 """How likely a measured candidate is a satellite: the network's word and the line fit's together.
 
-The network sees a map of maxima, in which a chain of stars or a cosmic ray can look like a faint
+The network sees a small map, in which a chain of stars or a cosmic ray can look like a faint
 streak. The line fit on the raw frame tells them apart: a real streak holds its light along a
 line of the seeing's width. Only the company it keeps tells a distant aircraft's flash: others lie
-on the same line, or a much longer trail runs beside it. A logistic curve over all of it, fitted
-on frames with known truth (``models.confidence``), makes a probability.
+on the same line, or a light of another length runs parallel. A logistic curve over all of it,
+fitted on frames with known truth (``models.confidence``), makes a probability.
 """
 
 import math
@@ -24,19 +24,21 @@ FEATURES = (
     "shortness",
     "longness",
     "in_line",
-    "beside_longer",
+    "parallel_unlike",
 )
 """All from ``wide`` on are 0 or more, speak against a satellite and weigh nothing at 0."""
 MOST_LOG_SNR = 0.3
 SHORT_FWHM, LONG_FWHM = 20.0, 120.0
 """Below and above so many widths of a star, shorter and longer are less likely: chains of stars
 are short, lights that cross the frame are long."""
+LENGTH_ERROR = 2.0
+"""A fit that finds the light going on beyond its ends looks as far again."""
 MOST_IN_LINE = 2
 _LEAST, _MOST = 1e-7, 1.0 - 1e-7
 _SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
 """Logarithm of width over the stars' that says nothing: at best, and times the signal to noise."""
 _SAME_LINE_PX, _MOST_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
-_MUCH_LONGER, _BESIDE_DEG = 2.5, 1.5
+_MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.2, 1.5, 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,12 +76,19 @@ class ConfidenceCurve:
         z = sum(w * f for w, f in zip(self.weights, features, strict=True))
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
-    def highest(self, network_confidence: float) -> float:
-        """What a proposal of this confidence can come to at most, whatever is measured of it."""
+    def highest(
+        self, network_confidence: float, proposed_px: float = math.inf, psf_fwhm_px: float = 1.0
+    ) -> float:
+        """What a proposal can come to, measured as well as may be.
+
+        A proposal's length is taken to be up to ``LENGTH_ERROR`` times too short.
+        """
         p = min(max(network_confidence, _LEAST), _MOST)
         table = dict(zip(FEATURES, self.weights, strict=True))
         z = table["constant"] + table["network"] * math.log(p / (1.0 - p))
         z += max(table["log_snr"], 0.0) * MOST_LOG_SNR
+        longest_px = max(LENGTH_ERROR * proposed_px, 0.1)
+        z += table["shortness"] * math.log(max(SHORT_FWHM * psf_fwhm_px / longest_px, 1.0))
         # None of the others speaks for a satellite.
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
@@ -100,7 +109,7 @@ def confidence_features(
     than ``MOST_LOG_SNR``, since a chain of bright stars is bright too; how far, as a logarithm,
     the streak is wider and narrower than the stars, beyond what its signal to noise leaves open;
     how short it is against ``SHORT_FWHM`` and how long against ``LONG_FWHM``; how many others lie
-    on its line; whether a much longer one is parallel to it.
+    on its line; whether one that is much longer, or bright and of another length, is parallel.
     """
     p = min(max(detection.confidence, _LEAST), _MOST)
     psf_px, length_px = max(psf_fwhm_px, 0.1), max(detection.length_px, 0.1)
@@ -117,7 +126,7 @@ def confidence_features(
         max(0.0, math.log(SHORT_FWHM * psf_px / length_px)),
         max(0.0, math.log(length_px / (LONG_FWHM * psf_px))),
         float(min(sum(_is_in_line(detection, other) for other in rest), MOST_IN_LINE)),
-        float(any(_is_much_longer_beside(detection, other) for other in rest)),
+        float(any(_is_parallel_unlike(detection, other) for other in rest)),
     )
 
 
@@ -134,9 +143,22 @@ def _is_in_line(one: Detection, other: Detection) -> bool:
     return across < min(_SAME_LINE_PX + slope_error * along, _MOST_OFF_LINE_PX)
 
 
-def _is_much_longer_beside(one: Detection, other: Detection) -> bool:
-    is_longer = other.length_px > _MUCH_LONGER * one.length_px
-    return is_longer and _turn_deg(one, other) < _BESIDE_DEG
+def _is_parallel_unlike(one: Detection, other: Detection) -> bool:
+    """Whether two trails are parallel but surely not of one length: lights of one aircraft.
+
+    Satellites that keep one another company move alike. What the frame cuts may be longer.
+    """
+    if _turn_deg(one, other) > _BESIDE_DEG:
+        return False
+    shorter, longer = sorted((one, other), key=lambda each: each.length_px)
+    if longer is other and longer.length_px > _MUCH_LONGER * shorter.length_px:
+        return True
+    if other.snr < _BRIGHT_SNR:
+        # It may be a few stars in a row.
+        return False
+    sigma_px = 2.0 * math.hypot(one.sigma_along_px, other.sigma_along_px)
+    apart_px = longer.length_px - _UNLIKE * shorter.length_px
+    return not shorter.is_clipped and apart_px > (0.0 if longer.is_clipped else 3.0 * sigma_px)
 
 
 def _turn_deg(one: Detection, other: Detection) -> float:

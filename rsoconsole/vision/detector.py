@@ -14,15 +14,16 @@ from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Detection, Detections, Frame, Rejection
 from rsoconsole.vision.background import Background, local_background
 from rsoconsole.vision.bins import bin_frame
-from rsoconsole.vision.candidates import Measurements, distinct, from_box, runs_alike
+from rsoconsole.vision.candidates import Measurements, at_box_centre, distinct, from_box, runs_alike
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.stars import STAR_BLOCK_PX, StarList, find_stars
 from rsoconsole.vision.workers import Workers
 
-MOST_FITS = 12
+MOST_FITS = 20
 MOST_WITNESSES = 12
+DARK = "no unbroken light along a line there"
 TRAILED_STREAKS = 9
 """So many streaks of one length and direction are stars; no satellite cluster is as large."""
 _SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
@@ -73,7 +74,8 @@ class StreakDetector:
             frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
         )
         with watch.stage("background"):
-            bins = bin_frame(frame.pixels, {STAR_BLOCK_PX, *blocks}, workers=workers)
+            lines = blocks if self._settings.map_mode == "fast" else ()
+            bins = bin_frame(frame.pixels, {STAR_BLOCK_PX}, line_blocks=lines, workers=workers)
             sky = local_background(frame.pixels, bins=bins, workers=workers)
         with watch.stage("map"):
             maps = [
@@ -93,6 +95,8 @@ class StreakDetector:
             taken, rejected = self._measure(frame, boxes, sky, stars, threshold)
             taken, trailed = _without_trailed_stars(taken)
             rejected += trailed
+            if self._settings.centroid == "box":
+                taken = [at_box_centre(d) for d in taken]
             faint = [d for d in taken if d.confidence <= threshold]
             rejected += [
                 Rejection(
@@ -123,25 +127,34 @@ class StreakDetector:
     ) -> tuple[list[Detection], list[Rejection]]:
         """Measured candidates, most confident first, and those that are none.
 
-        What no measurement could lift above ``threshold`` is not measured, unless it may bear
-        witness against one that is above: it runs alike.
+        What no measurement could lift above ``threshold`` or shows no light at a glance is not
+        measured. What could only bear witness against one that is above, since it runs alike, is.
         """
         ordered = sorted(boxes, key=lambda b: -b.confidence)
-        if self._settings.centroid == "box":
-            return [from_box(frame, box) for box in ordered], []
         measured = Measurements(frame, sky, stars)
         curve = self._curve
-        hopeful = [b for b in ordered if curve is None or curve.highest(b.confidence) > threshold]
-        for box in hopeful[:MOST_FITS]:
-            measured.measure(box)
-        for box in hopeful[MOST_FITS:]:
-            measured.refuse(
-                box, f"not measured: {MOST_FITS} more confident candidates in the frame"
-            )
+        width_px = stars.median_fwhm_px
+        hopeful: list[NetworkBox] = []
+        others: list[NetworkBox] = []
+        for box in ordered:
+            most = 1.0 if curve is None else curve.highest(box.confidence, box.length_px, width_px)
+            (hopeful if most > threshold else others).append(box)
+        fits = 0
+        for box in hopeful:
+            if fits == MOST_FITS:
+                measured.refuse(
+                    box, f"not measured: {MOST_FITS} more confident candidates in the frame"
+                )
+            elif measured.is_dark(box):
+                measured.refuse(box, DARK)
+            else:
+                fits += 1
+                measured.measure(box)
         risen = [d for d in self._judged(measured.taken, stars) if d.confidence > threshold]
         witnesses = 0
-        for box in ordered[len(hopeful) :]:
-            if witnesses < MOST_WITNESSES and runs_alike(from_box(frame, box), risen):
+        for box in others:
+            is_asked = witnesses < MOST_WITNESSES and runs_alike(from_box(frame, box), risen)
+            if is_asked and not measured.is_dark(box):
                 witnesses += 1
                 measured.measure(box)
             else:
@@ -151,7 +164,7 @@ class StreakDetector:
 
     def _judged(self, taken: list[Detection], stars: StarList) -> list[Detection]:
         """With the confidence that each earns by its measurement and among the others."""
-        if self._curve is None or self._settings.centroid == "box":
+        if self._curve is None:
             return taken
         return self._curve.judged(taken, stars.median_fwhm_px)
 

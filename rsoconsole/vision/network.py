@@ -19,9 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.errors import ModelError
-from rsoconsole.records import FloatArray
 from rsoconsole.resources import model_resource
 from rsoconsole.vision.maps import (
+    MAP_KIND,
     NETWORK_HEIGHT_CELLS,
     NETWORK_WIDTH_CELLS,
     ByteArray,
@@ -127,27 +127,25 @@ def keep_distinct(candidates: list[MapStreak]) -> list[MapStreak]:
     between the other's ends. Parallel neighbours further apart than that both stay.
     """
     ordered = sorted(candidates, key=lambda c: -c.logit)
-    # The plane as complex numbers: a turn onto a line is one product.
-    a = np.array([complex(c.x_a, c.y_a) for c in ordered], dtype=np.complex128)
-    b = np.array([complex(c.x_b, c.y_b) for c in ordered], dtype=np.complex128)
-    length = np.maximum(np.abs(b - a), 1e-6)
-    middle, turn, reach = (a + b) / 2, (b - a).conj() / length, length / 2 + 1.0
+    x_a, y_a, x_b, y_b = (
+        np.array([(c.x_a, c.y_a, c.x_b, c.y_b) for c in ordered], dtype=np.float32).reshape(-1, 4).T
+    )
+    dx, dy = x_b - x_a, y_b - y_a
+    length = np.maximum(np.hypot(dx, dy), np.float32(1e-6))
+    cos, sin, reach = (dx / length)[:, None], (dy / length)[:, None], (length / 2 + 1)[:, None]
+    x, y = (x_a + x_b) / 2, (y_a + y_b) / 2
+    # Row i: how far every midpoint lies along and across line i.
+    away_x, away_y = x - x[:, None], y - y[:, None]
+    is_on = np.abs(away_y * cos - away_x * sin) < _SAME_LINE_CELLS
+    is_on &= np.abs(away_x * cos + away_y * sin) < reach
+    is_same = is_on | is_on.T
     is_open = np.ones(len(ordered), dtype=bool)
     kept: list[MapStreak] = []
     for i, candidate in enumerate(ordered):
         if is_open[i]:
             kept.append(candidate)
-            away = middle - middle[i]
-            is_open[_is_on_line(away * turn[i], reach[i])] = False
-            is_open[_is_on_line(away * turn, reach)] = False
+            is_open &= ~is_same[i]
     return kept
-
-
-def _is_on_line(place: npt.NDArray[np.complex128], reach: FloatArray) -> npt.NDArray[np.bool_]:
-    """Whether a place, real along a line from its middle and imaginary across, lies on it."""
-    result: npt.NDArray[np.bool_] = np.abs(place.imag) < _SAME_LINE_CELLS
-    result &= np.abs(place.real) < reach
-    return result
 
 
 class Network:
@@ -299,6 +297,11 @@ def _read_card(path: Path) -> dict[str, Any]:
     needed = {"name", "version", "sha256", "calibration"}
     if not isinstance(card, dict) or not needed <= card.keys():
         raise ModelError(f"{path} does not describe a network of this program: {_REINSTALL}")
+    if card.get("input", {}).get("map") != MAP_KIND:
+        raise ModelError(
+            f"the network that {path} describes was trained on another kind of map than this "
+            f"program makes ({MAP_KIND}): train it again (models/README.md), or {_REINSTALL}"
+        )
     return card
 
 

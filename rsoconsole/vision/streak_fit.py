@@ -11,6 +11,7 @@ import numpy as np
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
+from rsoconsole.vision.streak_glance import goes_on_beyond, is_broken
 from rsoconsole.vision.streak_model import Line, LineFit
 from rsoconsole.vision.streak_robust import (
     Axes,
@@ -23,7 +24,7 @@ from rsoconsole.vision.streak_search import Box, Cutout, Ends, Guess, cut_out, f
 MIN_SNR = 7.0
 _MARGIN_PX = 16.0
 _LOOKS = 4
-_LARGEST_CUTOUT_PX = 4_000_000
+_LARGEST_CUTOUT_PX = 1_000_000
 _SECOND_ORDER = 0.4
 _HOPELESS = 1e3
 _CLIPPED_SIGMA_PX = 100.0
@@ -34,6 +35,9 @@ _SHORTEST = 5.0
 _MAX_SIGMA_SHARE = 0.1
 _MIN_LIT_SHARE = 0.6
 _MAX_UNEVEN_SHARE = 0.35
+_UNSURE_PX = 0.5
+_FAINT_SNR = 40.0
+"""Of what is brighter, dark gaps may be a satellite's own: it tumbles."""
 _FLOOR_PX = 0.005
 """What remains of a pixel's own shape in a perfect frame."""
 
@@ -85,6 +89,77 @@ def fit_streak(
     """
     fwhm = psf_fwhm_px or (stars.median_fwhm_px if stars is not None else 2.5)
     psf_sigma = fwhm / FWHM_PER_SIGMA
+    fit = _fit_once(pixels, sky, box, stars=stars, fwhm=fwhm, ends=ends)
+    if isinstance(fit, NoStreak):
+        return fit
+    if fit.sigma_along_px > _UNSURE_PX and not fit.is_clipped:
+        # A star near an end is told from it by a guess that is nearly right.
+        nearer = _fit_once(pixels, sky, box, stars=stars, fwhm=fwhm, ends=_ends_of(fit))
+        if isinstance(nearer, StreakFit) and nearer.sigma_along_px < fit.sigma_along_px:
+            fit = nearer
+    goes_on = _goes_on(pixels, sky, fit, psf_sigma)
+    if any(goes_on):
+        further = _extended(fit, goes_on)
+        again = _fit_once(pixels, sky, _box_of(further, box), stars=stars, fwhm=fwhm, ends=further)
+        if isinstance(again, StreakFit) and not is_broken(pixels, sky, _ends_of(again), psf_sigma):
+            if any(_goes_on(pixels, sky, again, psf_sigma)):
+                reason = "light goes on beyond its ends: part of a longer trail"
+                return NoStreak(reason=reason, fit=again)
+            return again
+        # What lies beyond is another's, parted from this by a gap.
+    if fit.snr < _FAINT_SNR and is_broken(pixels, sky, _ends_of(fit), psf_sigma):
+        return NoStreak(reason="dark in between: stars in a row", fit=fit)
+    return fit
+
+
+def _goes_on(
+    pixels: PixelArray, sky: Background, fit: StreakFit, psf_sigma: float
+) -> tuple[bool, bool]:
+    """Whether there is light beyond either end like that between them."""
+    x_a, y_a, x_b, y_b = _ends_of(fit)
+    return (
+        goes_on_beyond(pixels, sky, (x_b, y_b, x_a, y_a), psf_sigma),
+        goes_on_beyond(pixels, sky, (x_a, y_a, x_b, y_b), psf_sigma),
+    )
+
+
+def _ends_of(fit: StreakFit) -> Box:
+    return fit.x_a_px, fit.y_a_px, fit.x_b_px, fit.y_b_px
+
+
+def _extended(fit: StreakFit, goes_on: tuple[bool, bool]) -> Box:
+    """Ends of the same line, half its length further out where the light goes on."""
+    dx, dy = 0.5 * (fit.x_b_px - fit.x_a_px), 0.5 * (fit.y_b_px - fit.y_a_px)
+    more_a, more_b = (float(each) for each in goes_on)
+    return (
+        fit.x_a_px - more_a * dx,
+        fit.y_a_px - more_a * dy,
+        fit.x_b_px + more_b * dx,
+        fit.y_b_px + more_b * dy,
+    )
+
+
+def _box_of(ends: Box, box: Box) -> Box:
+    """The box about the ends and what it was before."""
+    x_a, y_a, x_b, y_b = ends
+    return (
+        min(box[0], x_a, x_b),
+        min(box[1], y_a, y_b),
+        max(box[2], x_a, x_b),
+        max(box[3], y_a, y_b),
+    )
+
+
+def _fit_once(
+    pixels: PixelArray,
+    sky: Background,
+    box: Box,
+    *,
+    stars: StarList | None,
+    fwhm: float,
+    ends: Box | None,
+) -> StreakFit | NoStreak:
+    psf_sigma = fwhm / FWHM_PER_SIGMA
     looked = _look(pixels, sky, box, ends=ends, stars=stars, psf_sigma=psf_sigma)
     if isinstance(looked, NoStreak):
         return looked
@@ -135,7 +210,7 @@ def _look(
         if not stretch.reaches_rim or wider.values.shape == cutout.values.shape:
             break
         if wider.values.size > _LARGEST_CUTOUT_PX:
-            return NoStreak(reason="no ends found: the light runs on for thousands of pixels")
+            return NoStreak(reason="no ends found: the light runs on for a thousand pixels or more")
         cutout = wider
         box = _grown(box, stretch, guess)
         ends = _guess_ends(guess, stretch)
@@ -183,6 +258,7 @@ def _describe(cutout: Cutout, guess: Guess, fit: LineFit, stretch: Ends) -> Stre
     to_across = np.array([0.5 * line.slope, 0.5 * line.slope, 1.0, middle])
     to_along = np.array([0.5, 0.5, 0.0, 0.0])
     along = max(float(to_along @ fit.covariance @ to_along), 0.0) * _beyond_parabola(fit)
+    along += 0.25 * sum(fit.hidden_variance)
     across = max(float(to_across @ fit.covariance @ to_across), 0.0)
     length = float(np.hypot(u_b - u_a, line.slope * (u_b - u_a)))
     xs, ys = _to_raw(guess, line, np.array([u_a, middle, u_b]))

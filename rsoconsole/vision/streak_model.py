@@ -63,6 +63,8 @@ class LineFit:
     """Variance that the source's own light adds, ADU^2 per ADU: photons and a PSF unlike ours."""
     model: FloatArray
     """ADU at every pixel, without the sky term."""
+    hidden_variance: tuple[float, float] = (0.0, 0.0)
+    """px^2 that either end has on top, as it may be anywhere behind a star."""
 
 
 def fit_line(
@@ -75,18 +77,19 @@ def fit_line(
     weight = _weights(pixels, start, excess)
     prior_j, prior_r = _priors(start, psf_sigma, parameters)
     damping = 1e-3
-    value, jacobian = _evaluate(pixels, parameters, start)
+    hats = _hats(pixels.u, start)
+    value, jacobian = _evaluate(pixels, parameters, start, hats)
     residual = pixels.value - value
     cost = float(weight @ residual**2 + np.sum(prior_r**2))
     for _ in range(_ITERATIONS):
-        normal = jacobian.T @ (jacobian * weight[:, None]) + prior_j.T @ prior_j
-        gradient = jacobian.T @ (weight * residual) - prior_j.T @ prior_r
+        normal = (jacobian * weight) @ jacobian.T + prior_j.T @ prior_j
+        gradient = jacobian @ (weight * residual) - prior_j.T @ prior_r
         damped = normal + damping * np.diag(np.diag(normal) + 1e-12)
         step = _solve(damped, gradient, free)
         if step is None:
             return None
         trial = _bounded(parameters + step, start, psf_sigma)
-        trial_value, trial_jacobian = _evaluate(pixels, trial, start)
+        trial_value, trial_jacobian = _evaluate(pixels, trial, start, hats)
         trial_residual = pixels.value - trial_value
         _, trial_prior = _priors(start, psf_sigma, trial)
         trial_cost = float(weight @ trial_residual**2 + np.sum(trial_prior**2))
@@ -98,13 +101,13 @@ def fit_line(
         prior_r, damping = trial_prior, damping / 5.0
         if is_converged:
             break
-    normal = jacobian.T @ (jacobian * weight[:, None]) + prior_j.T @ prior_j
+    normal = (jacobian * weight) @ jacobian.T + prior_j.T @ prior_j
     return _finish(pixels, parameters, start, normal=normal, free=free, weight=weight)
 
 
 def light_of(pixels: Pixels, line: Line) -> FloatArray:
     """What the line sheds on every pixel, ADU, without its sky term."""
-    value, _ = _evaluate(pixels, _pack(line), line)
+    value, _ = _evaluate(pixels, _pack(line), line, _hats(pixels.u, line))
     return value - line.sky
 
 
@@ -153,8 +156,10 @@ def _pack(line: Line) -> FloatArray:
     return np.array([*head, *line.amplitudes, line.sky], dtype=np.float64)
 
 
-def _evaluate(pixels: Pixels, p: FloatArray, start: Line) -> tuple[FloatArray, FloatArray]:
-    """Model values (n,) and their derivatives (n, parameters)."""
+def _evaluate(
+    pixels: Pixels, p: FloatArray, start: Line, hats: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Model values (n,) and their derivatives (parameters, n)."""
     from scipy.special import erf
 
     u, v = pixels.u, pixels.v
@@ -173,34 +178,34 @@ def _evaluate(pixels: Pixels, p: FloatArray, start: Line) -> tuple[FloatArray, F
     edge = 0.5 * (rise - fall)
     t = (v - offset - slope * u) / sigma
     across = scale * np.exp(-0.5 * t * t)
-    hats = _hats(u, len(start.amplitudes), start.knot_range)
-    lit = (hats @ p[_SHAPE:-1]) * across
+    lit = (p[_SHAPE:-1] @ hats) * across
     body = lit * edge
-    jacobian = np.empty((u.size, p.size))
-    jacobian[:, 0], jacobian[:, 1] = -lit * normal_a, lit * normal_b
-    jacobian[:, 2] = body * t / sigma
-    jacobian[:, 3] = jacobian[:, 2] * u
+    jacobian = np.empty((p.size, u.size))
+    np.multiply(lit, -normal_a, out=jacobian[0])
+    np.multiply(lit, normal_b, out=jacobian[1])
+    np.multiply(body, t / sigma, out=jacobian[2])
+    np.multiply(jacobian[2], u, out=jacobian[3])
     blur = (normal_b * (u - u_b) - normal_a * (u - u_a)) / sigma
-    jacobian[:, 4] = body * (t * t - 1.0) / sigma + lit * blur
-    jacobian[:, _SHAPE:-1] = hats * (across * edge)[:, None]
-    jacobian[:, -1] = 1.0
+    jacobian[4] = body * (t * t - 1.0) / sigma + lit * blur
+    np.multiply(hats, across * edge, out=jacobian[_SHAPE:-1])
+    jacobian[-1] = 1.0
     return body + p[-1], jacobian
 
 
-def _hats(u: FloatArray, count: int, knot_range: tuple[float, float]) -> FloatArray:
-    """Linear interpolation weights (n, count); beyond the range the last knot holds."""
+def _hats(u: FloatArray, line: Line) -> FloatArray:
+    """Linear interpolation weights (count, n); beyond the range the last knot holds."""
+    count, (low, high) = len(line.amplitudes), line.knot_range
     if count == 1:
-        return np.ones((u.size, 1))
-    low, high = knot_range
+        return np.ones((1, u.size))
     place = np.clip((u - low) / max(high - low, 1e-6), 0.0, 1.0) * (count - 1)
-    return np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(count)))
+    return np.maximum(0.0, 1.0 - np.abs(place - np.arange(count)[:, None]))
 
 
 def _weights(pixels: Pixels, line: Line, excess: float) -> FloatArray:
     variance = np.full(pixels.u.size, pixels.noise**2)
     if excess > 0:
-        model, _ = _evaluate(pixels, _pack(line), line)
-        variance += excess * np.maximum(model - line.sky, 0.0)
+        model = light_of(pixels, line)
+        variance += excess * np.maximum(model, 0.0)
     return 1.0 / variance
 
 
@@ -252,7 +257,7 @@ def _finish(
         return None
     covariance = np.zeros((p.size, p.size))
     covariance[np.ix_(free, free)] = inverse
-    value, _ = _evaluate(pixels, p, start)
+    value, _ = _evaluate(pixels, p, start, _hats(pixels.u, start))
     line = Line(
         u_a=None if start.u_a is None else float(p[0]),
         u_b=None if start.u_b is None else float(p[1]),

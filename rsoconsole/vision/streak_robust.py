@@ -70,7 +70,7 @@ def fit_robustly(
 def _with_hidden_ends(fit: LineFit, axes: Axes, is_used: BoolArray) -> LineFit:
     """An end that lies where pixels are masked may be anywhere there: its middle, and so sure."""
     u, v = axes
-    line, covariance = fit.line, fit.covariance.copy()
+    line, hidden_variance = fit.line, [0.0, 0.0]
     core = np.abs(v - line.offset - line.slope * u) < max(line.sigma, 0.8)
     if not core.any():
         return fit
@@ -93,9 +93,10 @@ def _with_hidden_ends(fit: LineFit, axes: Axes, is_used: BoolArray) -> LineFit:
             high += 1
         if high - low >= 2 and high - low < _LONGEST_HIDDEN_PX:
             ends[side] = first + 0.5 * (low + high)
-            covariance[side, side] += (high - low + 1) ** 2 / 12.0
+            # Not 1/12: the streak's own light near its end is often masked with the star.
+            hidden_variance[side] = (0.5 * (high - low + 1)) ** 2
     hidden = replace(line, u_a=ends[0], u_b=ends[1])
-    return replace(fit, line=hidden, covariance=covariance)
+    return replace(fit, line=hidden, hidden_variance=(hidden_variance[0], hidden_variance[1]))
 
 
 def uneven_share(cutout: Cutout, axes: Axes, fit: LineFit) -> float:

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.vision.background import local_background, resample
-from rsoconsole.vision.maps import FrameMap, block_maximum, make_map, to_codes
+from rsoconsole.vision.bins import block_maximum, mean_of_squares
+from rsoconsole.vision.maps import FrameMap, make_map, to_codes
 from rsoconsole.vision.network import Network
 from tests.bench.peers.frames import SNR_BINS, BenchFrame
 from tests.bench.peers.paper_recipe import BLACK, PER_SIGMA, stretched, through_jpeg
@@ -41,13 +42,13 @@ def maps_of(bench: BenchFrame) -> Mapping[str, ByteArray]:
         maps[f"binary at {sigmas:g} sigma, maximum of a block"] = block_maximum(white, BLOCK)
     white = ((grey > BLACK + PER_SIGMA * 4.0) * 255).astype(np.uint8)
     maps["binary at 4 sigma, mean of a block"] = _mean(white)
-    maps["graded signal to noise, bins of 1 pixel"] = _graded(pixels)
-    maps["graded signal to noise, bins of 2 (the product's)"] = make_map(
-        pixels, "fast", BLOCK
-    ).values
-    maps["the last, binarised at 4 sigma"] = (
-        (maps["graded signal to noise, bins of 2 (the product's)"] > to_codes(_four())[0, 0]) * 255
-    ).astype(np.uint8)
+    maps["graded signal to noise, bins of 1 pixel"] = _graded(pixels, 1)
+    maps["graded signal to noise, bins of 2"] = _graded(pixels, 2)
+    lines = make_map(pixels, "fast", BLOCK).values
+    maps["graded signal to noise of lines, bins of 2 (the product's)"] = lines
+    maps["the last, binarised at 4 sigma"] = ((lines > to_codes(_four())[0, 0]) * 255).astype(
+        np.uint8
+    )
     return maps
 
 
@@ -60,12 +61,12 @@ def _mean(values: ByteArray) -> ByteArray:
     return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def _graded(pixels: npt.NDArray[Any]) -> ByteArray:
+def _graded(pixels: npt.NDArray[Any], binning: int) -> ByteArray:
+    bins = mean_of_squares(pixels.astype(np.float32), binning)
     sky = local_background(pixels)
-    level = resample(sky.level, sky.cell_px, *pixels.shape)
-    noise = resample(sky.noise, sky.cell_px, *pixels.shape)
-    excess = ((pixels.astype(np.float32) - level) / noise).astype(np.float32)
-    return to_codes(block_maximum(excess, BLOCK))
+    level = resample(sky.level, sky.cell_px // binning, *bins.shape)
+    noise = resample(sky.noise, sky.cell_px // binning, *bins.shape) / binning
+    return to_codes(block_maximum((bins - level) / noise, BLOCK // binning))
 
 
 def compare(frames: Iterable[BenchFrame]) -> dict[str, Any]:
