@@ -4,14 +4,19 @@ The midpoint of the two ends is the satellite's place at mid-exposure whatever i
 meanwhile. A proposal's box says where to look; the fit says what is there, or why it is no streak.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
-from rsoconsole.vision.streak_glance import goes_on_beyond, is_broken
+from rsoconsole.vision.streak_glance import (
+    fading_factor,
+    goes_on_beyond,
+    is_broken,
+    is_patchy,
+)
 from rsoconsole.vision.streak_model import Line, LineFit
 from rsoconsole.vision.streak_robust import (
     Axes,
@@ -36,6 +41,9 @@ _MAX_SIGMA_SHARE = 0.1
 _MIN_LIT_SHARE = 0.6
 _MAX_UNEVEN_SHARE = 0.35
 _UNSURE_PX = 0.5
+_MAX_FADING_SHARE = 0.05
+_AS_RAYS_FWHM = 20.0
+"""Length in widths of a star up to which cosmic rays are as long."""
 _FAINT_SNR = 40.0
 """Of what is brighter, dark gaps may be a satellite's own: it tumbles."""
 _FLOOR_PX = 0.005
@@ -89,27 +97,47 @@ def fit_streak(
     """
     fwhm = psf_fwhm_px or (stars.median_fwhm_px if stars is not None else 2.5)
     psf_sigma = fwhm / FWHM_PER_SIGMA
-    fit = _fit_once(pixels, sky, box, stars=stars, fwhm=fwhm, ends=ends)
+
+    def measured(about: Box, guess: Box | None) -> StreakFit | NoStreak:
+        return _fit_once(pixels, sky, about, stars=stars, fwhm=fwhm, ends=guess)
+
+    fit = measured(box, ends)
     if isinstance(fit, NoStreak):
         return fit
     if fit.sigma_along_px > _UNSURE_PX and not fit.is_clipped:
         # A star near an end is told from it by a guess that is nearly right.
-        nearer = _fit_once(pixels, sky, box, stars=stars, fwhm=fwhm, ends=_ends_of(fit))
+        nearer = measured(box, _ends_of(fit))
         if isinstance(nearer, StreakFit) and nearer.sigma_along_px < fit.sigma_along_px:
             fit = nearer
     goes_on = _goes_on(pixels, sky, fit, psf_sigma)
     if any(goes_on):
         further = _extended(fit, goes_on)
-        again = _fit_once(pixels, sky, _box_of(further, box), stars=stars, fwhm=fwhm, ends=further)
+        again = measured(_box_of(further, box), further)
+        # Light parted from this by a gap is another's.
         if isinstance(again, StreakFit) and not is_broken(pixels, sky, _ends_of(again), psf_sigma):
             if any(_goes_on(pixels, sky, again, psf_sigma)):
                 reason = "light goes on beyond its ends: part of a longer trail"
                 return NoStreak(reason=reason, fit=again)
-            return again
-        # What lies beyond is another's, parted from this by a gap.
-    if fit.snr < _FAINT_SNR and is_broken(pixels, sky, _ends_of(fit), psf_sigma):
-        return NoStreak(reason="dark in between: stars in a row", fit=fit)
-    return fit
+            fit = again
+    return _seen_again(pixels, sky, fit, fwhm)
+
+
+def _seen_again(
+    pixels: PixelArray, sky: Background, fit: StreakFit, fwhm: float
+) -> StreakFit | NoStreak:
+    """The fit, held against the light along it, which may be no streak's or no even one's."""
+    ends, psf_sigma = _ends_of(fit), fwhm / FWHM_PER_SIGMA
+    reason = None
+    if fit.length_px < _AS_RAYS_FWHM * fwhm and is_patchy(pixels, sky, ends, psf_sigma, fit.snr):
+        reason = "patchy or bent, and as short as a cosmic ray"
+    elif fit.snr < _FAINT_SNR and is_broken(pixels, sky, ends, psf_sigma):
+        reason = "dark in between: stars in a row"
+    elif fit.snr < _FAINT_SNR and not fit.is_clipped:
+        fading = fading_factor(pixels, sky, ends, psf_sigma)
+        fit = replace(fit, sigma_along_px=fading * fit.sigma_along_px)
+        if fit.sigma_along_px > _MAX_FADING_SHARE * fit.length_px:
+            reason = "no ends found: they fade into the sky"
+    return fit if reason is None else NoStreak(reason=reason, fit=fit)
 
 
 def _goes_on(

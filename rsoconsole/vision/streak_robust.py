@@ -6,6 +6,7 @@ import numpy as np
 
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.stars import FWHM_PER_SIGMA
+from rsoconsole.vision.streak_hidden import with_hidden_ends
 from rsoconsole.vision.streak_model import (
     BoolArray,
     Line,
@@ -27,7 +28,6 @@ _CHI2_PER_KNOT = 8.0
 _OUTLIER_SIGMA = 4.5
 _ABOVE_STREAK = 2.5
 _EVEN_PX = 3.0
-_LONGEST_HIDDEN_PX = 40
 _CHI2_OF_A_STAR = 12.0
 """Price of a star's place and brightness."""
 
@@ -64,39 +64,7 @@ def fit_robustly(
         is_steady = _chi2(data, steady, excess) - _chi2(data, best, excess) <= spared
         best = steady if is_steady else best
     chosen = best or steady
-    return None if chosen is None else _with_hidden_ends(chosen, axes, is_used)
-
-
-def _with_hidden_ends(fit: LineFit, axes: Axes, is_used: BoolArray) -> LineFit:
-    """An end that lies where pixels are masked may be anywhere there: its middle, and so sure."""
-    u, v = axes
-    line, hidden_variance = fit.line, [0.0, 0.0]
-    core = np.abs(v - line.offset - line.slope * u) < max(line.sigma, 0.8)
-    if not core.any():
-        return fit
-    bins = np.rint(u[core]).astype(int)
-    first = int(bins.min())
-    count = np.bincount(bins - first)
-    is_hidden = 2 * np.bincount(bins - first, is_used[core]) < count
-    ends = [line.u_a, line.u_b]
-    for side, end in enumerate(ends):
-        if end is None:
-            continue
-        near = np.arange(is_hidden.size) + first
-        touched = np.flatnonzero(is_hidden & (np.abs(near - end) <= 2.0))
-        if touched.size == 0:
-            continue
-        low, high = int(touched[0]), int(touched[-1])
-        while low > 0 and is_hidden[low - 1]:
-            low -= 1
-        while high < is_hidden.size - 1 and is_hidden[high + 1]:
-            high += 1
-        if high - low >= 2 and high - low < _LONGEST_HIDDEN_PX:
-            ends[side] = first + 0.5 * (low + high)
-            # Not 1/12: the streak's own light near its end is often masked with the star.
-            hidden_variance[side] = (0.5 * (high - low + 1)) ** 2
-    hidden = replace(line, u_a=ends[0], u_b=ends[1])
-    return replace(fit, line=hidden, hidden_variance=(hidden_variance[0], hidden_variance[1]))
+    return None if chosen is None else with_hidden_ends(cutout, axes, chosen, is_used)
 
 
 def uneven_share(cutout: Cutout, axes: Axes, fit: LineFit) -> float:

@@ -1,0 +1,135 @@
+"""Ends of a streak that lie where pixels are masked: behind a star, or taken for one.
+
+The fit knows nothing of an end there. What light there is along the line still tells where the
+streak cannot end: not before light that is no star's, nor beyond the last light.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.records import FloatArray
+from rsoconsole.vision.streak_model import BoolArray, LineFit
+from rsoconsole.vision.streak_search import Cutout
+
+_LONGEST_PX = 40
+_TOUCHES_PX = 2.0
+_BEYOND_PX = 4
+_LIT = 0.5
+"""Of the streak's level: half of it is where an end lies."""
+_CLEAR_PX = 1.5
+"""Light so far beyond a star's own is the streak's."""
+_KNOWN_PX = 0.7
+"""One sigma of an end read off the light alone."""
+_LEAST_LEVEL = 3.0
+"""Of the streak over the noise of a bin, below which single bins tell nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Profile:
+    """Light along the line, masked or not."""
+
+    first: int
+    """u of the first bin, px; bins are a pixel long."""
+    light: FloatArray
+    """ADU per pixel of length."""
+    noise: float
+    is_hidden: BoolArray
+    """Where more than half of the line's core is masked."""
+
+
+def with_hidden_ends(
+    cutout: Cutout, axes: tuple[FloatArray, FloatArray], fit: LineFit, is_used: BoolArray
+) -> LineFit:
+    """The fit with its ends moved to where they may be, and the variance which that leaves.
+
+    ``axes``: u along and v across of every pixel of the cutout; ``is_used``: of the fit; (h, w).
+    """
+    profile = _profile_of(cutout, axes, fit, is_used)
+    if profile is None:
+        return fit
+    line, ends, variance = fit.line, [fit.line.u_a, fit.line.u_b], [0.0, 0.0]
+    for side, sense in ((0, -1), (1, 1)):
+        end = ends[side]
+        stretch = None if end is None else _hidden_about(profile, end)
+        if stretch is None:
+            continue
+        level = line.amplitudes[0 if side == 0 else -1]
+        outward = _outward(stretch, sense, profile.light.size)
+        place, variance[side] = _end_in(profile.light[outward], level, profile.noise, line.sigma)
+        hidden = stretch[1] - stretch[0]
+        if variance[side] < 0.0:
+            # Too faint to be read off: anywhere in what is hidden, more likely at its far side,
+            # since a streak's own light near its end is often masked with the star.
+            place, variance[side] = 0.5 * hidden, (0.5 * (hidden + 1)) ** 2
+        ends[side] = profile.first + outward[0] + sense * place
+    moved = replace(line, u_a=ends[0], u_b=ends[1])
+    return replace(fit, line=moved, hidden_variance=(variance[0], variance[1]))
+
+
+def _profile_of(
+    cutout: Cutout, axes: tuple[FloatArray, FloatArray], fit: LineFit, is_used: BoolArray
+) -> _Profile | None:
+    (u, v), line = axes, fit.line
+    off = v - line.offset - line.slope * u
+    core = np.abs(off) < max(line.sigma, 0.8)
+    near = np.abs(off) < 2.5 * line.sigma + 0.5
+    if not core.any():
+        return None
+    first = int(np.rint(u[near].min()))
+    count = int(np.rint(u[near].max())) - first + 1
+    bins = np.rint(u[near]).astype(int) - first
+    weight = np.exp(-0.5 * (off[near] / line.sigma) ** 2) / (np.sqrt(2.0 * np.pi) * line.sigma)
+    squared = np.maximum(np.bincount(bins, weight**2, count), 1e-9)
+    light = np.bincount(bins, weight * (cutout.values[near] - line.sky), count) / squared
+    in_core = np.rint(u[core]).astype(int) - first
+    inside = np.bincount(in_core, minlength=count)
+    used = np.bincount(in_core, is_used[core], count)
+    return _Profile(
+        first=first,
+        light=light,
+        noise=float(cutout.noise / np.sqrt(np.median(squared))),
+        is_hidden=(2 * used < inside) & (inside > 0),
+    )
+
+
+def _hidden_about(profile: _Profile, end: float) -> tuple[int, int] | None:
+    """First and last hidden bin about an end; None where it lies open, or too much is hidden."""
+    places = np.arange(profile.is_hidden.size) + profile.first
+    touched = np.flatnonzero(profile.is_hidden & (np.abs(places - end) <= _TOUCHES_PX))
+    if touched.size == 0:
+        return None
+    low, high = int(touched[0]), int(touched[-1])
+    while low > 0 and profile.is_hidden[low - 1]:
+        low -= 1
+    while high < profile.is_hidden.size - 1 and profile.is_hidden[high + 1]:
+        high += 1
+    return (low, high) if 2 <= high - low < _LONGEST_PX else None
+
+
+def _outward(stretch: tuple[int, int], sense: int, bins: int) -> list[int]:
+    """The bins of a hidden stretch and a few more, from the streak's side on."""
+    low, high = stretch
+    if sense > 0:
+        return list(range(low, min(high + _BEYOND_PX, bins - 1) + 1))
+    return list(range(high, max(low - _BEYOND_PX, 0) - 1, -1))
+
+
+def _end_in(light: FloatArray, level: float, noise: float, sigma: float) -> tuple[float, float]:
+    """Where the streak ends, in bins from the first, and the variance; that below 0 if unknown."""
+    if level < _LEAST_LEVEL * noise:
+        return 0.0, -1.0
+    lit = np.flatnonzero(light > _LIT * level)
+    if lit.size == 0:
+        return 0.0, _KNOWN_PX**2
+    last, star = int(lit[-1]), int(np.argmax(light))
+    excess = float(light[star]) - level
+    # As far as a star so bright alone would be taken for the streak.
+    reach = sigma * float(np.sqrt(2.0 * np.log(max(excess / (_LIT * level), 1.0))))
+    if last > star + reach + _CLEAR_PX:
+        return last + 0.5, _KNOWN_PX**2
+    dark = np.flatnonzero(light[: max(int(star - reach), 0)] <= _LIT * level)
+    if dark.size:
+        return float(dark[0]) - 0.5, _KNOWN_PX**2
+    nearest = max(star - reach, 0.0)
+    return 0.5 * (nearest + last), (last - nearest + 1.0) ** 2 / 12.0
