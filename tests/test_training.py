@@ -143,7 +143,7 @@ def test_a_short_bright_streak_is_asked_for_and_is_where_its_truth_says():
 
 def test_a_short_streak_needs_more_light_than_a_long_one():
     assert is_asked_for(5.0, 3.75, "fast", 8)
-    assert not is_asked_for(3.0, 3.75, "fast", 8)
+    assert not is_asked_for(2.5, 3.75, "fast", 8)
     assert is_asked_for(3.0, 12.0, "fast", 8)
     assert not is_asked_for(5.0, 3.75, "paper", 8)
 
