@@ -14,6 +14,7 @@ from typing import Any, TypedDict, cast
 from models.frames import Kind, TrueFrame, TrueTrail
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Detection, Detections
+from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.candidates import Measurements
 from rsoconsole.vision.confidence import ConfidenceCurve, confidence_features
 from rsoconsole.vision.detector import DARK, MOST_FITS, FrameAnalysis, StreakDetector
@@ -231,7 +232,7 @@ def _lies(
     """x, y of the middle, direction (deg) and length of a candidate and of the truth."""
     x, y, angle_deg, length_px = one
     true_x, true_y, true_deg, true_px = true
-    turn = abs((angle_deg - true_deg + 90.0) % 180.0 - 90.0)
+    turn = turn_deg(angle_deg, true_deg)
     if turn > 10.0 + math.degrees(within_px / max(min(length_px, true_px), 1.0)):
         return False
     cos, sin = math.cos(math.radians(true_deg)), math.sin(math.radians(true_deg))

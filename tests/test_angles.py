@@ -117,3 +117,9 @@ def test_rounding_never_shows_sixty_seconds():
     assert angles.format_ra(359.99999999) == "00:00:00.00"
     assert angles.format_dec(-5.99999999) == "-06:00:00.0"
     assert angles.format_dec(-1e-9) == "+00:00:00.0"
+
+
+@given(one=ANGLE, turn=st.floats(0, 90), halves=st.integers(-3, 3))
+def test_two_lines_are_apart_by_their_turn_however_they_are_written(one, turn, halves):
+    assert angles.turn_deg(one, one + turn + 180 * halves) == pytest.approx(turn, abs=1e-8)
+    assert angles.turn_deg(one + turn + 180 * halves, one) == pytest.approx(turn, abs=1e-8)

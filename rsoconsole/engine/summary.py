@@ -26,8 +26,7 @@ from rsoconsole.tracking.lqe import measured_direction_deg
 SAME_OBJECT_ARCSEC = 60.0
 SAME_FRAME_NS = 1_000_000_000
 HIDDEN_SNR = 15.0
-"""Matched signal to noise of a streak that clouds or its own fading hid: few so faint rise above
-tau, whatever the network says of them."""
+"""Matched signal to noise below which a miss is put down to the satellite, not to the detector."""
 
 
 @dataclass(slots=True)

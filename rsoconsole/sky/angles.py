@@ -41,6 +41,11 @@ def wrap_360(angle_deg: float | FloatArray) -> float | FloatArray:
     return 0.0 if wrapped_deg >= 360.0 else wrapped_deg
 
 
+def turn_deg(one_deg: float, other_deg: float) -> float:
+    """Angle between two lines, 0 to 90 deg; a direction and its opposite are the same line."""
+    return abs((one_deg - other_deg + 90.0) % 180.0 - 90.0)
+
+
 @overload
 def hours_to_deg(hours: float) -> float: ...
 @overload

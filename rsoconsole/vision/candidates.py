@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rsoconsole.records import Detection, Frame, Rejection
+from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
@@ -83,7 +84,7 @@ def distinct(frame: Frame, found: list[tuple[NetworkBox, ...]]) -> tuple[Network
 
 def is_same_streak(one: Detection, other: Detection) -> bool:
     """True when the midpoint of either lies on the other's line, and both run alike."""
-    turn = abs((one.angle_deg - other.angle_deg + 90.0) % 180.0 - 90.0)
+    turn = turn_deg(one.angle_deg, other.angle_deg)
     shortest = max(min(one.length_px, other.length_px), 1.0)
     if turn > _SAME_STREAK_DEG + float(np.degrees(2.0 / shortest)):
         return False
@@ -92,7 +93,7 @@ def is_same_streak(one: Detection, other: Detection) -> bool:
 
 def runs_alike(one: Detection, others: list[Detection]) -> bool:
     """Whether any of ``others`` may have the direction of a proposal."""
-    turns = (abs((one.angle_deg - other.angle_deg + 90.0) % 180.0 - 90.0) for other in others)
+    turns = (turn_deg(one.angle_deg, other.angle_deg) for other in others)
     return any(turn < _RUNS_ALIKE_DEG for turn in turns)
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from rsoconsole.errors import ModelError
 from rsoconsole.records import Detection
+from rsoconsole.sky.angles import turn_deg
 
 FEATURES = (
     "constant",
@@ -163,4 +164,4 @@ def _is_parallel_unlike(one: Detection, other: Detection) -> bool:
 
 def _turn_deg(one: Detection, other: Detection) -> float:
     """Angle between the two directions, 0 to 90 deg."""
-    return abs((one.angle_deg - other.angle_deg + 90.0) % 180.0 - 90.0)
+    return turn_deg(one.angle_deg, other.angle_deg)

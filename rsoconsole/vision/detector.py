@@ -12,6 +12,7 @@ from typing import Protocol
 
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Detection, Detections, Frame, Rejection
+from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.background import Background, local_background
 from rsoconsole.vision.bins import bin_frame
 from rsoconsole.vision.candidates import Measurements, at_box_centre, distinct, from_box, runs_alike
@@ -188,7 +189,7 @@ def _without_trailed_stars(
 
 
 def _is_alike(one: Detection, other: Detection) -> bool:
-    turn = abs((one.angle_deg - other.angle_deg + 90.0) % 180.0 - 90.0)
+    turn = turn_deg(one.angle_deg, other.angle_deg)
     longer = max(one.length_px, other.length_px)
     return turn < _SAME_ANGLE_DEG and abs(one.length_px - other.length_px) < _SAME_LENGTH * longer
 

@@ -4,19 +4,14 @@ The midpoint of the two ends is the satellite's place at mid-exposure whatever i
 meanwhile. A proposal's box says where to look; the fit says what is there, or why it is no streak.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
-from rsoconsole.vision.streak_glance import (
-    fading_factor,
-    goes_on_beyond,
-    is_broken,
-    is_patchy,
-)
+from rsoconsole.vision.streak_doubts import goes_on_beyond, is_broken, is_patchy
 from rsoconsole.vision.streak_model import Line, LineFit
 from rsoconsole.vision.streak_robust import (
     Axes,
@@ -41,7 +36,7 @@ _MAX_SIGMA_SHARE = 0.1
 _MIN_LIT_SHARE = 0.6
 _MAX_UNEVEN_SHARE = 0.35
 _UNSURE_PX = 0.5
-_MAX_FADING_SHARE = 0.05
+"""Sigma along from which on a second fit from the first one's ends is worth its time."""
 _AS_RAYS_FWHM = 20.0
 """Length in widths of a star up to which cosmic rays are as long."""
 _FAINT_SNR = 40.0
@@ -125,18 +120,13 @@ def fit_streak(
 def _seen_again(
     pixels: PixelArray, sky: Background, fit: StreakFit, fwhm: float
 ) -> StreakFit | NoStreak:
-    """The fit, held against the light along it, which may be no streak's or no even one's."""
+    """The fit, held against the light along it, which may be no streak's."""
     ends, psf_sigma = _ends_of(fit), fwhm / FWHM_PER_SIGMA
     reason = None
     if fit.length_px < _AS_RAYS_FWHM * fwhm and is_patchy(pixels, sky, ends, psf_sigma, fit.snr):
         reason = "patchy or bent, and as short as a cosmic ray"
     elif fit.snr < _FAINT_SNR and is_broken(pixels, sky, ends, psf_sigma):
         reason = "dark in between: stars in a row"
-    elif fit.snr < _FAINT_SNR and not fit.is_clipped:
-        fading = fading_factor(pixels, sky, ends, psf_sigma)
-        fit = replace(fit, sigma_along_px=fading * fit.sigma_along_px)
-        if fit.sigma_along_px > _MAX_FADING_SHARE * fit.length_px:
-            reason = "no ends found: they fade into the sky"
     return fit if reason is None else NoStreak(reason=reason, fit=fit)
 
 

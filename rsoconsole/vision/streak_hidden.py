@@ -4,6 +4,7 @@ The fit knows nothing of an end there. What light there is along the line still 
 streak cannot end: not before light that is no star's, nor beyond the last light.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,8 +22,8 @@ _CLEAR_PX = 1.5
 """Light so far beyond a star's own is the streak's."""
 _KNOWN_PX = 0.7
 """One sigma of an end read off the light alone."""
-_LEAST_LEVEL = 3.0
-"""Of the streak over the noise of a bin, below which single bins tell nothing."""
+_LEAST_LEVEL, _SURE_LEVEL = 3.0, 6.0
+"""Of the streak over the noise of a bin: below, bins tell nothing; above, one is enough."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,9 +50,13 @@ def with_hidden_ends(
     if profile is None:
         return fit
     line, ends, variance = fit.line, [fit.line.u_a, fit.line.u_b], [0.0, 0.0]
+    covariance = fit.covariance
     for side, sense in ((0, -1), (1, 1)):
         end = ends[side]
-        stretch = None if end is None else _hidden_about(profile, end)
+        if end is None:
+            continue
+        within_px = _TOUCHES_PX + 2.0 * min(math.sqrt(covariance[side, side]), _TOUCHES_PX)
+        stretch = _hidden_about(profile, end, within_px)
         if stretch is None:
             continue
         level = line.amplitudes[0 if side == 0 else -1]
@@ -63,8 +68,21 @@ def with_hidden_ends(
             # since a streak's own light near its end is often masked with the star.
             place, variance[side] = 0.5 * hidden, (0.5 * (hidden + 1)) ** 2
         ends[side] = profile.first + outward[0] + sense * place
+        covariance = _given(covariance, side)
     moved = replace(line, u_a=ends[0], u_b=ends[1])
-    return replace(fit, line=moved, hidden_variance=(variance[0], variance[1]))
+    return replace(
+        fit, line=moved, covariance=covariance, hidden_variance=(variance[0], variance[1])
+    )
+
+
+def _given(covariance: FloatArray, side: int) -> FloatArray:
+    """What remains of a covariance when one of its parameters comes from elsewhere."""
+    known = covariance[side, side]
+    if not known > 0.0:
+        return covariance
+    rest = covariance - np.outer(covariance[side], covariance[side]) / known
+    rest[side, :] = rest[:, side] = 0.0
+    return np.asarray(rest)
 
 
 def _profile_of(
@@ -93,13 +111,15 @@ def _profile_of(
     )
 
 
-def _hidden_about(profile: _Profile, end: float) -> tuple[int, int] | None:
+def _hidden_about(profile: _Profile, end: float, within_px: float) -> tuple[int, int] | None:
     """First and last hidden bin about an end; None where it lies open, or too much is hidden."""
     places = np.arange(profile.is_hidden.size) + profile.first
-    touched = np.flatnonzero(profile.is_hidden & (np.abs(places - end) <= _TOUCHES_PX))
-    if touched.size == 0:
+    hidden = np.flatnonzero(profile.is_hidden)
+    if hidden.size == 0:
         return None
-    low, high = int(touched[0]), int(touched[-1])
+    low = high = int(hidden[np.argmin(np.abs(places[hidden] - end))])
+    if abs(places[low] - end) > within_px:
+        return None
     while low > 0 and profile.is_hidden[low - 1]:
         low -= 1
     while high < profile.is_hidden.size - 1 and profile.is_hidden[high + 1]:
@@ -119,17 +139,19 @@ def _end_in(light: FloatArray, level: float, noise: float, sigma: float) -> tupl
     """Where the streak ends, in bins from the first, and the variance; that below 0 if unknown."""
     if level < _LEAST_LEVEL * noise:
         return 0.0, -1.0
-    lit = np.flatnonzero(light > _LIT * level)
-    if lit.size == 0:
+    # One bin of a faint streak is dark or lit by chance now and then, two together are not.
+    span = 1 if level > _SURE_LEVEL * noise else 2
+    is_lit = np.convolve(light, np.full(span, 1.0 / span), mode="valid") > _LIT * level
+    dark = np.flatnonzero(~is_lit)
+    if dark.size and dark[0] == 0:
         return 0.0, _KNOWN_PX**2
-    last, star = int(lit[-1]), int(np.argmax(light))
-    excess = float(light[star]) - level
+    # Lit again after a gap is another star.
+    last = float(dark[0] if dark.size else is_lit.size) - 1.0 + 0.5 * (span - 1)
+    run = light[: math.ceil(last) + 1]
+    star = int(np.argmax(run))
     # As far as a star so bright alone would be taken for the streak.
-    reach = sigma * float(np.sqrt(2.0 * np.log(max(excess / (_LIT * level), 1.0))))
+    reach = sigma * math.sqrt(2.0 * math.log(max(float(run[star]) / (_LIT * level), 1.0)))
     if last > star + reach + _CLEAR_PX:
         return last + 0.5, _KNOWN_PX**2
-    dark = np.flatnonzero(light[: max(int(star - reach), 0)] <= _LIT * level)
-    if dark.size:
-        return float(dark[0]) - 0.5, _KNOWN_PX**2
     nearest = max(star - reach, 0.0)
     return 0.5 * (nearest + last), (last - nearest + 1.0) ** 2 / 12.0
