@@ -142,7 +142,7 @@ def test_flashes_on_one_line_and_lights_beside_a_long_trail_are_known_by_their_c
         x_px=300.0 + 900.0 * cos, y_px=200.0 + 900.0 * sin, angle_deg=20.0, length_px=100.0
     )
     beside = straight_detection(
-        x_px=300.0 - 90.0 * sin, y_px=200.0 + 90.0 * cos, angle_deg=20.4, length_px=118.0
+        x_px=300.0 - 90.0 * sin, y_px=200.0 + 90.0 * cos, angle_deg=20.4, length_px=104.0
     )
     long = straight_detection(x_px=900.0, y_px=700.0, angle_deg=20.3, length_px=900.0)
     alone = _seen(one)

@@ -39,7 +39,7 @@ _LEAST, _MOST = 1e-7, 1.0 - 1e-7
 _SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
 """Logarithm of width over the stars' that says nothing: at best, and times the signal to noise."""
 _SAME_LINE_PX, _MOST_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
-_MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.2, 1.5, 30.0
+_MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
 
 
 @dataclass(frozen=True, slots=True)
