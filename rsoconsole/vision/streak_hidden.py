@@ -55,15 +55,20 @@ def with_hidden_ends(
         end = ends[side]
         if end is None:
             continue
-        within_px = _TOUCHES_PX + 2.0 * min(math.sqrt(covariance[side, side]), _TOUCHES_PX)
+        end_sigma_px = math.sqrt(max(float(covariance[side, side]), 0.0))
+        within_px = _TOUCHES_PX + 2.0 * min(end_sigma_px, _TOUCHES_PX)
         stretch = _hidden_about(profile, end, within_px)
         if stretch is None:
             continue
         level = line.amplitudes[0 if side == 0 else -1]
         outward = _outward(stretch, sense, profile.light.size)
-        place, variance[side] = _end_in(profile.light[outward], level, profile.noise, line.sigma)
-        hidden = stretch[1] - stretch[0]
-        if variance[side] < 0.0:
+        place, spread = _end_in(profile.light[outward], level, profile.noise, line.sigma)
+        hidden, is_open = stretch[1] - stretch[0], sense * (profile.first + outward[0] - end) > 0.5
+        if place < 0.5 and spread >= 0.0 and is_open:
+            # Dark from the star on: the end lies in the open before it, as the fit has it.
+            continue
+        variance[side] = spread
+        if spread < 0.0:
             # Too faint to be read off: anywhere in what is hidden, more likely at its far side,
             # since a streak's own light near its end is often masked with the star.
             place, variance[side] = 0.5 * hidden, (0.5 * (hidden + 1)) ** 2
