@@ -2,8 +2,8 @@
 
     python -m models.card
 
-Rewrites what stands between two marks in ``models/README.md`` from ``models/figures.json`` and from
-``measured_confidence`` in the network's card.
+Rewrites what stands between two marks in ``models/README.md`` from ``models/figures.json``, from
+the network's card, and from what ``tests/bench/bench_peers.py`` measured.
 """
 
 import json
@@ -17,12 +17,13 @@ from rsoconsole.vision.network import MODEL_NAME
 README = HERE / "README.md"
 FIGURES = HERE / "figures.json"
 CARD = (HERE / MODEL_NAME).with_suffix(".json")
+PEERS = HERE.parent / "tests" / "bench" / "results" / "peers.json"
 BEGIN = "<!-- figures: written by python -m models.card -->"
 END = "<!-- end of figures -->"
 NOT_MEASURED = "Not measured yet: `python -m models.measure`, then `python -m models.card`."
 
 
-def section(figures: Any, card: Any) -> str:
+def section(figures: Any, card: Any, peers: Any) -> str:
     """The part of the model card that holds figures, in Markdown."""
     if figures is None:
         return NOT_MEASURED
@@ -37,16 +38,17 @@ def section(figures: Any, card: Any) -> str:
         "### Where the missed ones were lost\n\n" + _lost(figures["lost"]),
         "### Is confidence a probability\n\n" + _confidence(figures, card),
         "### Average precision and time\n\n" + _rest(figures),
+        "### Beside its peers\n\n" + _peers(peers),
         "### Training, as the network's card tells it\n\n" + _training(card),
     ]
     return "\n\n".join(parts)
 
 
-def rewritten(text: str, figures: Any, card: Any) -> str:
+def rewritten(text: str, figures: Any, card: Any, peers: Any) -> str:
     """The model card with this section between its marks."""
     before, rest = text.split(BEGIN)
     _, after = rest.split(END)
-    return f"{before}{BEGIN}\n\n{section(figures, card)}\n\n{END}{after}"
+    return f"{before}{BEGIN}\n\n{section(figures, card, peers)}\n\n{END}{after}"
 
 
 def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
@@ -157,6 +159,36 @@ def _rest(figures: Any) -> str:
     )
 
 
+def _peers(peers: Any) -> str:
+    if peers is None or "drawn" not in peers:
+        return "Not measured yet: `python -m tests.bench.bench_peers`."
+    told = peers["drawn"]
+    low, high = told["lengths_px"]
+    text = (
+        f"The same frames for all, streaks of {low:g} to {high:g} px, as many in each range of "
+        "signal to noise, aircraft among them; average precision / recall at one false detection "
+        "in ten frames. Every peer at the settings that served it best on frames of other seeds; "
+        "the slow ones looked at fewer frames."
+    )
+    ranges = [name for name in told["peers"]["rsoconsole"]["all"] if name != "all"]
+    lines = []
+    for name, each in told["peers"].items():
+        every, failed = each["all"]["all"], len(each["failed"])
+        cells = (each["all"][key] for key in ranges)
+        lines.append(
+            [name, f"{every['frames']:.0f}" + (f" ({failed} without an answer)" if failed else "")]
+            + [f"{_two(c['average_precision'])} / {_two(c['recall_at_0.1'])}" for c in cells]
+            + [_two(every["centroid_px"]), _two(each["wall_s"]), _two(each["peak_mb"], 0)]
+        )
+    snrs = (f"SNR {name}" for name in ranges)
+    head = ["", "frames", *snrs, "median error, px", "seconds a frame", "MB in all"]
+    return f"{text}\n\n{_table(head, lines)}"
+
+
+def _two(value: float | None, digits: int = 2) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
 def _training(card: Any) -> str:
     told = {**card.get("training", {}), **card.get("calibration", {})}
     return "; ".join(f"{name} {value}" for name, value in told.items()) or "Not told."
@@ -170,7 +202,9 @@ def read_json(path: Path) -> Any:
 def main() -> None:
     """Rewrite the section."""
     text = README.read_text(encoding="utf-8")
-    README.write_text(rewritten(text, read_json(FIGURES), read_json(CARD)), encoding="utf-8")
+    README.write_text(
+        rewritten(text, read_json(FIGURES), read_json(CARD), read_json(PEERS)), encoding="utf-8"
+    )
 
 
 if __name__ == "__main__":

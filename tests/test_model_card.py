@@ -5,7 +5,7 @@ from dataclasses import asdict
 
 import pytest
 
-from models.card import CARD, FIGURES, README, read_json, rewritten
+from models.card import CARD, FIGURES, PEERS, README, read_json, rewritten
 from models.figures import BELOW_TAU, average_precision, figures, outcome_of
 from rsoconsole.vision.confidence import FEATURES, ConfidenceCurve
 from tests.makers import straight_detection
@@ -84,7 +84,7 @@ def test_average_precision_is_the_area_counted_by_hand():
 
 def test_the_model_card_holds_the_measured_figures_and_no_others():
     text = README.read_text(encoding="utf-8")
-    assert rewritten(text, read_json(FIGURES), read_json(CARD)) == text
+    assert rewritten(text, read_json(FIGURES), read_json(CARD), read_json(PEERS)) == text
 
 
 @pytest.mark.skipif(not FIGURES.exists(), reason="nothing measured yet: python -m models.measure")
@@ -112,7 +112,9 @@ def test_the_card_of_figures_can_be_written_from_any_measurement():
             "median_ms": {"all": 50.0, "fit": 12.0},
         },
     }
-    written = rewritten(README.read_text(encoding="utf-8"), json.loads(json.dumps(told)), card)
+    written = rewritten(
+        README.read_text(encoding="utf-8"), json.loads(json.dumps(told)), card, None
+    )
     assert "**0.50** (0.01-0.99; 1 of 2)" in written
     assert "| aircraft | 2 in 1 |" in written
     assert "one clear or cloudy frame in 2 holds" in written
