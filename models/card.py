@@ -20,6 +20,7 @@ CARD = (HERE / MODEL_NAME).with_suffix(".json")
 PEERS = HERE.parent / "tests" / "bench" / "results" / "peers.json"
 BEGIN = "<!-- figures: written by python -m models.card -->"
 END = "<!-- end of figures -->"
+_FEWEST_FOR_RECALL = 20
 NOT_MEASURED = "Not measured yet: `python -m models.measure`, then `python -m models.card`."
 
 
@@ -165,19 +166,26 @@ def _peers(peers: Any) -> str:
     told = peers["drawn"]
     low, high = told["lengths_px"]
     text = (
-        f"The same frames for all, streaks of {low:g} to {high:g} px, as many in each range of "
-        "signal to noise, aircraft among them; average precision / recall at one false detection "
-        "in ten frames. Every peer at the settings that served it best on frames of other seeds; "
-        "the slow ones looked at fewer frames."
+        f"Measured with network {told['network']} on one set of frames, streaks of {low:g} to "
+        f"{high:g} px, as many in each range of signal to noise, aircraft among them; average "
+        "precision / recall at one false detection in ten frames. Every peer at the settings that "
+        f"served it best on {told['tuned_on']} frames of other seeds; the slow ones looked at the "
+        f"first {told['first_frames']}, too few for a recall."
     )
-    ranges = [name for name in told["peers"]["rsoconsole"]["all"] if name != "all"]
+    peers_told = told["peers"]
+    ranges = [key for key in next(iter(peers_told.values()))["all"] if key != "all"]
     lines = []
-    for name, each in told["peers"].items():
+    for name, each in peers_told.items():
         every, failed = each["all"]["all"], len(each["failed"])
+        is_short = every["frames"] < _FEWEST_FOR_RECALL
         cells = (each["all"][key] for key in ranges)
         lines.append(
             [name, f"{every['frames']:.0f}" + (f" ({failed} without an answer)" if failed else "")]
-            + [f"{_two(c['average_precision'])} / {_two(c['recall_at_0.1'])}" for c in cells]
+            + [
+                _two(c["average_precision"])
+                + ("" if is_short else f" / {_two(c['recall_at_0.1'])}")
+                for c in cells
+            ]
             + [_two(every["centroid_px"]), _two(each["wall_s"]), _two(each["peak_mb"], 0)]
         )
     snrs = (f"SNR {name}" for name in ranges)

@@ -94,6 +94,9 @@ class Detection:
     is_clipped: bool
     """True when an end lies outside the frame: then only the position across the streak holds."""
     method: Literal["line", "box", "operator"]
+    unevenness: float = 0.0
+    """By how much its light and path vary more than noise explains, as a natural logarithm of
+    variances; 0: by nothing, or too long to be a cosmic ray, or not measured."""
 
     @property
     def angle_deg(self) -> float:

@@ -150,6 +150,7 @@ def test_flashes_on_one_line_and_lights_beside_a_long_trail_are_known_by_their_c
     assert _seen(one, ahead)["in_line"] == 1.0
     neighbours_in_a_slot = _seen(one, beside)
     assert (neighbours_in_a_slot["in_line"], neighbours_in_a_slot["parallel_unlike"]) == (0.0, 0.0)
+    assert _seen(one, replace(beside, length_px=118.0))["parallel_unlike"] == 1.0
     assert _seen(one, long)["parallel_unlike"] == 1.0
     # A bright one of another length is a light too, a faint one may be a few stars in a row.
     assert _seen(long, replace(one, snr=60.0))["parallel_unlike"] == 1.0

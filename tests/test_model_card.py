@@ -57,6 +57,38 @@ ROWS = [
 STATED = {"measured_confidence": {"population": {"one_frame_with_satellites_in": 2}}}
 
 
+PEERS_TOLD = {
+    "drawn": {
+        "network": "streak_ssd 9 (12345678)",
+        "lengths_px": [30.0, 150.0],
+        "tuned_on": 4,
+        "first_frames": 6,
+        "peers": {
+            "ours": {
+                "failed": [],
+                "wall_s": 0.05,
+                "peak_mb": 300.4,
+                "all": {
+                    "all": {"frames": 60.0, "centroid_px": 0.13},
+                    "1.5-2": {"average_precision": 0.91, "recall_at_0.1": 0.8},
+                    "2-3": {"average_precision": None, "recall_at_0.1": 0.0},
+                },
+            },
+            "slow": {
+                "failed": ["time"],
+                "wall_s": 12.0,
+                "peak_mb": None,
+                "all": {
+                    "all": {"frames": 6.0, "centroid_px": None},
+                    "1.5-2": {"average_precision": 0.1, "recall_at_0.1": 0.1},
+                    "2-3": {"average_precision": None, "recall_at_0.1": None},
+                },
+            },
+        },
+    }
+}
+
+
 def test_every_trail_and_every_false_alarm_is_counted_once():
     told = figures(ROWS, CURVE, STATED, TAU)
     bright = told["recall"]["5-30"]["90-150"]
@@ -93,6 +125,7 @@ def test_the_figures_are_of_the_network_and_the_curve_that_ship():
     assert told["network"] == f"{card['name']} {card['version']} ({card['sha256'][:8]})"
     assert told["curve"] == pytest.approx(card["measured_confidence"]["weights"])
     assert told["product_as_it_is"]["differing"] == []
+    assert read_json(PEERS)["drawn"]["network"] == told["network"]
 
 
 def test_the_card_of_figures_can_be_written_from_any_measurement():
@@ -113,8 +146,10 @@ def test_the_card_of_figures_can_be_written_from_any_measurement():
         },
     }
     written = rewritten(
-        README.read_text(encoding="utf-8"), json.loads(json.dumps(told)), card, None
+        README.read_text(encoding="utf-8"), json.loads(json.dumps(told)), card, PEERS_TOLD
     )
     assert "**0.50** (0.01-0.99; 1 of 2)" in written
     assert "| aircraft | 2 in 1 |" in written
     assert "one clear or cloudy frame in 2 holds" in written
+    assert "| ours | 60 | 0.91 / 0.80 | - / 0.00 | 0.13 | 0.05 | 300 |" in written
+    assert "| slow | 6 (1 without an answer) | 0.10 | - | - | 12.00 | - |" in written

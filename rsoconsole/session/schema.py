@@ -76,7 +76,7 @@ _COLUMNS_BY_VIEW = {
 _CANDIDATE = (
     "confidence x_px y_px x_a_px y_a_px x_b_px y_b_px length_px width_px snr sigma_along_px "
     "sigma_across_px is_clipped method x0_px=box_px[0] y0_px=box_px[1] x1_px=box_px[2] "
-    "y1_px=box_px[3]"
+    "y1_px=box_px[3] unevenness"
 )
 
 _FRAMES_VIEW = """

@@ -131,6 +131,7 @@ def _from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
         sigma_across_px=fit.sigma_across_px,
         is_clipped=fit.is_clipped,
         method="line",
+        unevenness=fit.unevenness,
     )
 
 

@@ -26,6 +26,7 @@ FEATURES = (
     "longness",
     "in_line",
     "parallel_unlike",
+    "uneven",
 )
 """All from ``wide`` on are 0 or more, speak against a satellite and weigh nothing at 0."""
 MOST_LOG_SNR = 0.3
@@ -40,6 +41,7 @@ _SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
 """Logarithm of width over the stars' that says nothing: at best, and times the signal to noise."""
 _SAME_LINE_PX, _MOST_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
 _MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
+"""Times as long that says enough alone, and beside a bright one; both within so many degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +112,8 @@ def confidence_features(
     than ``MOST_LOG_SNR``, since a chain of bright stars is bright too; how far, as a logarithm,
     the streak is wider and narrower than the stars, beyond what its signal to noise leaves open;
     how short it is against ``SHORT_FWHM`` and how long against ``LONG_FWHM``; how many others lie
-    on its line; whether one that is much longer, or bright and of another length, is parallel.
+    on its line; whether one that is much longer, or bright and of another length, is parallel;
+    how uneven its light is.
     """
     p = min(max(detection.confidence, _LEAST), _MOST)
     psf_px, length_px = max(psf_fwhm_px, 0.1), max(detection.length_px, 0.1)
@@ -128,6 +131,7 @@ def confidence_features(
         max(0.0, math.log(length_px / (LONG_FWHM * psf_px))),
         float(min(sum(_is_in_line(detection, other) for other in rest), MOST_IN_LINE)),
         float(any(_is_parallel_unlike(detection, other) for other in rest)),
+        detection.unevenness,
     )
 
 

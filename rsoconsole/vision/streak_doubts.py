@@ -1,4 +1,4 @@
-"""What speaks against a fitted line in the light along it: gaps, lumps, bends, light beyond it."""
+"""What speaks against a fitted line in the light along it: gaps in it, light beyond it."""
 
 import math
 
@@ -8,7 +8,7 @@ from rsoconsole.records import PixelArray
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.stars import FWHM_PER_SIGMA
 from rsoconsole.vision.streak_search import Box
-from rsoconsole.vision.streak_strip import length_of, ridge_of, smoothed_strip
+from rsoconsole.vision.streak_strip import length_of, ridge_of
 
 _SURE = 3.0
 """Sigmas."""
@@ -22,15 +22,6 @@ level what a brightness that comes and goes as a sine makes."""
 _DARK, _GAP_WIDTHS = 0.25, 3.0
 """Share of a line's level below which it is dark, and the widths of a star from which on a dark
 stretch is a gap."""
-_ALONG_RAY_PX, _RAY_REACH_PX, _RAY_END_PX = 0.6, 6, 3
-_PATCHY_PER_NOISE, _BENT_PER_NOISE = 0.78, 1.15
-"""What noise makes of an even line's brightness and, in sigmas of a star, of its place, along a
-line that was smoothed by ``_ALONG_RAY_PX``; times sqrt(length) over its signal to noise."""
-_PATCHY_BY_GRID, _BENT_BY_GRID_PX = 0.04, 0.15
-"""What taking the nearest pixel makes of a straight line without noise."""
-_MOST_PATCHY, _MOST_BENT_PX = 0.15, 0.25
-"""Beyond that and three sigmas. Of 133 pieces of cosmic rays in the calibration split 118 are
-refused, of 26 satellites as short none; of even lines drawn at 2 sigma a pixel 1 %, at 5 none."""
 
 
 def is_broken(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float) -> bool:
@@ -54,39 +45,6 @@ def is_broken(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float) 
     starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     longest = int((stops - starts).max(initial=0))
     return longest > 0 and longest + window > _GAP_WIDTHS * widths_px
-
-
-def is_patchy(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float, snr: float) -> bool:
-    """Whether a short line is too patchy or too crooked for its signal to noise ``snr``.
-
-    A cosmic ray loses its charge in lumps, and an electron's path bends; a satellite that is in
-    sight for so short a way has neither the time to tumble nor a reason to turn.
-    """
-    length = length_of(ends)
-    strip, is_inside = smoothed_strip(
-        pixels, sky, ends, _ALONG_RAY_PX, columns=int(length) + 1, reach=_RAY_REACH_PX
-    )
-    inner = strip[:, _RAY_END_PX:-_RAY_END_PX]
-    places = inner.shape[1]
-    if not is_inside.all() or places < 3 * _RAY_END_PX:
-        return False
-    across = np.arange(-_RAY_REACH_PX, _RAY_REACH_PX + 1)[:, None]
-    profile = np.exp(-0.5 * across**2 / (psf_sigma**2 + _ALONG_RAY_PX**2))
-    light, level = (profile * inner).sum(axis=0), float((profile * inner).sum(axis=0).mean())
-    if level <= 0.0:
-        return False
-    # Weighted by its own profile a line shows half of how far off it is.
-    place = 2.0 * (profile * across * inner).sum(axis=0) / level
-    along = np.arange(places)
-    bent = place - np.polyval(np.polyfit(along, place, 1), along)
-    noise = math.sqrt(length) / max(snr, 1.0)
-    by_noise = (_PATCHY_PER_NOISE * noise) ** 2 + _PATCHY_BY_GRID**2
-    by_noise_px = (_BENT_PER_NOISE * noise * psf_sigma) ** 2 + _BENT_BY_GRID_PX**2
-    # The smoothing leaves every second place on its own.
-    scatter = 1.0 + _SURE * math.sqrt(2.0 / (places / 2.0))
-    is_patchy = float(light.var()) / level**2 > by_noise * scatter + _MOST_PATCHY**2
-    is_bent = float(np.mean(bent**2)) > by_noise_px * scatter + _MOST_BENT_PX**2
-    return is_patchy or is_bent
 
 
 def goes_on_beyond(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: float) -> bool:

@@ -1,17 +1,19 @@
 """A streak measured on the raw frame: its line, its two ends, and how well they are known.
 
 The midpoint of the two ends is the satellite's place at mid-exposure whatever its brightness did
-meanwhile. A proposal's box says where to look; the fit says what is there, or why it is no streak.
+meanwhile, as long as both ends are seen. A proposal's box says where to look; the fit says what
+is there, or why it is no streak.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
-from rsoconsole.vision.streak_doubts import goes_on_beyond, is_broken, is_patchy
+from rsoconsole.vision.streak_doubts import goes_on_beyond, is_broken
+from rsoconsole.vision.streak_evenness import unevenness
 from rsoconsole.vision.streak_model import Line, LineFit
 from rsoconsole.vision.streak_robust import (
     Axes,
@@ -39,6 +41,8 @@ _UNSURE_PX = 0.5
 """Sigma along from which on a second fit from the first one's ends is worth its time."""
 _AS_RAYS_FWHM = 20.0
 """Length in widths of a star up to which cosmic rays are as long."""
+_MOST_UNEVEN = 1.5
+"""What is less uneven is believed less."""
 _FAINT_SNR = 40.0
 """Of what is brighter, dark gaps may be a satellite's own: it tumbles."""
 _FLOOR_PX = 0.005
@@ -65,6 +69,8 @@ class StreakFit:
     """Of the midpoint; large where clipped, as nothing is known along the streak then."""
     sigma_across_px: float
     is_clipped: bool
+    unevenness: float = 0.0
+    """Of its light and path, beyond what noise explains; looked at in short ones alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,16 +120,19 @@ def fit_streak(
                 reason = "light goes on beyond its ends: part of a longer trail"
                 return NoStreak(reason=reason, fit=again)
             fit = again
-    return _seen_again(pixels, sky, fit, fwhm)
+    return _seen_again(pixels, sky, fit, stars, fwhm)
 
 
 def _seen_again(
-    pixels: PixelArray, sky: Background, fit: StreakFit, fwhm: float
+    pixels: PixelArray, sky: Background, fit: StreakFit, stars: StarList | None, fwhm: float
 ) -> StreakFit | NoStreak:
     """The fit, held against the light along it, which may be no streak's."""
     ends, psf_sigma = _ends_of(fit), fwhm / FWHM_PER_SIGMA
     reason = None
-    if fit.length_px < _AS_RAYS_FWHM * fwhm and is_patchy(pixels, sky, ends, psf_sigma, fit.snr):
+    if fit.length_px < _AS_RAYS_FWHM * fwhm:
+        cutout = cut_out(pixels, sky, _box_of(ends, ends), _MARGIN_PX, stars)
+        fit = replace(fit, unevenness=unevenness(cutout, ends, psf_sigma, fit.snr))
+    if fit.unevenness > _MOST_UNEVEN:
         reason = "patchy or bent, and as short as a cosmic ray"
     elif fit.snr < _FAINT_SNR and is_broken(pixels, sky, ends, psf_sigma):
         reason = "dark in between: stars in a row"

@@ -20,6 +20,7 @@ _LIT = 0.5
 """Of the streak's level: half of it is where an end lies."""
 _CLEAR_PX = 1.5
 """Light so far beyond a star's own is the streak's."""
+_AT_PX, _SURE = 0.5, 2.0
 _KNOWN_PX = 0.7
 """One sigma of an end read off the light alone."""
 _LEAST_LEVEL, _SURE_LEVEL = 3.0, 6.0
@@ -63,14 +64,16 @@ def with_hidden_ends(
         level = line.amplitudes[0 if side == 0 else -1]
         outward = _outward(stretch, sense, profile.light.size)
         place, spread = _end_in(profile.light[outward], level, profile.noise, line.sigma)
-        hidden, is_open = stretch[1] - stretch[0], sense * (profile.first + outward[0] - end) > 0.5
-        if place < 0.5 and spread >= 0.0 and is_open:
+        hidden, bin_of_end = stretch[1] - stretch[0], end - profile.first
+        is_told = spread >= 0.0
+        if is_told and place < _AT_PX and sense * (outward[0] - bin_of_end) > _AT_PX:
             # Dark from the star on: the end lies in the open before it, as the fit has it.
             continue
+        if not is_told and _lies_open(profile, stretch, sense, bin_of_end, level):
+            continue
         variance[side] = spread
-        if spread < 0.0:
-            # Too faint to be read off: anywhere in what is hidden, more likely at its far side,
-            # since a streak's own light near its end is often masked with the star.
+        if not is_told:
+            # Too faint to be read off: anywhere in what is hidden.
             place, variance[side] = 0.5 * hidden, (0.5 * (hidden + 1)) ** 2
         ends[side] = profile.first + outward[0] + sense * place
         covariance = _given(covariance, side)
@@ -81,7 +84,10 @@ def with_hidden_ends(
 
 
 def _given(covariance: FloatArray, side: int) -> FloatArray:
-    """What remains of a covariance when one of its parameters comes from elsewhere."""
+    """What remains of a covariance when one of its parameters comes from elsewhere.
+
+    What that one's own error means for the rest is left out: an end hardly bears on the others.
+    """
     known = covariance[side, side]
     if not known > 0.0:
         return covariance
@@ -138,6 +144,29 @@ def _outward(stretch: tuple[int, int], sense: int, bins: int) -> list[int]:
     if sense > 0:
         return list(range(low, min(high + _BEYOND_PX, bins - 1) + 1))
     return list(range(high, max(low - _BEYOND_PX, 0) - 1, -1))
+
+
+def _lies_open(
+    profile: _Profile, stretch: tuple[int, int], sense: int, bin_of_end: float, level: float
+) -> bool:
+    """Whether the light between an end and what is hidden shows that it ends there.
+
+    Dark on its outer side where it ends before what is hidden, lit on its inner side where it
+    comes out behind.
+    """
+    near, far = stretch if sense > 0 else stretch[::-1]
+    at = round(bin_of_end)
+    if sense * (near - at) > 0:
+        open_bins = range(at + sense, near, sense)
+    else:
+        open_bins = range(far + sense, at + sense, sense)
+    light = profile.light[list(open_bins)]
+    if light.size == 0:
+        return False
+    mean, error = float(light.mean()), profile.noise / math.sqrt(light.size)
+    if sense * (near - at) > 0:
+        return mean < level - _SURE * error
+    return mean > _SURE * error
 
 
 def _end_in(light: FloatArray, level: float, noise: float, sigma: float) -> tuple[float, float]:

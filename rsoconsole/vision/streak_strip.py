@@ -41,7 +41,8 @@ def smoothed_strip(
 ) -> tuple[Float32Array, BoolArray]:
     """Pixels about a line's middle, turned so that it runs along the rows, and which exist.
 
-    Matched to the stars, in units of its own noise: (2 reach + 1, columns) each.
+    The nearest pixel of each place, smoothed by ``psf_sigma`` px as stars are, in units of the
+    noise that is left: (2 reach + 1, columns) each.
     """
     import cv2
 

@@ -23,6 +23,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from rsoconsole.vision.network import Network
 from tests.bench.peers import binarising
 from tests.bench.peers.child import Child
 from tests.bench.peers.frames import (
@@ -266,15 +267,19 @@ def drawn(args: argparse.Namespace, folder: Path) -> dict[str, Any]:
     frames = _until(drawn_frames(args.frames), args.minutes)
     tallies = run_peers(frames, settings, args.slow_frames, folder)
     reports = {name: tally.report(args.slow_frames) for name, tally in tallies.items()}
+    tuned: Mapping[str, Any] = {}
     if args.out.exists():
         # Other peers' figures stay: the slow ones may have been run on another evening.
-        before = json.loads(args.out.read_text()).get("drawn", {})
+        kept = json.loads(args.out.read_text())
+        before, tuned = kept.get("drawn", {}), kept.get("tuning", {})
         reports = before.get("peers", {}) | _rounded(reports)
         settings = {n: (n, s) for n, s in before.get("settings", {}).items()} | settings
     for part in ("all", "first", "without_aircraft", "long"):
         print_table(reports, part)
     return {
+        "network": Network.load(None, 1).version,
         "seed": [SEED, BENCH],
+        "tuned_on": tuned.get("frames", 0),
         "first_frames": args.slow_frames,
         "lengths_px": LENGTHS_PX[BENCH],
         "timeout_s": TIMEOUT_S,

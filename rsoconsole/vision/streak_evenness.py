@@ -1,0 +1,102 @@
+"""How even and how straight a short line is: a cosmic ray is neither.
+
+A ray loses its charge in lumps, and an electron's path bends; a satellite that is in sight for so
+short a way has neither the time to tumble nor a reason to turn.
+"""
+
+import math
+
+import numpy as np
+
+from rsoconsole.records import FloatArray
+from rsoconsole.vision.streak_search import Box, Cutout
+from rsoconsole.vision.streak_strip import length_of
+
+_SMOOTHED_PX, _INTERPOLATED_PX = 0.6, 0.5
+"""Sigma of the smoothing, and what linear interpolation adds to it in quadrature."""
+_REACH_PX, _END_PX = 6, 3
+"""How far across is looked, and how much of either end is left out."""
+_FEWEST, _LEAST_SEEN = 9, 0.4
+"""Columns that tell enough, and their share of a line."""
+_BRIGHTNESS_BY_NOISE, _PLACE_BY_NOISE = 0.66, 0.95
+"""What noise makes of an even line's brightness, as a share, and of its place, in sigmas of a star;
+times sqrt(length) over its signal to noise. Measured on drawn lines of 2 to 4 px width."""
+_BRIGHTNESS_FLOOR, _BEND_FLOOR_PX, _WAVER_FLOOR_PX = 0.08, 0.10, 0.15
+"""What the air makes of a satellite's light and path."""
+_BEND_LEEWAY = 1.5
+"""Of two terms' logarithm."""
+_STANDS_ALONE = 0.7
+"""Share of the columns that count for themselves after the smoothing."""
+
+
+def unevenness(cutout: Cutout, ends: Box, psf_sigma: float, snr: float) -> float:
+    """By how much more than noise explains a line's light or place varies along it; 0: by nothing.
+
+    A natural logarithm of variances. ``ends`` (x_a, y_a, x_b, y_b) in raw pixels, ``snr`` of the
+    whole line. What masked stars touch is left out, unless they are most of the line: then it is
+    they that are looked at. 0 too at the frame's rim.
+    Of 133 pieces of cosmic rays in the calibration split 124 came above 0 and 116 above 0.5, of
+    26 satellites as short none, and none of 1,400 even lines drawn at 2 to 30 sigma a pixel.
+    """
+    measured = _light_and_place(cutout, ends, psf_sigma)
+    if measured is None:
+        return 0.0
+    along, light, place_px = measured
+    columns, noise = along.size, math.sqrt(length_of(ends)) / max(snr, 1.0)
+    by_noise_px = _PLACE_BY_NOISE * noise * psf_sigma
+    # Straight, then what a bend and an S make of it, then the rest.
+    terms, _ = np.linalg.qr(np.vander(along, 4, increasing=True))
+    bend = terms[:, 2:].T @ place_px
+    straight = terms[:, :2] @ (terms[:, :2].T @ place_px)
+    alone = _STANDS_ALONE * columns
+    scatter = 2.0 * math.sqrt(4.0 / columns)
+    excess = (
+        _log(float(light.var()), (_BRIGHTNESS_BY_NOISE * noise) ** 2 + _BRIGHTNESS_FLOOR**2)
+        - scatter,
+        _log(float(np.mean((place_px - straight) ** 2)), by_noise_px**2 + _WAVER_FLOOR_PX**2)
+        - scatter,
+        _log(float(bend @ bend) / columns, 2.0 * by_noise_px**2 / alone + _BEND_FLOOR_PX**2)
+        - _BEND_LEEWAY,
+    )
+    return max(0.0, *excess)
+
+
+def _light_and_place(
+    cutout: Cutout, ends: Box, psf_sigma: float
+) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Place along (-1 to 1), brightness over its mean, and place across, px; (columns,) each."""
+    import cv2
+
+    x_a, y_a, x_b, y_b = ends
+    length = length_of(ends)
+    count = int(length) + 1
+    if count < _FEWEST + 2 * _END_PX:
+        return None
+    dx, dy = (x_b - x_a) / length, (y_b - y_a) / length
+    u = np.arange(count) - 0.5 * (count - 1)
+    v = np.arange(-_REACH_PX, _REACH_PX + 1)[:, None]
+    x = 0.5 * (x_a + x_b) - cutout.x0 + dx * u - dy * v
+    y = 0.5 * (y_a + y_b) - cutout.y0 + dy * u + dx * v
+    height, width = cutout.values.shape
+    if x.min() < 0 or y.min() < 0 or x.max() > width - 1 or y.max() > height - 1:
+        return None
+    columns, rows = x.astype(np.float32), y.astype(np.float32)
+    values = cv2.remap(cutout.values.astype(np.float32), columns, rows, cv2.INTER_LINEAR)
+    strip = cv2.GaussianBlur(values, (0, 0), _SMOOTHED_PX)
+    is_good = cutout.is_good[np.rint(y).astype(int), np.rint(x).astype(int)]
+    profile = np.exp(-0.5 * v**2 / (psf_sigma**2 + _SMOOTHED_PX**2 + _INTERPOLATED_PX**2))
+    in_core = np.abs(v[:, 0]) <= 2.0 * psf_sigma
+    is_inner = (np.arange(count) >= _END_PX) & (np.arange(count) < count - _END_PX)
+    is_seen = is_inner & is_good[in_core].all(axis=0)
+    if is_seen.sum() < max(_FEWEST, _LEAST_SEEN * is_inner.sum()):
+        is_seen = is_inner
+    light = (profile * strip).sum(axis=0)[is_seen]
+    if not light.mean() > 0.0:
+        return None
+    # Weighted by its own profile a line shows half of how far off it is.
+    place_px = 2.0 * (profile * v * strip).sum(axis=0)[is_seen] / light.mean()
+    return np.linspace(-1.0, 1.0, count)[is_seen], light / light.mean(), place_px
+
+
+def _log(variance: float, expected: float) -> float:
+    return math.log(max(variance, 1e-9) / expected)
