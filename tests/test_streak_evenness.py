@@ -81,4 +81,4 @@ def test_a_bent_short_line_is_refused_in_words():
     sky = local_background(pixels)
     fit = fit_streak(pixels, sky, (178.0, 195.0, 222.0, 206.0), psf_fwhm_px=2.3548 * SIGMA_PX)
     assert isinstance(fit, NoStreak)
-    assert fit.reason == "patchy or bent, and as short as a cosmic ray"
+    assert fit.reason == "patchy or bent: a cosmic ray or stars in a row"

@@ -39,8 +39,8 @@ _MIN_LIT_SHARE = 0.6
 _MAX_UNEVEN_SHARE = 0.35
 _UNSURE_PX = 0.5
 """Sigma along from which on a second fit from the first one's ends is worth its time."""
-_AS_RAYS_FWHM = 20.0
-"""Length in widths of a star up to which cosmic rays are as long."""
+_SHORT_FWHM = 25.0
+"""Length in widths of a star up to which cosmic rays and chains of stars are as long."""
 _MOST_UNEVEN = 1.5
 """What is less uneven is believed less."""
 _FAINT_SNR = 40.0
@@ -129,11 +129,11 @@ def _seen_again(
     """The fit, held against the light along it, which may be no streak's."""
     ends, psf_sigma = _ends_of(fit), fwhm / FWHM_PER_SIGMA
     reason = None
-    if fit.length_px < _AS_RAYS_FWHM * fwhm:
+    if fit.length_px < _SHORT_FWHM * fwhm:
         cutout = cut_out(pixels, sky, _box_of(ends, ends), _MARGIN_PX, stars)
         fit = replace(fit, unevenness=unevenness(cutout, ends, psf_sigma, fit.snr))
     if fit.unevenness > _MOST_UNEVEN:
-        reason = "patchy or bent, and as short as a cosmic ray"
+        reason = "patchy or bent: a cosmic ray or stars in a row"
     elif fit.snr < _FAINT_SNR and is_broken(pixels, sky, ends, psf_sigma):
         reason = "dark in between: stars in a row"
     return fit if reason is None else NoStreak(reason=reason, fit=fit)
