@@ -30,9 +30,9 @@ FEATURES = (
 )
 """All from ``wide`` on are 0 or more, speak against a satellite and weigh nothing at 0."""
 MOST_LOG_SNR = 0.3
-SHORT_FWHM, LONG_FWHM = 20.0, 120.0
-"""Below and above so many widths of a star, shorter and longer are less likely: chains of stars
-are short, lights that cross the frame are long."""
+SHORT_FWHM, LONG_FWHM = 10.0, 120.0
+"""Below and above so many widths of a star, shorter and longer are less likely: pieces of cosmic
+rays are short, lights that cross the frame are long."""
 LENGTH_ERROR = 2.0
 """A fit that finds the light going on beyond its ends looks as far again."""
 MOST_IN_LINE = 2

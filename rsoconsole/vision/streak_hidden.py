@@ -160,9 +160,10 @@ def _lies_open(
         open_bins = range(at + sense, near, sense)
     else:
         open_bins = range(far + sense, at + sense, sense)
-    light = profile.light[list(open_bins)]
-    if light.size == 0:
+    inside = [place for place in open_bins if 0 <= place < profile.light.size]
+    if not inside:
         return False
+    light = profile.light[inside]
     mean, error = float(light.mean()), profile.noise / math.sqrt(light.size)
     if sense * (near - at) > 0:
         return mean < level - _SURE * error
