@@ -233,9 +233,9 @@ def test_dark_proposals_do_not_cost_a_streak_its_turn() -> None:
 
 
 def test_a_short_proposal_is_measured_only_where_its_length_leaves_hope() -> None:
-    c, d = (260.0, 300.0), (275.0, 302.0)
+    c, d = (260.0, 300.0), (266.0, 301.0)
     frame, short = frame_with((A, B), (c, d)), candidate(c, d, 0.3)
-    for weight, reasons in ((0.0, set()), (-9.0, {"below tau 0.10 however well a line fits"})):
+    for weight, reasons in ((0.0, set()), (-20.0, {"below tau 0.10 however well a line fits"})):
         hope = StreakDetector(Proposals(short), DetectorConfig(), curve(shortness=weight))
         found = hope.detect(frame)
         assert {r.reason for r in found.rejected if "however" in r.reason} == reasons

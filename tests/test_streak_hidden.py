@@ -10,7 +10,9 @@ from rsoconsole.vision.streak_search import Cutout
 NOISE, WIDTH, HEIGHT = 20.0, 60, 21
 
 
-def hidden_end(u_b: float, masked: tuple[int, int], level_adu: float) -> LineFit:
+def hidden_end(
+    u_b: float, masked: tuple[int, int], level_adu: float, variance: float = 1.0
+) -> LineFit:
     """A line from u = -25 to ``u_b`` in a cutout that ends at u = 29, masked between two u."""
     v, u = np.mgrid[-10:11, -30:30].astype(float)
     is_used = ~((u >= masked[0]) & (u <= masked[1]))
@@ -33,7 +35,8 @@ def hidden_end(u_b: float, masked: tuple[int, int], level_adu: float) -> LineFit
         amplitudes=(level_adu,),
         knot_range=(-25.0, 25.0),
     )
-    fit = LineFit(line=line, covariance=np.eye(4), chi2=0.0, excess=0.0, model=light)
+    covariance = np.diag([1.0, variance, 1.0, 1.0])
+    fit = LineFit(line=line, covariance=covariance, chi2=0.0, excess=0.0, model=light)
     return with_hidden_ends(cutout, (u, v), fit, is_used)
 
 
@@ -59,3 +62,10 @@ def test_what_is_read_off_elsewhere_is_known_there_and_not_from_the_fit():
     assert moved.hidden_variance[1] > 0.0
     assert moved.covariance[1].tolist() == moved.covariance[:, 1].tolist() == [0.0] * 4
     assert moved.covariance[0, 0] == 1.0
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_end_of_which_the_fit_knows_nothing_leaves_the_rest_as_it_is():
+    moved = hidden_end(22.0, (18, 26), 400.0, variance=1e200)
+    assert np.diag(moved.covariance).tolist() == [1.0, 0.0, 1.0, 1.0]
+    assert moved.hidden_variance[1] < 20.0

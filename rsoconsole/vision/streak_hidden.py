@@ -91,7 +91,9 @@ def _given(covariance: FloatArray, side: int) -> FloatArray:
     known = covariance[side, side]
     if not known > 0.0:
         return covariance
-    rest = covariance - np.outer(covariance[side], covariance[side]) / known
+    # Where the fit knows nothing of it, its square is more than a number holds.
+    share = covariance[side] / math.sqrt(known)
+    rest = covariance - np.outer(share, share)
     rest[side, :] = rest[:, side] = 0.0
     return np.asarray(rest)
 
