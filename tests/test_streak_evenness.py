@@ -74,6 +74,18 @@ def test_a_short_streak_with_a_star_in_its_way_is_still_a_streak(along_px, seed)
     assert fit.unevenness < 0.3
 
 
+def test_a_bright_star_that_the_rim_cuts_is_no_short_streak():
+    x = np.linspace(190.0, 212.0, 3)
+    pixels = sky_with((x, np.array([1.0, 3.0, 5.0]), np.array([4e5, 2e4, 5e4])))
+    assert uneven(pixels, (200.0, 2.5, 10.0, 32.0), 20.0) > 1.0
+
+
+@pytest.mark.parametrize("y", [1.0, 4.0, 397.0])
+def test_at_the_rim_too_nothing_but_noise_is_no_unevenness(y):
+    line = (200.0, y, 0.0, 40.0)
+    assert uneven(sky_with(streak(*line, 6.0)), line, 6.0) < 0.3
+
+
 def test_a_bent_short_line_is_refused_in_words():
     x, y, flux = streak(200.0, 200.0, 0.0, 40.0, 12.0)
     y = y + 3.0 * ((x - 200.0) / 20.0) ** 2 - 1.0

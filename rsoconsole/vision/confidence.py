@@ -27,10 +27,13 @@ FEATURES = (
     "in_line",
     "parallel_unlike",
     "uneven",
+    "faint",
 )
 """All from ``wide`` on are 0 or more, speak against a satellite and weigh nothing at 0."""
 MOST_LOG_SNR = 0.3
-SHORT_FWHM, LONG_FWHM = 10.0, 120.0
+FAINT_SNR = 12.0
+"""Below it a chain of faint stars is as likely as a streak."""
+SHORT_FWHM, LONG_FWHM = 12.0, 120.0
 """Below and above so many widths of a star, shorter and longer are less likely: pieces of cosmic
 rays are short, lights that cross the frame are long."""
 LENGTH_ERROR = 2.0
@@ -113,7 +116,7 @@ def confidence_features(
     the streak is wider and narrower than the stars, beyond what its signal to noise leaves open;
     how short it is against ``SHORT_FWHM`` and how long against ``LONG_FWHM``; how many others lie
     on its line; whether one that is much longer, or bright and of another length, is parallel;
-    how uneven its light is.
+    how uneven its light is; how much fainter than ``FAINT_SNR`` it is.
     """
     p = min(max(detection.confidence, _LEAST), _MOST)
     psf_px, length_px = max(psf_fwhm_px, 0.1), max(detection.length_px, 0.1)
@@ -132,6 +135,7 @@ def confidence_features(
         float(min(sum(_is_in_line(detection, other) for other in rest), MOST_IN_LINE)),
         float(any(_is_parallel_unlike(detection, other) for other in rest)),
         detection.unevenness,
+        max(0.0, math.log(FAINT_SNR / snr)),
     )
 
 

@@ -34,7 +34,7 @@ def unevenness(cutout: Cutout, ends: Box, psf_sigma: float, snr: float) -> float
 
     A natural logarithm of variances. ``ends`` (x_a, y_a, x_b, y_b) in raw pixels, ``snr`` of the
     whole line. What masked stars touch is left out, unless they are most of the line: then it is
-    they that are looked at. 0 too at the frame's rim.
+    they that are looked at. 0 too where too little of it is in the frame.
     Of 133 pieces of cosmic rays in the calibration split 124 came above 0 and 116 above 0.5, of
     26 satellites as short none, and none of 1,400 even lines drawn at 2 to 30 sigma a pixel.
     """
@@ -78,20 +78,24 @@ def _light_and_place(
     x = 0.5 * (x_a + x_b) - cutout.x0 + dx * u - dy * v
     y = 0.5 * (y_a + y_b) - cutout.y0 + dy * u + dx * v
     height, width = cutout.values.shape
-    if x.min() < 0 or y.min() < 0 or x.max() > width - 1 or y.max() > height - 1:
-        return None
+    is_there = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
     columns, rows = x.astype(np.float32), y.astype(np.float32)
     values = cv2.remap(cutout.values.astype(np.float32), columns, rows, cv2.INTER_LINEAR)
     strip = cv2.GaussianBlur(values, (0, 0), _SMOOTHED_PX)
-    is_good = cutout.is_good[np.rint(y).astype(int), np.rint(x).astype(int)]
+    nearest = (
+        np.clip(np.rint(y), 0, height - 1).astype(int),
+        np.clip(np.rint(x), 0, width - 1).astype(int),
+    )
+    is_good = cutout.is_good[nearest]
     profile = np.exp(-0.5 * v**2 / (psf_sigma**2 + _SMOOTHED_PX**2 + _INTERPOLATED_PX**2))
     in_core = np.abs(v[:, 0]) <= 2.0 * psf_sigma
-    is_inner = (np.arange(count) >= _END_PX) & (np.arange(count) < count - _END_PX)
+    is_inner = is_there[in_core].all(axis=0)
+    is_inner[:_END_PX] = is_inner[-_END_PX:] = False
     is_seen = is_inner & is_good[in_core].all(axis=0)
     if is_seen.sum() < max(_FEWEST, _LEAST_SEEN * is_inner.sum()):
         is_seen = is_inner
     light = (profile * strip).sum(axis=0)[is_seen]
-    if not light.mean() > 0.0:
+    if light.size < _FEWEST or not light.mean() > 0.0:
         return None
     # Weighted by its own profile a line shows half of how far off it is.
     place_px = 2.0 * (profile * v * strip).sum(axis=0)[is_seen] / light.mean()
