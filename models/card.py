@@ -39,7 +39,7 @@ def section(figures: Any, card: Any, peers: Any) -> str:
         "### Where the missed ones were lost\n\n" + _lost(figures["lost"]),
         "### Is confidence a probability\n\n" + _confidence(figures, card),
         "### Average precision and time\n\n" + _rest(figures),
-        "### Beside its peers\n\n" + _peers(peers),
+        "### Beside its peers\n\n" + _peers(peers, figures["network"]),
         "### Training, as the network's card tells it\n\n" + _training(card),
     ]
     return "\n\n".join(parts)
@@ -160,17 +160,17 @@ def _rest(figures: Any) -> str:
     )
 
 
-def _peers(peers: Any) -> str:
-    if peers is None or "drawn" not in peers:
-        return "Not measured yet: `python -m tests.bench.bench_peers`."
-    told = peers["drawn"]
+def _peers(peers: Any, network: str) -> str:
+    told = (peers or {}).get("drawn", {})
+    if told.get("network") != network:
+        return "Not measured with this network yet: `python -m tests.bench.bench_peers`."
     low, high = told["lengths_px"]
     text = (
-        f"Measured with network {told['network']} on one set of frames, streaks of {low:g} to "
-        f"{high:g} px, as many in each range of signal to noise, aircraft among them; average "
-        "precision / recall at one false detection in ten frames. Every peer at the settings that "
-        f"served it best on {told['tuned_on']} frames of other seeds; the slow ones looked at the "
-        f"first {told['first_frames']}, too few for a recall."
+        f"On one set of frames, streaks of {low:g} to {high:g} px, as many in each range of "
+        "signal to noise, aircraft among them; average precision / recall at one false detection "
+        "in ten frames. Every peer at the settings that served it best on "
+        f"{told['tuned_on']} frames of other seeds; the slow ones looked at the first "
+        f"{told['first_frames']}, too few for a recall."
     )
     peers_told = told["peers"]
     ranges = [key for key in next(iter(peers_told.values()))["all"] if key != "all"]

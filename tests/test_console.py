@@ -584,7 +584,7 @@ def test_what_came_of_a_stop_never_covers_the_first_lines_nor_the_keys() -> None
 # -- the keys --------------------------------------------------------------------------------
 
 
-def test_in_a_narrow_terminal_the_weighty_keys_stay_and_a_notice_leaves_stop() -> None:
+def test_in_a_narrow_terminal_the_weighty_keys_stay_and_a_notice_leaves_what_it_can() -> None:
     def said(width: int, notice: str = "", **status: Any) -> str:
         engine = engine_view({"holder": "autonomy", **status})
         build = key_line(keys_for(engine, can_act=True), (notice, "title"))
@@ -597,8 +597,11 @@ def test_in_a_narrow_terminal_the_weighty_keys_stay_and_a_notice_leaves_stop() -
     assert "p Park" in said(80)
     assert "^p More" in said(80)
     assert "h Resume" in said(80, is_held=True)
-    assert said(80, "hold: done").split()[:8] == said(40).split()
-    assert said(80, "hold: done").rstrip().endswith("hold: done")
+    in_force = "hold: in force from the next cycle"
+    assert said(120, in_force).rstrip().endswith(f"^p More  {in_force}")
+    assert "h Hold  q Leave  F1 Help" in said(80, in_force)
+    assert said(80, in_force).rstrip().endswith(in_force)
+    assert said(60, in_force).split()[:8] == said(40).split()
     assert said(40, "hold: done").split() == ["x", "STOP", "hold:", "done"]
     assert all("x" in said(width).split() for width in range(4, 80))
 

@@ -30,16 +30,18 @@ def key_line(
 ) -> Callable[[int, int], list[Line]]:
     """What builds the line for a width: the keys that fit, most important first.
 
-    A notice stands behind those that always stay; where that is too narrow, behind STOP alone.
+    A notice stands behind those that leave it room: whole, or shortened behind those that always
+    stay, or where that is too narrow, behind STOP alone.
     """
 
     def build(width: int, _height: int) -> list[Line]:
         if not notice[0]:
             return [_line(_fitting(keys, width), width)]
-        room = max(width - _LEAST_NOTICE_COLUMNS, 0)
         weighty = [key for key in keys if key[0] in _ALWAYS]
-        kept = _fitting(weighty, room)
-        if kept != weighty:
+        kept = _fitting(keys, max(width - len(_GAP) - len(notice[0]), 0))
+        if not set(weighty) <= set(kept):
+            kept = _fitting(weighty, max(width - _LEAST_NOTICE_COLUMNS, 0))
+        if not set(weighty) <= set(kept):
             kept = keys[:1]
         line = _line(kept, width)
         columns = sum(len(text) for text, _ in line)

@@ -38,7 +38,7 @@ from rsoconsole.tracking.neighbours import (
 Record = Any
 Choice = Literal["nearest", "most confident"]
 AS_GOOD_AS_CERTAIN = 0.9
-"""Confidence from which on brightness, not confidence, says which of two to follow."""
+"""Confidence from which on how well its place is known says which of two to follow."""
 
 NOTHING_SEEN = "no detection"
 NOTHING_FITS = "nothing fits the prediction"

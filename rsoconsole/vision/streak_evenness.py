@@ -35,8 +35,8 @@ def unevenness(cutout: Cutout, ends: Box, psf_sigma: float, snr: float) -> float
     A natural logarithm of variances. ``ends`` (x_a, y_a, x_b, y_b) in raw pixels, ``snr`` of the
     whole line. What masked stars touch is left out, unless they are most of the line: then it is
     they that are looked at. 0 too where too little of it is in the frame.
-    Of 133 pieces of cosmic rays in the calibration split 124 came above 0 and 116 above 0.5, of
-    26 satellites as short none, and none of 1,400 even lines drawn at 2 to 30 sigma a pixel.
+    Of 135 pieces of cosmic rays in the calibration split 116 came above 0.5, of 31 satellites as
+    short none, and of 1,200 even lines drawn at 2, 5 and 30 sigma a pixel one.
     """
     measured = _light_and_place(cutout, ends, psf_sigma)
     if measured is None:

@@ -39,7 +39,7 @@ _MIN_LIT_SHARE = 0.6
 _MAX_UNEVEN_SHARE = 0.35
 _UNSURE_PX = 0.5
 """Sigma along from which on a second fit from the first one's ends is worth its time."""
-_SHORT_FWHM = 25.0
+_AS_CHAINS_FWHM = 25.0
 """Length in widths of a star up to which cosmic rays and chains of stars are as long."""
 _MOST_UNEVEN = 1.5
 """What is less uneven is believed less."""
@@ -129,7 +129,7 @@ def _seen_again(
     """The fit, held against the light along it, which may be no streak's."""
     ends, psf_sigma = _ends_of(fit), fwhm / FWHM_PER_SIGMA
     reason = None
-    if fit.length_px < _SHORT_FWHM * fwhm:
+    if fit.length_px < _AS_CHAINS_FWHM * fwhm:
         cutout = cut_out(pixels, sky, _box_of(ends, ends), _MARGIN_PX, stars)
         fit = replace(fit, unevenness=unevenness(cutout, ends, psf_sigma, fit.snr))
     if fit.unevenness > _MOST_UNEVEN:

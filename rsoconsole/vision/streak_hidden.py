@@ -20,7 +20,9 @@ _LIT = 0.5
 """Of the streak's level: half of it is where an end lies."""
 _CLEAR_PX = 1.5
 """Light so far beyond a star's own is the streak's."""
-_AT_PX, _SURE = 0.5, 2.0
+_AT_PX = 0.5
+_SURE = 2.0
+"""Sigmas of the mean light that tell lit from dark."""
 _KNOWN_PX = 0.7
 """One sigma of an end read off the light alone."""
 _LEAST_LEVEL, _SURE_LEVEL = 3.0, 6.0
@@ -63,18 +65,19 @@ def with_hidden_ends(
             continue
         level = line.amplitudes[0 if side == 0 else -1]
         outward = _outward(stretch, sense, profile.light.size)
-        place, spread = _end_in(profile.light[outward], level, profile.noise, line.sigma)
         hidden, bin_of_end = stretch[1] - stretch[0], end - profile.first
-        is_told = spread >= 0.0
-        if is_told and place < _AT_PX and sense * (outward[0] - bin_of_end) > _AT_PX:
-            # Dark from the star on: the end lies in the open before it, as the fit has it.
-            continue
-        if not is_told and _lies_open(profile, stretch, sense, bin_of_end, level):
-            continue
-        variance[side] = spread
-        if not is_told:
+        if level < _LEAST_LEVEL * profile.noise:
+            if _lies_open(profile, stretch, sense, bin_of_end, level):
+                continue
             # Too faint to be read off: anywhere in what is hidden.
             place, variance[side] = 0.5 * hidden, (0.5 * (hidden + 1)) ** 2
+        else:
+            read = _end_in(profile.light[outward], level, profile.noise, line.sigma)
+            is_before = sense * (outward[0] - bin_of_end) > _AT_PX
+            if read is None or (is_before and read[0] < _AT_PX):
+                # Lit beyond what is hidden, or dark from there on: the end lies in the open.
+                continue
+            place, variance[side] = read
         ends[side] = profile.first + outward[0] + sense * place
         covariance = _given(covariance, side)
     moved = replace(line, u_a=ends[0], u_b=ends[1])
@@ -172,18 +175,20 @@ def _lies_open(
     return mean > _SURE * error
 
 
-def _end_in(light: FloatArray, level: float, noise: float, sigma: float) -> tuple[float, float]:
-    """Where the streak ends, in bins from the first, and the variance; that below 0 if unknown."""
-    if level < _LEAST_LEVEL * noise:
-        return 0.0, -1.0
+def _end_in(
+    light: FloatArray, level: float, noise: float, sigma: float
+) -> tuple[float, float] | None:
+    """Where the streak ends, in bins from the first, and the variance; None: not within them."""
     # One bin of a faint streak is dark or lit by chance now and then, two together are not.
     span = 1 if level > _SURE_LEVEL * noise else 2
     is_lit = np.convolve(light, np.full(span, 1.0 / span), mode="valid") > _LIT * level
     dark = np.flatnonzero(~is_lit)
-    if dark.size and dark[0] == 0:
+    if dark.size == 0:
+        return None
+    if dark[0] == 0:
         return 0.0, _KNOWN_PX**2
     # Lit again after a gap is another star.
-    last = float(dark[0] if dark.size else is_lit.size) - 1.0 + 0.5 * (span - 1)
+    last = float(dark[0]) - 1.0 + 0.5 * (span - 1)
     run = light[: math.ceil(last) + 1]
     star = int(np.argmax(run))
     # As far as a star so bright alone would be taken for the streak.
