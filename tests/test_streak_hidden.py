@@ -11,12 +11,24 @@ NOISE, WIDTH, HEIGHT = 20.0, 60, 21
 
 
 def hidden_end(
-    u_b: float, masked: tuple[int, int], level_adu: float, variance: float = 1.0
+    u_b: float,
+    masked: tuple[int, int],
+    level_adu: float,
+    *,
+    variance: float = 1.0,
+    wing_adu: float = 0.0,
+    lit_to: float | None = None,
 ) -> LineFit:
-    """A line from u = -25 to ``u_b`` in a cutout that ends at u = 29, masked between two u."""
+    """A line from u = -25 to ``u_b`` in a cutout that ends at u = 29, masked between two u.
+
+    ``wing_adu``: of a masked star, in the column next to its mask; ``lit_to``: where the light
+    really ends.
+    """
     v, u = np.mgrid[-10:11, -30:30].astype(float)
     is_used = ~((u >= masked[0]) & (u <= masked[1]))
-    light = level_adu / np.sqrt(2.0 * np.pi) * np.exp(-0.5 * v**2) * ((u > -25) & (u < u_b))
+    light = level_adu / np.sqrt(2.0 * np.pi) * np.exp(-0.5 * v**2)
+    light *= (u > -25) & (u < (u_b if lit_to is None else lit_to))
+    light += wing_adu * np.exp(-0.5 * v**2) * (u == masked[1] + 1)
     cutout = Cutout(
         x0=0,
         y0=0,
@@ -55,6 +67,12 @@ def test_an_end_far_from_what_is_hidden_is_left_alone():
     moved = hidden_end(10.0, (22, 27), 400.0)
     assert moved.line.u_b == 10.0
     assert moved.hidden_variance == (0.0, 0.0)
+
+
+def test_a_masked_stars_wing_is_not_taken_for_the_streak_coming_out_behind_it():
+    moved = hidden_end(18.5, (10, 16), 90.0, wing_adu=150.0, lit_to=13.0)
+    assert moved.line.u_b == pytest.approx(13.0, abs=1.0)
+    assert moved.hidden_variance[1] >= 9.0
 
 
 def test_what_is_read_off_elsewhere_is_known_there_and_not_from_the_fit():

@@ -20,6 +20,8 @@ _LIT = 0.5
 """Of the streak's level: half of it is where an end lies."""
 _CLEAR_PX = 1.5
 """Light so far beyond a star's own is the streak's."""
+_WING = 1
+"""Bins beside a masked star that its wings light, a bright one's as brightly as a streak."""
 _AT_PX = 0.5
 _SURE = 2.0
 """Sigmas of the mean light that tell lit from dark."""
@@ -161,10 +163,11 @@ def _lies_open(
     """
     near, far = stretch if sense > 0 else stretch[::-1]
     at = round(bin_of_end)
+    # The bins next to a star's mask still have light of the star's.
     if sense * (near - at) > 0:
-        open_bins = range(at + sense, near, sense)
+        open_bins = range(at + sense, near - _WING * sense, sense)
     else:
-        open_bins = range(far + sense, at + sense, sense)
+        open_bins = range(far + (1 + _WING) * sense, at + sense, sense)
     inside = [place for place in open_bins if 0 <= place < profile.light.size]
     if not inside:
         return False
