@@ -21,16 +21,22 @@ Float32Array = npt.NDArray[np.float32]
 CELL_PX = 16
 LINE_REACH = 2
 """Bins on either side of one that a line through it needs."""
-_LINES = (
-    ((0, 1), ((0, 2), (1, 2), (-1, 2))),
-    ((1, 0), ((2, 0), (2, 1), (2, -1))),
-    ((1, 1), ((2, 2),)),
-    ((1, -1), ((2, -2),)),
+
+
+def _line_through(down: int, right: int) -> npt.NDArray[np.uint8]:
+    """A bin, the two so far down and right, and up and left of it, and those between, as a mask."""
+    kernel = np.zeros((2 * LINE_REACH + 1, 2 * LINE_REACH + 1), dtype=np.uint8)
+    for part in (-1.0, -0.5, 0.0, 0.5, 1.0):
+        kernel[LINE_REACH + round(part * down), LINE_REACH + round(part * right)] = 1
+    return kernel
+
+
+_LINES = tuple(
+    _line_through(*end)
+    for end in ((0, 2), (1, 2), (-1, 2), (2, 0), (2, 1), (2, -1), (2, 2), (2, -2))
 )
-"""Rows down and columns right: of the next bin on one side, and of the ends that lines through it
-have; their other side mirrors them."""
 _COARSE_STEPS = 5.0
-_STRIP_PX = 128
+_STRIP_PX = 96
 _Values = TypeVar("_Values", bound=npt.NDArray[Any])
 
 
@@ -100,14 +106,18 @@ def bin_frame(
                 largest[first * per_cell : last * per_cell] = found
             side = max(bins)
             means[first:last] = mean_of_squares(bins[side], cell_px // side)
+            fine_rows = raw[: len(inside)]
             if lines and raw is not scratch:
-                take_rows(pixels, inside, raw[: len(inside)])
+                if inside.start >= 0 and inside.stop <= height and width == columns * cell_px:
+                    fine_rows = pixels[inside.start : inside.stop]
+                else:
+                    take_rows(pixels, inside, fine_rows)
             opened: dict[int, npt.NDArray[Any]] = {}
             for block, largest in lines.items():
                 binning, per_cell = binning_of(block), cell_px // block
                 if binning not in opened:
                     spare = margin - binning * LINE_REACH
-                    near = raw[spare : len(inside) - spare]
+                    near = fine_rows[spare : len(inside) - spare]
                     opened[binning] = lines_of_light(mean_of_squares(near, binning))
                 found = block_maximum(opened[binning], block // binning)
                 largest[first * per_cell : last * per_cell] = found
@@ -138,31 +148,12 @@ def lines_of_light(bins: _Values) -> _Values:
     """
     import cv2
 
-    reach = LINE_REACH
-    wide: npt.NDArray[Any] = cv2.copyMakeBorder(bins, 0, 0, reach, reach, cv2.BORDER_REFLECT_101)
-    height, width = wide.shape
-
-    def moved(down: int, right: int) -> npt.NDArray[Any]:
-        rows = slice(reach + down, height - reach + down)
-        return wide[rows, reach + right : width - reach + right]
-
-    def darker(down: int, right: int, out: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Of the two bins on opposite sides, as far down and right, and up and left."""
-        return cv2.min(moved(down, right), moved(-down, -right), out)  # type: ignore[no-any-return]
-
-    shape = height - 2 * reach, width - 2 * reach
-    best, far, further = (np.empty(shape, dtype=wide.dtype) for _ in range(3))
-    for turn, (near, ends) in enumerate(_LINES):
-        # Of lines that begin alike the brightest end decides.
-        darker(*ends[0], far)
-        for end in ends[1:]:
-            cv2.max(far, darker(*end, further), far)
-        cv2.min(far, darker(*near, further), far)
+    best, line = np.empty_like(bins), np.empty_like(bins)
+    for turn, kernel in enumerate(_LINES):
+        cv2.erode(bins, kernel, line if turn else best, borderType=cv2.BORDER_REFLECT_101)
         if turn:
-            cv2.max(best, far, best)
-        else:
-            best, far = far, best
-    return cast("_Values", cv2.min(best, moved(0, 0), best))
+            cv2.max(best, line, best)
+    return cast("_Values", best[LINE_REACH:-LINE_REACH])
 
 
 def _is_well_sampled(pixels: PixelArray) -> bool:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 from rsoconsole.config import DetectorConfig
@@ -17,7 +18,7 @@ from rsoconsole.vision.background import Background, local_background
 from rsoconsole.vision.bins import bin_frame
 from rsoconsole.vision.candidates import Measurements, at_box_centre, distinct, from_box, runs_alike
 from rsoconsole.vision.confidence import ConfidenceCurve
-from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map
+from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map, map_noise
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.stars import STAR_BLOCK_PX, StarList, find_stars
 from rsoconsole.vision.workers import Workers
@@ -66,29 +67,33 @@ class StreakDetector:
     def analyse(self, frame: Frame, tau: float | None = None) -> FrameAnalysis:
         """The same, with the frame's stars and background.
 
-        Only the fit needs the stars: they are looked for beside the network, where there is a
-        second thread, and their stage's time then runs beside its.
+        Where there is a second thread, it estimates the maps' noise while the first reads the
+        frame, and looks for stars, which only the fit needs, beside map and network; the time of
+        the stage ``stars`` then runs beside theirs.
         """
         threshold = self._settings.tau if tau is None else tau
-        watch, workers = _Stopwatch(), self._workers
+        watch, workers, pixels = _Stopwatch(), self._workers, frame.pixels
         blocks = choose_blocks(
             frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
         )
+        mode = self._settings.map_mode
+        lines = blocks if mode == "fast" else ()
         with watch.stage("background"):
-            lines = blocks if self._settings.map_mode == "fast" else ()
-            bins = bin_frame(frame.pixels, {STAR_BLOCK_PX}, line_blocks=lines, workers=workers)
-            sky = local_background(frame.pixels, bins=bins, workers=workers)
-        with watch.stage("map"):
-            maps = [
-                make_map(frame.pixels, self._settings.map_mode, block, bins=bins, workers=workers)
-                for block in blocks
-            ]
+            noises = {block: workers.begin(partial(map_noise, pixels, block)) for block in lines}
+            bins = bin_frame(pixels, {STAR_BLOCK_PX}, line_blocks=lines, workers=workers)
+            sky = local_background(pixels, bins=bins, workers=workers)
 
         def look_for_stars() -> StarList:
             with watch.stage("stars"):
-                return find_stars(frame.pixels, sky, saturation_adu=frame.saturation_adu, bins=bins)
+                return find_stars(pixels, sky, saturation_adu=frame.saturation_adu, bins=bins)
 
         looked = workers.begin(look_for_stars)
+        with watch.stage("map"):
+            noise = {block: begun.result() for block, begun in noises.items()}
+            maps = [
+                make_map(pixels, mode, block, bins=bins, noise=noise.get(block), workers=workers)
+                for block in blocks
+            ]
         with watch.stage("network"):
             boxes = distinct(frame, [self._network.run(each) for each in maps])
         stars = looked.result()
@@ -154,8 +159,8 @@ class StreakDetector:
         risen = [d for d in self._judged(measured.taken, stars) if d.confidence > threshold]
         witnesses = 0
         for box in others:
-            is_asked = witnesses < MOST_WITNESSES and runs_alike(from_box(frame, box), risen)
-            if is_asked and not measured.is_dark(box):
+            is_asked = risen and witnesses < MOST_WITNESSES
+            if is_asked and runs_alike(from_box(frame, box), risen) and not measured.is_dark(box):
                 witnesses += 1
                 measured.measure(box)
             else:

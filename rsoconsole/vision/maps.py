@@ -104,21 +104,36 @@ def make_map(
     block: int,
     *,
     bins: FrameBins | None = None,
+    noise: Float32Array | None = None,
     workers: Workers = CALLER_ALONE,
 ) -> FrameMap:
     """Reduce ``pixels`` (height, width), uint16 or finite float32 ADU, by ``block`` a side.
 
-    ``bins``: of the same frame, where they are known already; another block than theirs is
-    binned here. Raises ValueError for a block below 1.
+    ``bins`` and ``noise`` (``map_noise``): of the same frame, where they are known already;
+    another block than that of the bins is binned here. Raises ValueError for a block below 1.
     """
     if block < 1:
         raise ValueError(f"a block of {block} pixels: it must be 1 or more")
     height, width = pixels.shape
     if mode == "fast":
-        values = _fast_map(pixels, block, bins, workers)
+        values = _fast_map(pixels, block, bins, noise, workers)
     else:
         values = _paper_map(_whole_blocks(pixels, block), block)
     return FrameMap(values=values, block=block, mode=mode, width_px=width, height_px=height)
+
+
+def map_noise(pixels: PixelArray, block: int, *, workers: Workers = CALLER_ALONE) -> Float32Array:
+    """One sigma of the bins whose lines a map of mode ``fast`` takes, ADU, of every cell."""
+    cell_px = _cells_of(block)[1]
+    shape = tuple(-(-side // cell_px) for side in pixels.shape)
+    binning = binning_of(block)
+    return sky_noise(pixels, shape, cell_px, block=block, binning=binning, workers=workers)
+
+
+def _cells_of(block: int) -> tuple[int, int]:
+    """Blocks along one side of a cell, and pixels."""
+    blocks_per_cell = max(1, round(CELL_PX / block))
+    return blocks_per_cell, blocks_per_cell * block
 
 
 def _whole_blocks(pixels: PixelArray, block: int) -> PixelArray:
@@ -133,20 +148,17 @@ def _whole_blocks(pixels: PixelArray, block: int) -> PixelArray:
 
 
 def _fast_map(
-    pixels: PixelArray, block: int, bins: FrameBins | None, workers: Workers
+    pixels: PixelArray,
+    block: int,
+    bins: FrameBins | None,
+    noise: Float32Array | None,
+    workers: Workers,
 ) -> ByteArray:
-    blocks_per_cell = max(1, round(CELL_PX / block))
-    cell_px = blocks_per_cell * block
+    blocks_per_cell, cell_px = _cells_of(block)
     if bins is None or block not in bins.lines:
         bins = bin_frame(pixels, line_blocks=(block,), cell_px=cell_px, workers=workers)
-    noise = sky_noise(
-        pixels,
-        bins.level.shape,
-        cell_px,
-        block=block,
-        binning=binning_of(block),
-        workers=workers,
-    )
+    if noise is None:
+        noise = map_noise(pixels, block, workers=workers)
     level = bins.level
     if any(-(-side // block) * block % cell_px for side in pixels.shape):
         level = median_5x5(means_of_whole_blocks(pixels, bins, block))
