@@ -3,7 +3,8 @@
     python -m models.card
 
 Rewrites what stands between two marks in ``models/README.md`` from ``models/figures.json``, from
-the network's card, and from what ``tests/bench/bench_peers.py`` measured.
+the network's card, and from what ``bench_vision.py`` and ``bench_peers.py`` in ``tests/bench``
+measured.
 """
 
 import json
@@ -17,14 +18,15 @@ from rsoconsole.vision.network import MODEL_NAME
 README = HERE / "README.md"
 FIGURES = HERE / "figures.json"
 CARD = (HERE / MODEL_NAME).with_suffix(".json")
-PEERS = HERE.parent / "tests" / "bench" / "results" / "peers.json"
+RESULTS = HERE.parent / "tests" / "bench" / "results"
+PEERS, TIMES = RESULTS / "peers.json", RESULTS / "vision.json"
 BEGIN = "<!-- figures: written by python -m models.card -->"
 END = "<!-- end of figures -->"
 _FEWEST_FOR_RECALL = 20
 NOT_MEASURED = "Not measured yet: `python -m models.measure`, then `python -m models.card`."
 
 
-def section(figures: Any, card: Any, peers: Any) -> str:
+def section(figures: Any, card: Any, peers: Any, times: Any) -> str:
     """The part of the model card that holds figures, in Markdown."""
     if figures is None:
         return NOT_MEASURED
@@ -38,18 +40,19 @@ def section(figures: Any, card: Any, peers: Any) -> str:
         "### Midpoint\n\n" + _midpoint(figures["midpoint_error_px"]),
         "### Where the missed ones were lost\n\n" + _lost(figures["lost"]),
         "### Is confidence a probability\n\n" + _confidence(figures, card),
-        "### Average precision and time\n\n" + _rest(figures),
+        "### Average precision\n\n" + _rest(figures),
+        "### Time and memory\n\n" + _times(times, figures["network"]),
         "### Beside its peers\n\n" + _peers(peers, figures["network"]),
         "### Training, as the network's card tells it\n\n" + _training(card),
     ]
     return "\n\n".join(parts)
 
 
-def rewritten(text: str, figures: Any, card: Any, peers: Any) -> str:
+def rewritten(text: str, figures: Any, card: Any, peers: Any, times: Any) -> str:
     """The model card with this section between its marks."""
     before, rest = text.split(BEGIN)
     _, after = rest.split(END)
-    return f"{before}{BEGIN}\n\n{section(figures, card, peers)}\n\n{END}{after}"
+    return f"{before}{BEGIN}\n\n{section(figures, card, peers, times)}\n\n{END}{after}"
 
 
 def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
@@ -147,17 +150,40 @@ def _rest(figures: Any) -> str:
         if value is not None
     )
     product = figures["product_as_it_is"]
-    times = ", ".join(
-        f"{name} {ms:g}" for name, ms in product["median_ms"].items() if name != "all"
-    )
     differing = len(product["differing"])
     return (
         f"Average precision, half of the ordinary frames with satellites: {precision}.\n\n"
-        f"Frame in memory to refined detections, 4656 x 3520, {product['threads']} threads: median "
-        f"{product['median_ms'].get('all', 0.0):g} ms over {product['timed']} frames ({times}). "
         f"Answers of the product as it is, with its curve and tau, that differ from the rows "
         f"these figures were made of: {differing} of {product['frames']} frames."
     )
+
+
+def _times(times: Any, network: str) -> str:
+    if times is None or times["network"] != network:
+        return "Not measured with this network yet: `python -m tests.bench.bench_vision --write`."
+    threads = [key for key in times if key.startswith("threads ")]
+    text = (
+        "From a 4656 x 3520 frame in memory to refined detections on a machine with "
+        f"{times['machine']}, medians of {times['repeats']} in ms; in brackets the first look at a "
+        "frame after a second without work."
+    )
+    stages = ("background", "map", "stars", "network", "fit")
+    most = times[threads[-1]]
+    lines = [
+        [
+            name,
+            *(
+                f"{times[n]['frames'][name]['all']:.0f} ({times[n]['frames'][name]['cold']:.0f})"
+                for n in threads
+            ),
+            *(f"{each[stage]:.0f}" for stage in stages),
+            f"{each['detections']}",
+        ]
+        for name, each in most["frames"].items()
+    ]
+    memory = f"Memory beyond program and frame: {most['extra_memory_mb']['resident']:.0f} MB."
+    head = ["frame", *threads, *(f"{stage}, {threads[-1]}" for stage in stages), "detections"]
+    return f"{text}\n\n{_table(head, lines)}\n\n{memory}"
 
 
 def _peers(peers: Any, network: str) -> str:
@@ -211,7 +237,8 @@ def main() -> None:
     """Rewrite the section."""
     text = README.read_text(encoding="utf-8")
     README.write_text(
-        rewritten(text, read_json(FIGURES), read_json(CARD), read_json(PEERS)), encoding="utf-8"
+        rewritten(text, read_json(FIGURES), read_json(CARD), read_json(PEERS), read_json(TIMES)),
+        encoding="utf-8",
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import asdict
 
 import pytest
 
-from models.card import CARD, FIGURES, PEERS, README, read_json, rewritten
+from models.card import CARD, FIGURES, PEERS, README, TIMES, read_json, rewritten
 from models.figures import BELOW_TAU, average_precision, figures, outcome_of
 from rsoconsole.vision.confidence import FEATURES, ConfidenceCurve
 from tests.makers import straight_detection
@@ -89,6 +89,22 @@ PEERS_TOLD = {
 }
 
 
+TIMED = {"background": 20.0, "map": 1.0, "stars": 9.0, "network": 15.0, "fit": 7.0}
+TIMES_TOLD = {
+    "network": "streak_ssd 9 (12345678)",
+    "machine": "x86_64, 2 cores",
+    "repeats": 9,
+    "threads 1": {
+        "frames": {"drawn: empty": TIMED | {"all": 80.0, "cold": 95.0, "detections": 0}},
+        "extra_memory_mb": {"resident": 8.0},
+    },
+    "threads 2": {
+        "frames": {"drawn: empty": TIMED | {"all": 52.0, "cold": 66.0, "detections": 0}},
+        "extra_memory_mb": {"resident": 10.0},
+    },
+}
+
+
 def test_every_trail_and_every_false_alarm_is_counted_once():
     told = figures(ROWS, CURVE, STATED, TAU)
     bright = told["recall"]["5-30"]["90-150"]
@@ -116,7 +132,8 @@ def test_average_precision_is_the_area_counted_by_hand():
 
 def test_the_model_card_holds_the_measured_figures_and_no_others():
     text = README.read_text(encoding="utf-8")
-    assert rewritten(text, read_json(FIGURES), read_json(CARD), read_json(PEERS)) == text
+    told = (read_json(path) for path in (FIGURES, CARD, PEERS, TIMES))
+    assert rewritten(text, *told) == text
 
 
 @pytest.mark.skipif(not FIGURES.exists(), reason="nothing measured yet: python -m models.measure")
@@ -126,6 +143,7 @@ def test_the_figures_are_of_the_network_and_the_curve_that_ship():
     assert told["curve"] == pytest.approx(card["measured_confidence"]["weights"])
     assert told["product_as_it_is"]["differing"] == []
     assert read_json(PEERS)["drawn"]["network"] == told["network"]
+    assert read_json(TIMES)["network"] == told["network"]
 
 
 def test_the_card_of_figures_can_be_written_from_any_measurement():
@@ -140,16 +158,18 @@ def test_the_card_of_figures_can_be_written_from_any_measurement():
         "product_as_it_is": {
             "frames": 3,
             "differing": [],
-            "timed": 2,
-            "threads": 2,
-            "median_ms": {"all": 50.0, "fit": 12.0},
         },
     }
     written = rewritten(
-        README.read_text(encoding="utf-8"), json.loads(json.dumps(told)), card, PEERS_TOLD
+        README.read_text(encoding="utf-8"),
+        json.loads(json.dumps(told)),
+        card,
+        PEERS_TOLD,
+        TIMES_TOLD,
     )
     assert "**0.50** (0.01-0.99; 1 of 2)" in written
     assert "| aircraft | 2 in 1 |" in written
     assert "one clear or cloudy frame in 2 holds" in written
     assert "| ours | 60 | 0.91 / 0.80 | - / 0.00 | 0.13 | 0.05 | 300 |" in written
+    assert "| drawn: empty | 80 (95) | 52 (66) | 20 | 1 | 9 | 15 | 7 | 0 |" in written
     assert "| slow | 6 (1 without an answer) | 0.10 | - | - | 12.00 | - |" in written
