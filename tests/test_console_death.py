@@ -7,7 +7,7 @@ import shlex
 import statistics
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,8 @@ SIZE = (200, 60)
 """Large enough for the night's first words."""
 FIRST_WORDS = "armed by configuration"
 FRAMES_AFTER = 3
+DEAF = ("sh", "-c", 'trap "" HUP; exec "$@"', "sh")
+"""Begins a program that does not hear of a lost line."""
 
 
 @pytest.fixture
@@ -42,8 +44,8 @@ def engine(tmp_path: Path) -> Iterator[WholeEngine]:
         yield running
 
 
-def console(engine: WholeEngine) -> Terminal:
-    return Terminal([*COMMAND, "console"], engine.environment, SIZE)
+def console(engine: WholeEngine, before: Sequence[str] = ()) -> Terminal:
+    return Terminal([*before, *COMMAND, "console"], engine.environment, SIZE)
 
 
 def shows_past(terminal: Terminal, frame_id: int) -> bool:
@@ -76,8 +78,9 @@ def test_frames_go_on_when_a_console_is_killed_and_the_next_shows_the_whole_past
     assert engine.status()["holder"] == "autonomy"
 
 
-def test_frames_go_on_when_the_line_to_a_console_is_lost(engine):
-    with console(engine) as first:
+@pytest.mark.parametrize("before", [(), DEAF], ids=["as it is", "under nohup"])
+def test_frames_go_on_when_the_line_to_a_console_is_lost(engine, before):
+    with console(engine, before) as first:
         wait_for(lambda: first.shows(FIRST_WORDS), "a console at work")
         frames = engine.frames()
         first.hang_up()

@@ -1,5 +1,6 @@
 """How a console is opened: over the running engine, or over one session."""
 
+import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -49,6 +50,8 @@ def run_console(
         owns_engine=owns_engine,
         stop_directly=stop_directly,
     )
+    # Under nohup it would be ignored, and a console without a terminal would stay for ever.
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     return app.run() or "quit"
 
 
