@@ -130,6 +130,18 @@ class Detections:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Closeup:
+    """Where in its frame a close-up lies: a piece of it at full resolution, kept as a picture."""
+
+    frame_id: int
+    x0_px: int
+    """Column of the frame that its first column is."""
+    y0_px: int
+    width_px: int
+    height_px: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Wcs:
     """Gnomonic (TAN) plate model with optional SIP distortion, ICRS, pixels 0-based.
 

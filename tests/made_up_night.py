@@ -7,6 +7,7 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.records import (
+    Closeup,
     CycleTiming,
     Detections,
     Event,
@@ -51,13 +52,19 @@ def add_frames(writer: SessionWriter, frames: range) -> None:
 
 
 def add_previews(writer: SessionWriter, frames: range) -> None:
-    """Their pictures: a dark sky with a few stars, the same for all."""
+    """Their pictures: a dark sky with a few stars, and a streak from near, the same for all."""
     random = np.random.default_rng(5)
     picture = random.normal(60, 6, (440, 582)).astype(np.uint8)
     for x, y in ((60, 60), (300, 110), (500, 350), (120, 400), (420, 220)):
         picture[y : y + 3, x : x + 3] = 250
+    closeup = random.normal(60, 12, (192, 256)).astype(np.uint8)
+    closeup[94:97, 70:188] = 200
     for frame_id in frames:
         assert writer.save_preview(frame_id, picture)
+        place = Closeup(frame_id=frame_id, x0_px=1872, y0_px=1405, width_px=256, height_px=192)
+        writer.append(place, t_of(frame_id))
+        assert writer.save_closeup(frame_id, closeup)
+    assert writer.flush()
 
 
 def _add_frame(writer: SessionWriter, n: int) -> None:

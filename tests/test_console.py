@@ -205,8 +205,7 @@ def test_the_picture_marks_what_is_followed_and_how_sure_that_is(wire: FakeWire)
         assert picture is not None
         followed = [mark for mark in picture.marks if mark.kind == "followed"]
         assert len(followed) == 1
-        assert followed[0].x == pytest.approx(2000.5 / night.WIDTH_PX)
-        assert followed[0].y == pytest.approx(1500.5 / night.HEIGHT_PX)
+        assert (followed[0].x_px, followed[0].y_px) == (2000.0, 1500.0)
         assert f"[━]{followed[0].label}" in screen_text(app)
 
     play(wire, scene)

@@ -1,7 +1,9 @@
 """Where each pane of the seat lies, for a terminal of any size.
 
-The big things stay as long as they fit: below 80 x 24 the plots fold into one strip each, then
-the picture goes, then the log. State, holder, target and STOP stay to the last.
+Three layouts are made on purpose: 80 x 24, 120 x 40 (a close-up under the picture, a plot of the
+NIS) and 200 x 60 (a third column). The big things stay as long as they fit: below 80 x 24 the plots
+fold into one strip each, then the picture goes, then the log. State, holder, target and STOP stay
+to the last.
 """
 
 import math
@@ -9,13 +11,25 @@ from dataclasses import dataclass
 from typing import Literal
 
 FULL = (80, 24)
+LARGE = (112, 36)
+THREE_COLUMNS = (180, 50)
 WITH_PICTURE = (60, 16)
 ONE_LINE_TOP_COLUMNS = 74
 BANNER_ROWS = {"wide": 3, "narrow": 5}
 WIDE_BANNER_COLUMNS = 72
 
 Name = Literal[
-    "top", "alert", "frame", "confidence", "east", "north", "nis", "facts", "log", "keys"
+    "top",
+    "alert",
+    "frame",
+    "closeup",
+    "confidence",
+    "east",
+    "north",
+    "nis",
+    "facts",
+    "log",
+    "keys",
 ]
 
 
@@ -55,7 +69,11 @@ def fold(
         return boxes
     facts_rows = min(3, max(0, y1 - y0))
     middle = Box(x=0, y=y0, width=width, height=max(0, y1 - y0 - facts_rows))
-    if width >= FULL[0] and height >= FULL[1]:
+    if width >= THREE_COLUMNS[0] and height >= THREE_COLUMNS[1]:
+        _three_columns(boxes, Box(x=0, y=y0, width=width, height=y1 - y0), aspect)
+    elif width >= LARGE[0] and height >= LARGE[1]:
+        _large(boxes, Box(x=0, y=y0, width=width, height=y1 - y0), aspect)
+    elif width >= FULL[0] and height >= FULL[1]:
         _full(boxes, middle, facts_rows, aspect)
     elif width >= WITH_PICTURE[0] and height >= WITH_PICTURE[1]:
         _strips(boxes, middle, aspect)
@@ -103,6 +121,55 @@ def _full(boxes: dict[Name, Box], middle: Box, facts_rows: int, aspect: float) -
     y += facts_rows
     bottom = middle.y + middle.height + facts_rows
     _put(boxes, "log", Box(x=0, y=y, width=middle.width, height=bottom - y))
+
+
+def _large(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
+    """Picture over its close-up left; plots and log right; figures below."""
+    facts_rows = 5
+    rows = all_.height - facts_rows
+    left = _pictures(boxes, all_, rows, int(all_.width * 0.52), aspect)
+    x, columns = left + 1, all_.width - left - 1
+    each = round(rows * 0.21)
+    y = _stacked(
+        boxes,
+        Box(x=x, y=all_.y, width=columns, height=rows),
+        {"confidence": each, "east": each, "north": each, "nis": max(round(rows * 0.15), 4)},
+    )
+    _put(boxes, "log", Box(x=x, y=y, width=columns, height=all_.y + rows - y))
+    _put(boxes, "facts", Box(x=0, y=all_.y + rows, width=all_.width, height=facts_rows))
+
+
+def _three_columns(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
+    """Pictures, plots, and a column for figures and log."""
+    left = _pictures(boxes, all_, all_.height, int(all_.width * 0.42), aspect)
+    middle = int((all_.width - left - 2) * 0.5)
+    each = round(all_.height * 0.27)
+    plots: dict[Name, int] = {"confidence": each, "east": each, "north": each}
+    plots["nis"] = all_.height - sum(plots.values())
+    _stacked(boxes, Box(x=left + 1, y=all_.y, width=middle, height=all_.height), plots)
+    x = left + middle + 2
+    third = Box(x=x, y=all_.y, width=all_.width - x, height=all_.height)
+    y = _stacked(boxes, third, {"facts": 14})
+    _put(boxes, "log", Box(x=x, y=y, width=third.width, height=all_.y + all_.height - y))
+
+
+def _pictures(boxes: dict[Name, Box], all_: Box, rows: int, at_most: int, aspect: float) -> int:
+    """The picture and its close-up in so many rows; returns the columns that they take."""
+    frame_rows = min(round(rows * 0.64), math.ceil(at_most / aspect / 2) + 2)
+    columns = max(_frame_columns(frame_rows - 2, aspect, at_most), min(at_most, 58))
+    boxes["frame"] = Box(x=0, y=all_.y, width=columns, height=frame_rows)
+    below = rows - frame_rows
+    boxes["closeup"] = Box(x=0, y=all_.y + frame_rows, width=columns, height=below)
+    return columns
+
+
+def _stacked(boxes: dict[Name, Box], where: Box, rows: dict[Name, int]) -> int:
+    """Panes of so many rows each, one under the other; returns the row below the last."""
+    y = where.y
+    for name, n in rows.items():
+        _put(boxes, name, Box(x=where.x, y=y, width=where.width, height=n))
+        y += n
+    return y
 
 
 def _strips(boxes: dict[Name, Box], middle: Box, aspect: float) -> None:

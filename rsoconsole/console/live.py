@@ -19,8 +19,8 @@ from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.messages import EngineSeen, NightSeen, OutcomeCame, StopNewsCame
 from rsoconsole.console.night import NightView
 from rsoconsole.console.orders import Orders
-from rsoconsole.console.panes import FramePane, LinesPane, StopBanner
-from rsoconsole.console.picture import Picture
+from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBanner
+from rsoconsole.console.picture import STRETCHES, Drawing, Picture
 from rsoconsole.console.plot import Ink
 from rsoconsole.console.stop import StopNews
 from rsoconsole.control import Outcome
@@ -38,6 +38,8 @@ class LiveScreen(Screen[None]):
         Binding("a", "arm_or_disarm", "Arm or disarm"),
         Binding("h", "hold_or_resume", "Hold or resume"),
         Binding("p", "park", "Park"),
+        Binding("z", "zoom", "Zoom"),
+        Binding("f", "stretch", "Stretch"),
         Binding("l", "log", "The whole log, and back"),
         Binding("escape", "put_away", "Put away"),
         Binding("q", "leave", "Leave the console"),
@@ -73,12 +75,15 @@ class LiveScreen(Screen[None]):
         self._notice_until_s = 0.0
         self._stops = 0
         self._is_log_open = False
+        self._sight = 0
+        self._stretch = 0
 
     def compose(self) -> ComposeResult:
         """Every pane; where each lies depends on the terminal."""
         yield LinesPane(id="top")
         yield LinesPane(id="alert")
-        yield FramePane(id="frame")
+        yield FramePane(self._picture_words, id="frame")
+        yield FramePane(self._picture_words, id="closeup")
         for name in ("confidence", "east", "north", "nis", "facts"):
             yield LinesPane(id=name)
         yield LogPane(id="log")
@@ -115,14 +120,32 @@ class LiveScreen(Screen[None]):
         self._show_engine()
 
     def _show_night(self) -> None:
-        night, picture = self.night, self.picture
-        title, caption = words.frame_title(night, picture), words.frame_caption(picture)
-        self.query_one("#frame", FramePane).show(picture, title, caption)
+        night = self.night
+        self._show_picture()
         self._pane("confidence").show(partial(panels.confidence_lines, night))
         self._pane("east").show(partial(panels.residual_lines, night, "east"))
         self._pane("north").show(partial(panels.residual_lines, night, "north"))
         self._pane("nis").show(partial(panels.nis_lines, night))
         self.query_one("#log", LogPane).show(night.log)
+
+    def _show_picture(self) -> None:
+        """The sight chosen in the large pane; in the small one the other."""
+        large, stretch = SIGHTS[self._sight], STRETCHES[self._stretch]
+        small: Sight = "close-up" if large == "field" else "field"
+        told = (self.night.frame, stretch)
+        self.query_one("#frame", FramePane).show(self.picture, large, stretch, told)
+        self.query_one("#closeup", FramePane).show(self.picture, small, stretch, told)
+
+    def _picture_words(
+        self, picture: Picture | None, sight: Sight, drawing: Drawing | None
+    ) -> tuple[str, str]:
+        stretch = STRETCHES[self._stretch]
+        if sight == "field":
+            title, caption = words.frame_title(self.night, picture), words.frame_caption(picture)
+        else:
+            title = words.closeup_title(picture, drawing)
+            caption = words.closeup_caption(picture)
+        return title if stretch == "streaks" else f"{title} · {stretch}", caption
 
     def _show_engine(self) -> None:
         night, engine = self.night, self.engine
@@ -152,7 +175,7 @@ class LiveScreen(Screen[None]):
             aspect=self._aspect(self.picture),
         )
         names: tuple[Name, ...] = (
-            *("top", "alert", "frame", "confidence", "east"),
+            *("top", "alert", "frame", "closeup", "confidence", "east"),
             *("north", "nis", "facts", "log", "keys"),
         )
         for name in names:
@@ -301,6 +324,18 @@ class LiveScreen(Screen[None]):
         holder = words.HOLDERS.get(self.engine.holder or "", "who has the mount is not known")
         text = f"The engine is running: {self.engine.state or 'state not known'}, {holder}."
         self.app.push_screen(LeaveDialog(text, proposes_stop=self._owns_engine), decided)
+
+    def action_zoom(self) -> None:
+        """The whole field, the close-up, the close-up pixel by pixel."""
+        self._sight = (self._sight + 1) % len(SIGHTS)
+        self._show_picture()
+        self.say(f"picture: {SIGHTS[self._sight]}")
+
+    def action_stretch(self) -> None:
+        """How light becomes grey."""
+        self._stretch = (self._stretch + 1) % len(STRETCHES)
+        self._show_picture()
+        self.say(f"stretch: {STRETCHES[self._stretch]}")
 
     def action_log(self) -> None:
         """All panes to the log, and back."""

@@ -9,6 +9,7 @@ from typing import Any
 from rsoconsole.config import Config
 from rsoconsole.console.log_lines import LogLine, append_line, line_of
 from rsoconsole.records import (
+    Closeup,
     CycleTiming,
     Detections,
     FrameTaken,
@@ -56,6 +57,8 @@ class FrameDetail:
     updated: TrackState | None = None
     measurements: tuple[Measurement, ...] = ()
     not_followed: tuple[NotFollowed, ...] = ()
+    closeup: Closeup | None = None
+    """Where the piece at full resolution lies."""
 
     @property
     def followed(self) -> Measurement | None:
@@ -190,6 +193,10 @@ class Night:
         if record.frame_id in self._details:
             before = self._details[record.frame_id].not_followed
             self._detail(record.frame_id, not_followed=(*before, record))
+
+    @_fold.register
+    def _(self, record: Closeup, _t_utc_ns: int) -> None:
+        self._detail(record.frame_id, closeup=record)
 
     @_fold.register
     def _(self, record: TrackState, _t_utc_ns: int) -> None:

@@ -5,19 +5,20 @@ from collections.abc import Sequence
 from rsoconsole.console.night import FrameRow, NightView
 from rsoconsole.console.plot import (
     Column,
+    Ink,
     Line,
     confidence_plot,
     confidence_strip,
+    nis_plot,
     residual_plot,
     residual_strip,
     sparkline,
 )
 from rsoconsole.console.words import arcsec_text, clipped, unsigned_text
+from rsoconsole.tracking.consistency import NIS_BAND, consistency
 
 MISS = "○"
 STRIP_LABEL_COLUMNS = 22
-NIS_BAND = (0.05, 7.38)
-"""Between these lie 95 % of the NIS of a sound filter with two degrees of freedom."""
 NIS_FRAMES = 10
 AXES = {"east": 0, "north": 1}
 AXIS_NAMES = {"east": "RA·cosδ", "north": "δ"}
@@ -57,17 +58,26 @@ def residual_lines(night: NightView, axis: str, width: int, height: int) -> list
     ]
 
 
-def nis_lines(night: NightView, width: int, _height: int) -> list[Line]:
+def nis_lines(night: NightView, width: int, height: int) -> list[Line]:
     """The normalised innovation squared of the last frames against its band."""
     values = [row.nis for row in night.rows if row.nis is not None]
     if not values:
         return [rule("NIS: no update yet", "", width)]
-    recent = values[-NIS_FRAMES:]
-    mean = sum(recent) / len(recent)
-    is_in_band = NIS_BAND[0] <= mean <= NIS_BAND[1]
-    spark = sparkline(recent, 12.0, NIS_FRAMES)
-    words = "in band" if is_in_band else ("too small" if mean < NIS_BAND[0] else "TOO LARGE")
-    return [rule(f"NIS {mean:.1f} of 2 {spark} {words}", frames_words(night.rows, width), width)]
+    judged = consistency(values, [r.residual_arcsec for r in night.rows if r.residual_arcsec])
+    frames = frames_words(night.rows, width)
+    mean = f"NIS {judged.mean:.1f} of 2"
+    if height <= 1:
+        spark = sparkline(values[-NIS_FRAMES:], 12.0, NIS_FRAMES)
+        words = {"over-confident": "TOO LARGE", "under-confident": "too small"}
+        return [rule(f"{mean} {spark} {words.get(judged.verdict, 'in band')}", frames, width)]
+    columns = [
+        Column(value=row.nis, mark=MISS if row.miss is not None and row.sigma_arcsec else "")
+        for row in night.rows
+    ]
+    title = rule(mean, f"95% {NIS_BAND[0]:.2f}-{NIS_BAND[1]:.1f}", width)
+    ink: Ink = "" if judged.verdict in {"sound", "too few"} else "warn"
+    said = clipped([(f" {judged.words}", ink or "dim")], width)
+    return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]
 
 
 def frames_words(rows: Sequence[FrameRow], width: int) -> str:

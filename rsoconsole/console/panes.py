@@ -1,7 +1,7 @@
 """The seat's widgets: they show lines and pictures that others have made; they decide nothing."""
 
 from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from rich.segment import Segment
 from rich.style import Style
@@ -10,7 +10,16 @@ from textual.events import Resize
 from textual.strip import Strip
 from textual.widget import Widget
 
-from rsoconsole.console.picture import GREYS, Picture, fitted_cells, overlay, runs, shrunk
+from rsoconsole.console.marks import overlay
+from rsoconsole.console.picture import (
+    GREYS,
+    Drawing,
+    Picture,
+    Stretch,
+    draw_closeup,
+    draw_field,
+    runs,
+)
 from rsoconsole.console.plot import Line
 
 Build = Callable[[int, int], list[Line]]
@@ -66,12 +75,21 @@ class LinesPane(Widget):
         return Content("\n").join(rows)
 
 
+Sight = Literal["field", "close-up", "full resolution"]
+"""What of a frame is shown: all, the followed streak's surroundings, those pixel by pixel."""
+SIGHTS: tuple[Sight, ...] = ("field", "close-up", "full resolution")
+Words = Callable[[Picture | None, Sight, Drawing | None], tuple[str, str]]
+"""What makes a pane's title and caption of what it shows."""
+
+
 class FramePane(Widget):
     """A title, the picture in half blocks with its marks, a caption."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "frame--followed",
         "frame--candidate",
+        "frame--rejected",
+        "frame--operator",
         "frame--predicted",
         "frame--title",
         "frame--caption",
@@ -79,15 +97,20 @@ class FramePane(Widget):
     DEFAULT_CSS = """
     FramePane > .frame--followed { color: black; background: #ffd75f; text-style: bold; }
     FramePane > .frame--candidate { color: #ffd75f; background: black; }
+    FramePane > .frame--rejected { color: #af875f; background: black; }
+    FramePane > .frame--operator { color: black; background: #87d7ff; text-style: bold; }
     FramePane > .frame--predicted { color: #87d7ff; background: black; text-style: bold; }
     FramePane > .frame--title { text-style: bold; }
     FramePane > .frame--caption { color: $text-muted; }
     """
 
-    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
+    def __init__(self, words: Words, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
         super().__init__(id=id)
+        self._words = words
         self._picture: Picture | None = None
-        self._title = self._caption = ""
+        self._told: object = None
+        self._sight: Sight = "field"
+        self._stretch: Stretch = "streaks"
         self._strips: list[Strip] = []
 
     @property
@@ -95,12 +118,12 @@ class FramePane(Widget):
         """What is shown."""
         return self._picture
 
-    def show(self, picture: Picture | None, title: str, caption: str) -> None:
-        """Show a frame; nothing is computed again when it is the same."""
-        is_same = picture is self._picture and (title, caption) == (self._title, self._caption)
-        if is_same and self._strips:
+    def show(self, picture: Picture | None, sight: Sight, stretch: Stretch, told: object) -> None:
+        """Show a frame; nothing is computed again when it and what is ``told`` are the same."""
+        same = (self._picture, self._sight, self._stretch, self._told)
+        if self._strips and same == (picture, sight, stretch, told):
             return
-        self._picture, self._title, self._caption = picture, title, caption
+        self._picture, self._sight, self._stretch, self._told = picture, sight, stretch, told
         self._redraw()
 
     def on_resize(self, _event: Resize) -> None:
@@ -124,31 +147,43 @@ class FramePane(Widget):
 
     def _make_strips(self) -> list[Strip]:
         width, height = self.size
-        title = f"─ {self._title} ".ljust(width, "─")[:width]
-        caption = f" {self._caption}".ljust(width)[:width]
         rows = max(height - 2, 0)
+        drawing = self._drawing(width, rows)
+        title, caption = self._words(self._picture, self._sight, drawing)
         return [
-            self._text(title, "frame--title"),
-            *self._picture_strips(width, rows),
-            self._text(caption, "frame--caption"),
+            self._text(f"─ {title} ".ljust(width, "─")[:width], "frame--title"),
+            *self._picture_strips(drawing, width, rows),
+            self._text(f" {caption}".ljust(width)[:width], "frame--caption"),
         ]
 
-    def _picture_strips(self, width: int, rows: int) -> list[Strip]:
+    def _drawing(self, width: int, rows: int) -> Drawing | None:
+        picture = self._picture
+        if not width or not rows or picture is None:
+            return None
+        if self._sight == "field":
+            return draw_field(picture, self._stretch, width, rows)
+        is_native = self._sight == "full resolution"
+        return draw_closeup(picture, self._stretch, width, rows, is_native=is_native)
+
+    def _picture_strips(self, drawing: Drawing | None, width: int, rows: int) -> list[Strip]:
         if not width or not rows:
             return []
-        if self._picture is None:
-            words = "no picture yet".center(width)[:width]
+        picture = self._picture
+        if picture is None or drawing is None:
+            words = "no picture yet" if picture is None else "nothing to look at closely"
             return [
-                self._text(words if row == rows // 2 else " " * width, "frame--caption")
+                self._text(
+                    (words if row == rows // 2 else "").center(width)[:width], "frame--caption"
+                )
                 for row in range(rows)
             ]
-        columns, used = fitted_cells(self._picture.aspect, width, rows)
-        greys = shrunk(self._picture.light, columns, used)
-        marks = overlay(self._picture.marks, columns, used)
+        window = drawing.window
+        marks = overlay(picture.marks, window, has_rejected=self._sight != "field")
         blank = Strip.blank(width)
         return [
-            self._row(runs(greys, marks, row)).adjust_cell_length(width) for row in range(used)
-        ] + [blank] * (rows - used)
+            self._row(runs(drawing.greys, marks, row)).adjust_cell_length(width)
+            for row in range(window.rows)
+        ] + [blank] * (rows - window.rows)
 
     def _row(self, parts: list[tuple[str, tuple[int, int] | str]]) -> Strip:
         return Strip([Segment(text, self._style(key)) for text, key in parts])

@@ -1,6 +1,7 @@
-"""A frame's preview as cells of a terminal: two pixels a cell, one above the other."""
+"""A frame's small pictures as cells of a terminal: two squares a cell, one above the other."""
 
 import itertools
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -8,52 +9,74 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.console.marks import Cells, Mark, Window
 from rsoconsole.console.night import FrameDetail
-from rsoconsole.records import Solution
-from rsoconsole.sky.wcs import sky_to_pixel
+from rsoconsole.records import Closeup
 
 GREYS = 24
 """Steps of grey: enough for the eye, few enough that neighbouring cells share one."""
+FLOOR = 0.08
+"""Grey of the empty sky, so that the picture's edge is seen."""
 
 SKY_BLOCK_PX = 24
 NOISE_SIGMAS = 6.0
 DARK_PERCENT, BRIGHT_PERCENT = 65.0, 99.7
-FLOOR = 0.08
-"""Grey of the empty sky, so that the picture's edge is seen."""
+MARGIN = 1.3
+"""How much more than its streak a close-up shows."""
 
+ByteImage = npt.NDArray[np.uint8]
 LightImage = npt.NDArray[np.float32]
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mark:
-    """Something to point at in the picture, in shares of its width and height."""
-
-    x: float
-    y: float
-    half_width: float
-    kind: Literal["followed", "candidate", "predicted"]
-    label: str = ""
+Stretch = Literal["streaks", "asinh", "linear"]
+STRETCHES: tuple[Stretch, ...] = ("streaks", "asinh", "linear")
+_PERCENT: dict[Stretch, tuple[float, float]] = {
+    "streaks": (DARK_PERCENT, BRIGHT_PERCENT),
+    "asinh": (2.0, 99.8),
+    "linear": (2.0, 99.5),
+}
+"""Of the squares: what is black and what is white."""
+_LEAST_RANGE = 0.02
+"""Of a picture without anything in it: noise is not drawn up."""
+_LINEAR_PER_CODE = 5.0 / 255.0
+"""The small pictures are asinh of light over two sigmas, from -1 to 4 in 255 steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Picture:
-    """A frame's preview and what is marked in it."""
+    """A frame's small pictures and what is pointed at in them."""
 
     frame_id: int
+    codes: ByteImage
+    """(height, width): the whole frame as the session keeps it; row 0 at the top."""
     light: LightImage
-    """(height, width), the preview's pixels above its sky; row 0 at the top."""
+    """The same above its sky and noise."""
     detail: FrameDetail
     """What was said of the frame."""
     marks: tuple[Mark, ...] = ()
+    closeup: ByteImage | None = None
+    """A piece of it at full resolution."""
+    place: Closeup | None = None
+    """Where in the frame that piece lies."""
 
     @property
     def aspect(self) -> float:
         """Width over height."""
-        return float(self.light.shape[1] / self.light.shape[0])
+        return float(self.codes.shape[1] / self.codes.shape[0])
 
 
-def read_preview(path: Path) -> LightImage | None:
-    """The preview's light above its sky, (height, width); None when it cannot be read (yet)."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drawing:
+    """A picture in cells."""
+
+    greys: ByteImage
+    """(2 * rows, columns): steps of grey, 0 to GREYS - 1."""
+    window: Window
+    px_per_square: float
+    """Pixels of the frame along one side of a square."""
+
+
+def read_codes(path: Path) -> ByteImage | None:
+    """A small picture of a session, (height, width); None when it cannot be read (yet)."""
     import cv2
 
     try:
@@ -63,77 +86,118 @@ def read_preview(path: Path) -> LightImage | None:
         return None
     if pixels is None or min(pixels.shape) < SKY_BLOCK_PX:
         return None
-    return light_above_sky(pixels, _sky_of(pixels))
+    return np.asarray(pixels, np.uint8)
 
 
-def light_above_sky(pixels: npt.NDArray[np.uint8], sky: npt.NDArray[np.float32]) -> LightImage:
-    """What stands out of the noise: stars and streaks; vignetting and moonlight are gone."""
-    above = pixels.astype(np.float32) - sky
+def light_of(codes: ByteImage) -> LightImage:
+    """What stands out of sky and noise: stars and streaks; vignetting and moonlight are gone."""
+    above = codes.astype(np.float32) - _sky_of(codes)
     noise = 1.4826 * float(np.median(np.abs(above)))
     return np.asarray(np.clip(above - NOISE_SIGMAS * max(noise, 0.5), 0.0, None), np.float32)
 
 
-def _sky_of(pixels: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+def _sky_of(codes: ByteImage) -> LightImage:
     """Medians of blocks, drawn smoothly between their centres."""
     import cv2
 
     n = SKY_BLOCK_PX
-    height, width = pixels.shape
+    height, width = codes.shape
     rows, columns = height // n, width // n
-    blocks = pixels[: rows * n, : columns * n].reshape(rows, n, columns, n).swapaxes(1, 2)
+    blocks = codes[: rows * n, : columns * n].reshape(rows, n, columns, n).swapaxes(1, 2)
     medians = np.median(blocks.reshape(rows, columns, -1), axis=2).astype(np.float32)
     sky = cv2.resize(medians, (width, height), interpolation=cv2.INTER_LINEAR)
     return np.asarray(sky, np.float32)
 
 
-def marks_of(detail: FrameDetail) -> tuple[Mark, ...]:
-    """Detections, and where the track was expected, in one frame."""
-    found = detail.detections
-    if found is None or found.width_px <= 0 or found.height_px <= 0:
-        return ()
-    followed = detail.followed
-    marks: list[Mark] = []
-    for detection in found.detections:
-        is_followed = (
-            followed is not None
-            and abs(followed.x_px - detection.x_px) < 1.0
-            and abs(followed.y_px - detection.y_px) < 1.0
-        )
-        marks.append(
-            Mark(
-                x=(detection.x_px + 0.5) / found.width_px,
-                y=(detection.y_px + 0.5) / found.height_px,
-                half_width=abs(detection.x_b_px - detection.x_a_px) / 2.0 / found.width_px,
-                kind="followed" if is_followed else "candidate",
-                label=f"{detection.confidence:.2f}".removeprefix("0"),
-            )
-        )
-    predicted = _predicted_mark(detail, found.width_px, found.height_px)
-    return (*marks, predicted) if predicted is not None else tuple(marks)
+def draw_field(picture: Picture, stretch: Stretch, columns: int, rows: int) -> Drawing:
+    """The whole frame in the most cells that fit."""
+    columns, rows = fitted_cells(picture.aspect, columns, rows)
+    light = picture.light if stretch == "streaks" else _light(picture.codes, stretch)
+    found = picture.detail.detections
+    size = (found.width_px, found.height_px) if found is not None else light.shape[::-1]
+    window = Window(
+        x0_px=-0.5,
+        y0_px=-0.5,
+        width_px=float(size[0]),
+        height_px=float(size[1]),
+        columns=columns,
+        rows=rows,
+    )
+    return Drawing(
+        greys=_greys(_sums(light, columns, 2 * rows), stretch),
+        window=window,
+        px_per_square=window.width_px / columns,
+    )
 
 
-def _predicted_mark(detail: FrameDetail, width_px: int, height_px: int) -> Mark | None:
-    if detail.predicted is None or not isinstance(detail.solution, Solution):
-        return None
-    ra, _, dec, _ = detail.predicted.x
-    x_px, y_px = (float(v) for v in sky_to_pixel(detail.solution.wcs, ra, dec))
-    x, y = (x_px + 0.5) / width_px, (y_px + 0.5) / height_px
-    if not (0.0 <= x < 1.0 and 0.0 <= y < 1.0):
-        return None
-    return Mark(x=x, y=y, half_width=0.0, kind="predicted")
+def draw_closeup(
+    picture: Picture, stretch: Stretch, columns: int, rows: int, *, is_native: bool = False
+) -> Drawing | None:
+    """The close-up about its middle, at a whole number of pixels a square; None without one.
 
-
-def shrunk(light: LightImage, columns: int, rows: int) -> npt.NDArray[np.uint8]:
-    """(2 * rows, columns) steps of grey, 0 to GREYS - 1, of the light under each.
-
-    A crowded field fills every cell with faint stars: the fainter part of the cells stays dark.
+    As many pixels a square as show the streak in its middle, or one where ``is_native``.
     """
+    codes, place = picture.closeup, picture.place
+    if codes is None or place is None or not columns or not rows:
+        return None
+    height, width = codes.shape
+    middle = place.x0_px + (width - 1) / 2.0, place.y0_px + (height - 1) / 2.0
+    n = 1
+    if not is_native:
+        n = _pixels_a_square(picture.marks, middle, columns, rows)
+        n = max(1, min(n, width // max(columns, 1) or 1, height // max(2 * rows, 1) or 1))
+    columns, rows = min(columns, width // n), min(rows, height // (2 * n))
+    x0, y0 = (width - n * columns) // 2, (height - 2 * n * rows) // 2
+    piece = codes[y0 : y0 + 2 * n * rows, x0 : x0 + n * columns]
+    light = _light(piece, "asinh" if stretch == "streaks" else stretch)
+    window = Window(
+        x0_px=place.x0_px + x0 - 0.5,
+        y0_px=place.y0_px + y0 - 0.5,
+        width_px=float(n * columns),
+        height_px=float(2 * n * rows),
+        columns=columns,
+        rows=rows,
+    )
+    greys = _greys(_sums(light, columns, 2 * rows), "asinh" if stretch == "streaks" else stretch)
+    return Drawing(greys=greys, window=window, px_per_square=float(n))
+
+
+def _pixels_a_square(
+    marks: tuple[Mark, ...], middle: tuple[float, float], columns: int, rows: int
+) -> int:
+    """So many that the streak nearest to the middle has room."""
+    streaks = [mark for mark in marks if mark.ends_px is not None]
+    if not streaks:
+        return 1
+    nearest = min(streaks, key=lambda m: math.dist((m.x_px, m.y_px), middle))
+    assert nearest.ends_px is not None
+    (xa, ya), (xb, yb) = nearest.ends_px
+    wide, high = MARGIN * abs(xb - xa), MARGIN * abs(yb - ya)
+    return max(1, math.ceil(wide / columns), math.ceil(high / (2 * rows)))
+
+
+def _light(codes: ByteImage, stretch: Stretch) -> LightImage:
+    light = codes.astype(np.float32)
+    return np.sinh(light * np.float32(_LINEAR_PER_CODE) - 1.0) if stretch == "linear" else light
+
+
+def _sums(light: LightImage, columns: int, rows: int) -> LightImage:
+    """Mean light of each square."""
     height, width = light.shape
-    y_edges = np.linspace(0, height, 2 * rows, endpoint=False).astype(np.intp)
+    y_edges = np.linspace(0, height, rows, endpoint=False).astype(np.intp)
     x_edges = np.linspace(0, width, columns, endpoint=False).astype(np.intp)
     total = np.add.reduceat(np.add.reduceat(light, y_edges, axis=0), x_edges, axis=1)
-    low, high = (float(v) for v in np.percentile(total, (DARK_PERCENT, BRIGHT_PERCENT)))
-    share = np.clip((total - low) / max(high - low, 1.0), 0.0, 1.0)
+    count = np.diff(np.append(y_edges, height))[:, None] * np.diff(np.append(x_edges, width))
+    return np.asarray(total / np.maximum(count, 1), np.float32)
+
+
+def _greys(light: LightImage, stretch: Stretch) -> ByteImage:
+    """Steps of grey between the darkest and the brightest part of the squares.
+
+    A crowded field fills every square with faint stars: the fainter part of them stays dark.
+    """
+    low, high = (float(v) for v in np.percentile(light, _PERCENT[stretch]))
+    share = np.clip((light - low) / max(high - low, _LEAST_RANGE), 0.0, 1.0)
     return np.asarray(np.round((FLOOR + (1 - FLOOR) * share) * (GREYS - 1)), np.uint8)
 
 
@@ -143,39 +207,7 @@ def fitted_cells(aspect: float, columns: int, rows: int) -> tuple[int, int]:
     return fitting, min(rows, max(1, round(fitting / aspect / 2)))
 
 
-Cells = dict[tuple[int, int], tuple[str, str]]
-"""(column, row) -> (character, kind of mark)."""
-
-
-def overlay(marks: tuple[Mark, ...], columns: int, rows: int) -> Cells:
-    """What is written over a picture of that many cells; what is followed is written last."""
-    cells: Cells = {}
-    order = {"predicted": 0, "candidate": 1, "followed": 2}
-    for mark in sorted(marks, key=lambda m: order[m.kind]):
-        column, row = int(mark.x * columns), int(mark.y * rows)
-        for at, text in _signs(mark, column, columns):
-            for offset, character in enumerate(text):
-                if 0 <= at + offset < columns:
-                    cells[at + offset, row] = character, mark.kind
-    return cells
-
-
-def _signs(mark: Mark, column: int, columns: int) -> list[tuple[int, str]]:
-    """(column, text) of what a mark writes into its row."""
-    if mark.kind == "predicted":
-        return [(column, "+")]
-    opening, closing = "[]" if mark.kind == "followed" else "()"
-    reach = max(1, round(mark.half_width * columns) + 1)
-    left, right = column - reach, column + reach
-    fits_right = right + 1 + len(mark.label) <= columns
-    label_at = right + 1 if fits_right else left - len(mark.label)
-    streak = "━" * (right - left - 1)
-    return [(left, opening + streak + closing), (label_at, mark.label)]
-
-
-def runs(
-    greys: npt.NDArray[np.uint8], marks: Cells, row: int
-) -> list[tuple[str, tuple[int, int] | str]]:
+def runs(greys: ByteImage, marks: Cells, row: int) -> list[tuple[str, tuple[int, int] | str]]:
     """One row of cells as (text, (upper grey, lower grey) or the mark's kind); equals joined."""
     upper, lower = greys[2 * row].tolist(), greys[2 * row + 1].tolist()
     cells: list[tuple[str, tuple[int, int] | str]] = [

@@ -13,6 +13,8 @@ Ink = Literal["", "dim", "good", "warn", "alarm", "title"]
 Line = list[tuple[str, Ink]]
 
 AXIS_COLUMNS = 6
+NIS_HEADROOM = 1.6
+"""How far the axis goes beyond the upper bound of the band."""
 MAX_SPREAD = 3
 """Cells an exposure takes at most, while there are few."""
 _BRAILLE = 0x2800
@@ -115,6 +117,27 @@ def confidence_plot(columns: Sequence[Column], tau: float, width: int, rows: int
     labels = {0: "1", rows - 1: "0"}
     if rows > 2 and canvas.row_of(tau) not in labels:
         labels[canvas.row_of(tau)] = "τ"
+    return [_with_axis(labels.get(row, ""), canvas.line(row)) for row in range(rows)]
+
+
+def nis_plot(
+    columns: Sequence[Column], band: tuple[float, float], width: int, rows: int
+) -> list[Line]:
+    """NIS as fat dots between 0 and twice the upper bound of its band, the bounds as lines."""
+    shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
+    canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, 0.0, NIS_HEADROOM * band[1])
+    for column in range(canvas.columns):
+        for bound in band:
+            canvas.thin(column, bound)
+    for at, _, what in _placed(canvas, shown):
+        if what.value is not None:
+            is_inside = band[0] <= what.value <= band[1]
+            canvas.point(at, what.value, "good" if is_inside else "alarm")
+        elif what.mark:
+            canvas.glyph(at, rows - 1, what.mark, "warn")
+    labels = {0: _figure(round(canvas.high)), rows - 1: "0"}
+    if rows > 3:
+        labels.setdefault(canvas.row_of(band[1]), _figure(band[1]))
     return [_with_axis(labels.get(row, ""), canvas.line(row)) for row in range(rows)]
 
 

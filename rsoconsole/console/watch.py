@@ -14,8 +14,9 @@ from typing import Any, Protocol
 
 from rsoconsole.config import Config, IndiConfig
 from rsoconsole.console.engine_view import EngineView, engine_view
-from rsoconsole.console.night import Night, NightView
-from rsoconsole.console.picture import Picture, marks_of, read_preview
+from rsoconsole.console.marks import marks_of
+from rsoconsole.console.night import FrameDetail, Night, NightView
+from rsoconsole.console.picture import ByteImage, Picture, light_of, read_codes
 from rsoconsole.control import Outcome
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.session.reader import SessionReader
@@ -144,24 +145,46 @@ class SessionWatch:
             if self._picture is not None and self._picture.frame_id >= frame_id:
                 return self._mark_again()
             path = self._reader.preview_path(frame_id)
-            light = read_preview(path) if path is not None else None
-            if light is not None:
+            codes = read_codes(path) if path is not None else None
+            if codes is not None:
                 detail = self._night.detail(frame_id)
                 self._picture = Picture(
-                    frame_id=frame_id, light=light, detail=detail, marks=marks_of(detail)
+                    frame_id=frame_id,
+                    codes=codes,
+                    light=light_of(codes),
+                    detail=detail,
+                    marks=marks_of(detail),
+                    closeup=self._read_closeup(detail),
+                    place=detail.closeup,
                 )
                 return True
         return False
+
+    def _read_closeup(self, detail: FrameDetail) -> ByteImage | None:
+        assert self._reader is not None
+        if detail.closeup is None:
+            return None
+        path = self._reader.closeup_path(detail.closeup.frame_id)
+        return read_codes(path) if path is not None else None
 
     def _mark_again(self) -> bool:
         """A picture may be there before everything that is said of its frame."""
         assert self._night is not None
         if self._picture is None or self._picture.frame_id not in self._night.newest_frames():
             return False
-        detail = self._night.detail(self._picture.frame_id)
-        if detail == self._picture.detail:
+        before = self._picture
+        detail, closeup = self._night.detail(before.frame_id), before.closeup
+        if closeup is None:
+            closeup = self._read_closeup(detail)
+        if detail == before.detail and closeup is before.closeup:
             return False
-        self._picture = replace(self._picture, detail=detail, marks=marks_of(detail))
+        self._picture = replace(
+            before,
+            detail=detail,
+            marks=marks_of(detail),
+            closeup=closeup,
+            place=detail.closeup,
+        )
         return True
 
     def _show(self) -> None:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.night import NightView, predicted_sigma_arcsec
-from rsoconsole.console.picture import Picture
+from rsoconsole.console.picture import Drawing, Picture
 from rsoconsole.console.plot import Ink, Line
-from rsoconsole.records import NotSolved, Solution
+from rsoconsole.records import Detection, NotSolved, Solution
 from rsoconsole.sky.angles import format_dec, format_ra
 from rsoconsole.sky.times import utc_ns_to_iso
 
@@ -225,6 +225,44 @@ def frame_title(night: NightView, picture: Picture | None) -> str:
     if isinstance(picture.detail.solution, NotSolved):
         parts.append("not solved")
     return " · ".join(parts)
+
+
+def closeup_title(picture: Picture | None, drawing: Drawing | None) -> str:
+    """At which scale, and what is known of the streak in its middle."""
+    if picture is None or drawing is None:
+        return "close-up"
+    n = round(drawing.px_per_square)
+    scale = "pixel by pixel" if n == 1 else f"1:{n}"
+    parts = [f"close-up {picture.frame_id:04d} · {scale}"]
+    found = _followed_detection(picture)
+    if found is not None:
+        parts.append(f"SNR {found.snr:.0f}")
+        parts.append(f"{found.length_px:.0f}×{found.width_px:.1f} px")
+    return " · ".join(parts)
+
+
+def closeup_caption(picture: Picture | None) -> str:
+    """Where the followed streak is and how well that is known."""
+    followed = picture.detail.followed if picture is not None else None
+    if followed is None:
+        return ""
+    east, _, north = followed.cov_sky_arcsec2
+    place = f"α {format_ra(followed.ra_icrs_deg, 2)} δ {format_dec(followed.dec_icrs_deg, 1)}"
+    return f"{place} ±{_short(math.sqrt(east))}″ ±{_short(math.sqrt(north))}″"
+
+
+def _followed_detection(picture: Picture) -> Detection | None:
+    found, followed = picture.detail.detections, picture.detail.followed
+    if found is None or followed is None:
+        return None
+    return next(
+        (
+            d
+            for d in found.detections
+            if abs(d.x_px - followed.x_px) < 1.0 and abs(d.y_px - followed.y_px) < 1.0
+        ),
+        None,
+    )
 
 
 def frame_caption(picture: Picture | None) -> str:

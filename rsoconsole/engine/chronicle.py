@@ -8,9 +8,9 @@ from typing import Any, Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.engine.preview import preview_of
+from rsoconsole.engine.preview import closeup_of, preview_of
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.records import Event, Frame
+from rsoconsole.records import Closeup, Event, Frame
 
 log = logging.getLogger(__name__)
 
@@ -28,6 +28,9 @@ class Recorder(Protocol):
 
     def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
         """A small uint8 picture."""
+
+    def save_closeup(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
+        """A uint8 picture of a piece at full resolution."""
 
 
 class Chronicle:
@@ -49,11 +52,29 @@ class Chronicle:
         self.append(Event(level=level, text=text, frame_id=self.frame_id))
         log.log(_LOG_LEVELS[level], "%s", text)
 
-    def keep(self, frame: Frame, *, is_wanted: bool) -> None:
-        """The frame's small picture, and its pixels where they are wanted."""
+    def keep(
+        self, frame: Frame, *, is_wanted: bool, place_px: tuple[float, float] | None = None
+    ) -> None:
+        """The frame's small pictures, and its pixels where they are wanted.
+
+        ``place_px``: x and y about which a piece of it is kept at full resolution.
+        """
         if is_wanted:
             self._record.save_frame(frame)
         self._record.save_preview(frame.frame_id, preview_of(frame.pixels))
+        if place_px is not None:
+            (x0_px, y0_px), picture = closeup_of(frame.pixels, *place_px)
+            height_px, width_px = picture.shape
+            self.append(
+                Closeup(
+                    frame_id=frame.frame_id,
+                    x0_px=x0_px,
+                    y0_px=y0_px,
+                    width_px=width_px,
+                    height_px=height_px,
+                )
+            )
+            self._record.save_closeup(frame.frame_id, picture)
 
     def last_utc_ns(self) -> int:
         """The clock's present; where the clock is gone, the last instant it told."""

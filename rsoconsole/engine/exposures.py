@@ -75,11 +75,11 @@ class Exposures:
             pause_s = self._config.exposure.readout_s + self._config.indi.simulated_latency_s
             self._hands.wait_until(self._hands.now_utc_ns() + round(pause_s * NS))
 
-    def keep(self, frame: Frame, state: LoopState) -> None:
-        """The frame's small picture, and its pixels where the configuration wants them."""
+    def keep(self, frame: Frame, state: LoopState, place_px: tuple[float, float] | None) -> None:
+        """The frame's small pictures, and its pixels where the configuration wants them."""
         wanted = self._config.session.keep_frames
         is_wanted = wanted == "all" or (wanted == "detected" and state in ("ACQUIRE", "TRACK"))
-        self._chronicle.keep(frame, is_wanted=is_wanted)
+        self._chronicle.keep(frame, is_wanted=is_wanted, place_px=place_px)
 
     def _end_tracking(self) -> StopResult:
         mount = self._hands.instruments.mount

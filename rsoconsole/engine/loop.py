@@ -14,6 +14,7 @@ from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
 from rsoconsole.engine.intentions import Alarm, Intentions, action_record, alarm_words
 from rsoconsole.engine.parking import Parking
 from rsoconsole.engine.plan import Plan, Planner
+from rsoconsole.engine.preview import place_of_interest
 from rsoconsole.engine.slews import NowhereError, Slews
 from rsoconsole.engine.states import (
     BY_OPERATOR,
@@ -237,12 +238,14 @@ class Engine:
         if self.slews.finish(plan, is_held=self.charge.is_held):
             self._cycle.forget_plate()
         frame, read_ms = self._exposures.take(plan)
+        place_px: tuple[float, float] | None = None
         try:
             self._exposures.pass_processing_time()
-            self._reduce_and_go_on(frame, read_ms, plan.blocked)
+            reduction = self._reduce_and_go_on(frame, read_ms, plan.blocked)
+            place_px = place_of_interest(reduction, self.following)
         finally:
             # Also the frame that could not be used: it is the one somebody will want to see.
-            self._exposures.keep(frame, self.following.state)
+            self._exposures.keep(frame, self.following.state, place_px)
 
     def _order_next(self) -> Plan:
         """Where and when the next exposure is; the mount is on its way when this returns."""
@@ -258,18 +261,20 @@ class Engine:
             self.planner.moved_by_hand(report)
             self.chronicle.say("info", "the mount has arrived")
         frame, _ = self._exposures.take(self.planner.first_look(self.hands.now_utc_ns()))
+        place_px: tuple[float, float] | None = None
         try:
             self._exposures.pass_processing_time()
             reduction, records = self._cycle.look(frame)
+            place_px = place_of_interest(reduction, self.following)
             if isinstance(reduction.solution, Solution):
                 self.planner.solved(reduction.solution)
             for record in records:
                 self.chronicle.append(record)
             self.charge = replace(self.charge, failures=0)
         finally:
-            self._exposures.keep(frame, self.following.state)
+            self._exposures.keep(frame, self.following.state, place_px)
 
-    def _reduce_and_go_on(self, frame: Frame, read_ms: float, blocked: str | None) -> None:
+    def _reduce_and_go_on(self, frame: Frame, read_ms: float, blocked: str | None) -> Reduction:
         began_s = time.perf_counter()
         before = self.following
         result = self._cycle.run(frame, before, blocked)
@@ -298,6 +303,7 @@ class Engine:
         self._faults.clear()
         if self._on_cycle is not None:
             self._on_cycle(self, result.reduction)
+        return result.reduction
 
     def _check_pointing(self, reduction: Reduction) -> None:
         """The first frame after arming must agree with where the mount says it looks."""

@@ -18,6 +18,7 @@ import numpy as np
 
 from rsoconsole.errors import SessionError
 from rsoconsole.records import (
+    Closeup,
     CycleTiming,
     Detections,
     Event,
@@ -48,6 +49,7 @@ Record: TypeAlias = (
     | ParameterChange
     | OperatorAction
     | CycleTiming
+    | Closeup
     | Event
 )
 """What the log of a session holds."""

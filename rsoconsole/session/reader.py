@@ -128,6 +128,13 @@ class SessionReader:
         """The frame's small picture; None when there is none."""
         return self._file(frame_id, "preview")
 
+    def closeup_path(self, frame_id: int) -> Path | None:
+        """The picture of a piece of the frame at full resolution; None when there is none.
+
+        Which piece, its record ``Closeup`` says.
+        """
+        return self._file(frame_id, "closeup")
+
     def _file(self, frame_id: int, role: str) -> Path | None:
         rows = self._fetch(
             "SELECT path FROM files WHERE frame_id = ? AND role = ? AND path IS NOT NULL",

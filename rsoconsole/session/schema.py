@@ -8,6 +8,7 @@ JSON is exact. A new version adds; it never renames nor rewrites.
 DATABASE = "session.db"
 FRAMES = "frames"
 PREVIEWS = "previews"
+CLOSEUPS = "closeups"
 CONFIG = "config.toml"
 
 SCHEMA_VERSION = 1

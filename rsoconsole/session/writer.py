@@ -26,6 +26,7 @@ from rsoconsole.session.frame_files import compress_frame, encode_preview, write
 from rsoconsole.session.log_writer import KeptFile, LogWriter, leave_wal
 from rsoconsole.session.schema import (
     APPLICATION_ID,
+    CLOSEUPS,
     CONFIG,
     DATABASE,
     FRAMES,
@@ -36,7 +37,9 @@ from rsoconsole.session.schema import (
 from rsoconsole.session.worker import BoundedWorker
 
 MAX_FRAMES_WAITING = 3
-MAX_PREVIEWS_WAITING = 8
+MAX_PREVIEWS_WAITING = 16
+_PICTURES = {"preview": PREVIEWS, "closeup": CLOSEUPS}
+"""Folders of the small pictures, by what they show."""
 RESERVE_BYTES = 200_000_000
 """Frames are given up below this much free disk: the log must have room."""
 
@@ -70,7 +73,7 @@ class SessionWriter:
             **{key: to_json_value(value, key) for key, value in about.items()},
         }
         try:
-            for part in (folder, folder / FRAMES, folder / PREVIEWS):
+            for part in (folder, *(folder / name for name in (FRAMES, PREVIEWS, CLOSEUPS))):
                 part.mkdir(parents=True, exist_ok=True)
             (folder / CONFIG).write_text(config_to_toml(config), encoding="utf-8")
             _create_database(database, facts)
@@ -120,13 +123,11 @@ class SessionWriter:
 
     def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
         """Keep a small picture of the frame, (height, width) or (height, width, 3), as PNG."""
-        is_taken = self._previews.submit(
-            lambda: self._keep_preview(frame_id, picture),
-            lambda error: self._give_up(frame_id, "preview", _reason(error)),
-        )
-        if not is_taken:
-            self._give_up(frame_id, "preview", "previews come faster than the disk takes them")
-        return is_taken
+        return self._save_picture(frame_id, "preview", picture)
+
+    def save_closeup(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
+        """Keep a piece of the frame at full resolution, as PNG; its record says which piece."""
+        return self._save_picture(frame_id, "closeup", picture)
 
     def flush(self, timeout_s: float = 5.0) -> bool:
         """Wait until the disk has every record appended so far; False when it has not."""
@@ -148,6 +149,15 @@ class SessionWriter:
         except sqlite3.Error as error:
             self._faults.report("close", f"the session is complete but still in two files: {error}")
 
+    def _save_picture(self, frame_id: int, role: str, picture: npt.NDArray[np.uint8]) -> bool:
+        is_taken = self._previews.submit(
+            lambda: self._keep_picture(frame_id, role, picture),
+            lambda error: self._give_up(frame_id, role, _reason(error)),
+        )
+        if not is_taken:
+            self._give_up(frame_id, role, f"{role}s come faster than the disk takes them")
+        return is_taken
+
     def _keep_frame(self, frame: Frame, fits: bytes | None) -> None:
         path = self.folder / FRAMES / f"{frame.frame_id:06d}.fits.fz"
         free_bytes = shutil.disk_usage(self.folder).free
@@ -159,13 +169,13 @@ class SessionWriter:
         self._faults.clear("frame")
         self._kept(frame.frame_id, "frame", path, len(content), began)
 
-    def _keep_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> None:
-        path = self.folder / PREVIEWS / f"{frame_id:06d}.png"
+    def _keep_picture(self, frame_id: int, role: str, picture: npt.NDArray[np.uint8]) -> None:
+        path = self.folder / _PICTURES[role] / f"{frame_id:06d}.png"
         began = time.perf_counter()
         content = encode_preview(picture)
         write_beside_and_rename(path, content, must_last=False)
-        self._faults.clear("preview")
-        self._kept(frame_id, "preview", path, len(content), began)
+        self._faults.clear(role)
+        self._kept(frame_id, role, path, len(content), began)
 
     def _kept(self, frame_id: int, role: str, path: Path, size: int, began: float) -> None:
         self._log.put_file(

@@ -1,0 +1,183 @@
+"""What is pointed at in a frame: detections, and where the track was expected and how surely."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from rsoconsole.console.night import FrameDetail
+from rsoconsole.records import Detection, Measurement, Solution, TrackState
+from rsoconsole.sky.wcs import sky_to_pixel
+
+OUTLINE_POINTS = 72
+SIGMAS = 3.0
+SHOWN_REJECTED = 0.01
+"""Confidence from which on a rejected candidate is pointed at: the rest is noise."""
+
+Kind = Literal["followed", "candidate", "rejected", "operator", "predicted"]
+
+_BRACKETS: dict[Kind, tuple[str, str]] = {
+    "followed": ("[", "]"),
+    "candidate": ("(", ")"),
+    "rejected": ("‹", "›"),
+    "operator": ("<", ">"),
+    "predicted": ("", ""),
+}
+_SHORT_COLUMNS = 4
+"""A streak of so few cells is drawn as one; a longer one has its ends pointed at."""
+
+
+Cells = dict[tuple[int, int], tuple[str, str]]
+"""(column, row) -> (character, kind of mark)."""
+
+_ORDER: dict[Kind, int] = {
+    "rejected": 0,
+    "predicted": 1,
+    "candidate": 2,
+    "operator": 3,
+    "followed": 4,
+}
+"""What is written last stays."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mark:
+    """Something to point at, in pixels of the whole frame."""
+
+    x_px: float
+    y_px: float
+    kind: Kind
+    ends_px: tuple[tuple[float, float], tuple[float, float]] | None = None
+    """Of a streak, the left one first."""
+    label: str = ""
+    outline_px: tuple[tuple[float, float], ...] = ()
+    """Points of a line about it: where the track is with 3 sigma."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Window:
+    """A piece of a frame drawn into cells; a cell is two squares high."""
+
+    x0_px: float
+    """Left edge; the centre of the frame's first pixel is at 0."""
+    y0_px: float
+    width_px: float
+    height_px: float
+    columns: int
+    rows: int
+
+    def cell(self, x_px: float, y_px: float) -> tuple[int, int]:
+        """Column and row of the cell in which a place lies, which may be outside."""
+        column = (x_px - self.x0_px) / self.width_px * self.columns
+        row = (y_px - self.y0_px) / self.height_px * self.rows
+        return math.floor(column), math.floor(row)
+
+    def has(self, column: int, row: int) -> bool:
+        """Whether a cell is one of them."""
+        return 0 <= column < self.columns and 0 <= row < self.rows
+
+
+def marks_of(detail: FrameDetail) -> tuple[Mark, ...]:
+    """All that can be pointed at in one frame."""
+    found = detail.detections
+    if found is None or found.width_px <= 0 or found.height_px <= 0:
+        return ()
+    marks = [_mark_of(d, "candidate", detail.followed) for d in found.detections]
+    marks += [
+        _mark_of(each.detection, "rejected", None)
+        for each in found.rejected
+        if each.detection.confidence >= SHOWN_REJECTED
+    ]
+    marks += [
+        Mark(x_px=m.x_px, y_px=m.y_px, kind="operator", label="you")
+        for m in detail.measurements
+        if m.source == "operator"
+    ]
+    predicted = _predicted_mark(detail)
+    return (*marks, predicted) if predicted is not None else tuple(marks)
+
+
+def _mark_of(detection: Detection, kind: Kind, followed: Measurement | None) -> Mark:
+    is_followed = (
+        followed is not None
+        and abs(followed.x_px - detection.x_px) < 1.0
+        and abs(followed.y_px - detection.y_px) < 1.0
+    )
+    ends = (detection.x_a_px, detection.y_a_px), (detection.x_b_px, detection.y_b_px)
+    return Mark(
+        x_px=detection.x_px,
+        y_px=detection.y_px,
+        ends_px=(min(ends), max(ends)),
+        kind="followed" if is_followed else kind,
+        label=f"{detection.confidence:.2f}".removeprefix("0"),
+    )
+
+
+def _predicted_mark(detail: FrameDetail) -> Mark | None:
+    if detail.predicted is None or not isinstance(detail.solution, Solution):
+        return None
+    ra, _, dec, _ = detail.predicted.x
+    x_px, y_px = (float(v) for v in sky_to_pixel(detail.solution.wcs, ra, dec))
+    if not (math.isfinite(x_px) and math.isfinite(y_px)):
+        return None
+    outline = outline_px(detail.predicted, detail.solution)
+    return Mark(x_px=x_px, y_px=y_px, kind="predicted", outline_px=outline)
+
+
+def outline_px(track: TrackState, solution: Solution) -> tuple[tuple[float, float], ...]:
+    """The 3-sigma ellipse of a state's position, as pixels of the frame."""
+    ra, _, dec, _ = track.x
+    cos_dec = max(math.cos(math.radians(dec)), 1e-6)
+    east_north = np.array(
+        [
+            [track.P[0][0] * cos_dec**2, track.P[0][2] * cos_dec],
+            [track.P[0][2] * cos_dec, track.P[2][2]],
+        ]
+    )
+    values, axes = np.linalg.eigh(east_north)
+    turns = np.linspace(0.0, 2.0 * np.pi, OUTLINE_POINTS, endpoint=False)
+    circle = np.stack([np.cos(turns), np.sin(turns)])
+    east, north = axes @ (SIGMAS * np.sqrt(np.maximum(values, 0.0))[:, None] * circle)
+    x, y = sky_to_pixel(solution.wcs, ra + east / cos_dec, dec + north)
+    points = np.stack([np.asarray(x, float), np.asarray(y, float)], axis=1)
+    return tuple((float(a), float(b)) for a, b in points[np.isfinite(points).all(axis=1)])
+
+
+def overlay(marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = False) -> Cells:
+    """What is written over a picture; what is followed is written last."""
+    cells: Cells = {}
+    for mark in sorted(marks, key=lambda m: _ORDER[m.kind]):
+        if mark.kind == "rejected" and not has_rejected:
+            continue
+        centre = window.cell(mark.x_px, mark.y_px)
+        for point in mark.outline_px:
+            at = window.cell(*point)
+            if window.has(*at) and at != centre:
+                cells[at] = "·", mark.kind
+        for column, row, text in _signs(mark, centre, window):
+            for offset, character in enumerate(text):
+                if window.has(column + offset, row):
+                    cells[column + offset, row] = character, mark.kind
+    return cells
+
+
+def _signs(mark: Mark, centre: tuple[int, int], window: Window) -> list[tuple[int, int, str]]:
+    """(column, row, text) of what a mark writes."""
+    column, row = centre
+    if mark.kind == "predicted":
+        return [(column, row, "+")]
+    opening, closing = _BRACKETS[mark.kind]
+    left = right = centre
+    if mark.ends_px is not None:
+        end_a, end_b = mark.ends_px
+        left, right = window.cell(*end_a), window.cell(*end_b)
+    if right[0] - left[0] <= _SHORT_COLUMNS:
+        # One row, with a line for the streak, which is hardly seen at this scale.
+        half = max(1, (right[0] - left[0]) // 2 + 1)
+        left, right = (column - half, row), (column + half, row)
+        opening += "━" * (2 * half - 1)
+    fits_right = right[0] + 1 + len(mark.label) <= window.columns
+    label_at = right[0] + 1 if fits_right else left[0] - len(mark.label)
+    label_row = right[1] if fits_right else left[1]
+    return [(*left, opening), (*right, closing), (label_at, label_row, mark.label)]

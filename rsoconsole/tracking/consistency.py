@@ -1,0 +1,87 @@
+"""Whether a filter believes itself rightly: what its innovations say of Q and R. Pure.
+
+The normalised innovation squared (NIS) of a sound filter with two measured coordinates is
+chi-square distributed with 2 degrees of freedom, and innovations of successive frames know nothing
+of each other (Bar-Shalom, Li & Kirubarajan 2001, Estimation with Applications, 5.4.2). A mean NIS
+that is too large with innovations that run on one side means that the motion is not followed (Q);
+without that, that the measurements scatter more than is believed (R).
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+NIS_BAND = (0.0506, 7.3778)
+"""Between these lie 95 % of the NIS of a sound filter with two degrees of freedom."""
+WINDOW = 12
+LEAST = 5
+"""Fewer NIS say nothing."""
+_ONE_SIDED = 0.5
+"""Correlation of successive innovations from which on they run on one side."""
+
+Verdict = Literal["too few", "sound", "over-confident", "under-confident"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Consistency:
+    """What the last innovations say of the filter."""
+
+    verdict: Verdict
+    mean: float | None
+    """Of the NIS looked at; 2 for a sound filter."""
+    band: tuple[float, float] | None
+    """Within which that mean lies for a sound filter, 95 times in 100."""
+    count: int
+    words: str
+    """A sentence for the operator."""
+
+
+def consistency(
+    nis: Sequence[float], residuals_arcsec: Sequence[tuple[float, float]] = ()
+) -> Consistency:
+    """Judge the last ``WINDOW`` updates, oldest first; residuals (east, north) of the same ones."""
+    recent = list(nis)[-WINDOW:]
+    count = len(recent)
+    if count < LEAST:
+        words = f"{count} of the {LEAST} updates that it takes to judge the filter"
+        mean = sum(recent) / count if count else None
+        return Consistency(verdict="too few", mean=mean, band=None, count=count, words=words)
+    mean = sum(recent) / count
+    low, high = mean_band(count)
+    verdict: Verdict = "sound"
+    words = "in band"
+    if mean > high:
+        verdict = "over-confident"
+        name = "Q" if _run_on_one_side(list(residuals_arcsec)[-WINDOW:]) else "R"
+        above = sum(value > NIS_BAND[1] for value in recent)
+        what = f"{above} of the last {count} NIS above {NIS_BAND[1]:.1f}"
+        if not above:
+            what = f"mean NIS {mean:.1f} of 2 over the last {count}"
+        words = f"{name} looks too small: {what}"
+    elif mean < low:
+        verdict = "under-confident"
+        words = f"R looks too large: mean NIS {mean:.2f} of 2 over the last {count}"
+    return Consistency(verdict=verdict, mean=mean, band=(low, high), count=count, words=words)
+
+
+def mean_band(count: int) -> tuple[float, float]:
+    """Within which the mean of so many NIS lies 95 times in 100, for a sound filter."""
+    from scipy.special import chdtri
+
+    degrees = 2 * count
+    return float(chdtri(degrees, 0.975)) / count, float(chdtri(degrees, 0.025)) / count
+
+
+def _run_on_one_side(residuals: Sequence[tuple[float, float]]) -> bool:
+    """Whether successive innovations are alike on either axis."""
+    return any(_correlation([each[axis] for each in residuals]) > _ONE_SIDED for axis in (0, 1))
+
+
+def _correlation(values: Sequence[float]) -> float:
+    """Of each with its successor, about zero: an innovation's mean is part of what is asked."""
+    power = math.fsum(value * value for value in values)
+    if len(values) < LEAST or power <= 0.0:
+        return 0.0
+    return math.fsum(a * b for a, b in itertools.pairwise(values)) / power
