@@ -124,6 +124,8 @@ class Detections:
     rejected: tuple[Rejection, ...] = ()
     star_count: int | None = None
     """Stars found beside them, up to a few hundred; None where nobody counted."""
+    star_fwhm_px: float | None = None
+    """Median full width of the stars; None where that was not measured."""
     star_flux_adu: float | None = None
     """Of a middling one of the brightest stars; None where there are too few to compare."""
     stage_ms: Mapping[str, float] = field(default_factory=dict)

@@ -19,6 +19,7 @@ from rsoconsole.console import live, run_console, watch
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs import LeaveDialog, Tick
 from rsoconsole.console.engine_view import engine_view
+from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.fold import banner_box, fold
 from rsoconsole.console.key_line import key_line, keys_for
 from rsoconsole.console.log_lines import LogLine, append_line, line_of
@@ -26,7 +27,6 @@ from rsoconsole.console.log_pane import LogPane, log_rows
 from rsoconsole.console.night import Night, NightView
 from rsoconsole.console.panes import FramePane, LinesPane, StopBanner
 from rsoconsole.console.plot import Column, residual_limit, residual_plot
-from rsoconsole.console.words import fact_lines
 from rsoconsole.control import ControlClient, ControlServer, Intention, Outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
 from rsoconsole.records import Miss, OperatorAction, Site, SlewCommand, StateChange
@@ -66,6 +66,12 @@ class FakeWire:
             "faults": [],
             "lifted": [],
             "next_limit": "pier in 52 min",
+            "exposing_until_utc_ns": night.t_of(FRAMES) + 9 * NS,
+            "health": [
+                {"name": "mount", "ok": True, "text": "tracking"},
+                {"name": "clock", "ok": True, "text": "NTP ±0.2 ms"},
+                {"name": "disk", "ok": False, "text": "4 GB, 2 h"},
+            ],
         }
 
     def send(self, verb: str, *, timeout_s: float = 5.0, **arguments: Any) -> Outcome:
@@ -177,6 +183,7 @@ def test_the_screen_reads_as_it_was_agreed(wire: FakeWire, size: tuple[int, int]
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         nonlocal seen
         await until(pilot, lambda: "TRACK 3m37" in pane(app, "top"))
+        await until(pilot, lambda: app.live.outlook is not None)
         seen = screen_text(app)
 
     play(wire, scene, size)
@@ -341,7 +348,7 @@ def test_a_long_line_of_the_log_goes_on_below_and_keeps_every_word() -> None:
 
 
 def facts(view: NightView, **status: Any) -> str:
-    lines = fact_lines(view, engine_view(status), 80, 3)
+    lines = fact_lines(view, engine_view(status), None, 80, 3)
     return "\n".join("".join(text for text, _ in line) for line in lines)
 
 

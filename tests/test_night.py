@@ -10,10 +10,10 @@ from rsoconsole.engine.night import (
     darkness_words,
     lasting_overrides,
     night_end,
-    night_span,
 )
 from rsoconsole.instruments.ports import SkyReport
 from rsoconsole.records import Site
+from rsoconsole.sky.darkness import night_span
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, iso_to_utc_ns, utc_ns_to_iso
 
 HOUR_NS = 3600 * NS_PER_S

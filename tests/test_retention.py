@@ -3,8 +3,8 @@
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.night import night_span
 from rsoconsole.engine.retention import bytes_until_dawn, disk_outlook, raw_frame_bytes
+from rsoconsole.sky.darkness import night_span
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
 
 HOUR_NS = 3600 * NS_PER_S

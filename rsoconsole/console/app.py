@@ -5,7 +5,7 @@ import contextlib
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual.app import App, SystemCommand
 from textual.binding import Binding, BindingType
@@ -17,11 +17,15 @@ from rsoconsole.config import IndiConfig
 from rsoconsole.console.dialogs import HelpDialog
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.live import LiveScreen
-from rsoconsole.console.messages import EngineSeen, NightSeen
+from rsoconsole.console.messages import EngineSeen, NightSeen, OutlookSeen
 from rsoconsole.console.night import NightView
 from rsoconsole.console.orders import Orders
+from rsoconsole.console.outlook_watch import OutlookWatch
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.watch import EngineWatch, SessionWatch, Wire
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.outlook import Outlook
 
 NIGHT_THEME = Theme(
     name="night",
@@ -68,6 +72,7 @@ class ConsoleApp(App[str]):
         self._engine_watch = EngineWatch(wire(), self._engine_seen)
         self._session_watch = SessionWatch(self._night_seen)
         self._session_watch.follow(session)
+        self._outlook_watch = OutlookWatch(self._outlook_seen)
         past_engine = None
         if stop_directly is not None and session is None:
             directly = stop_directly
@@ -81,6 +86,7 @@ class ConsoleApp(App[str]):
             owns_engine=owns_engine,
             ask_now=self._engine_watch.ask_now,
             from_thread=self._from_thread,
+            on_known=self._outlook_watch.tell,
         )
 
     def on_mount(self) -> None:
@@ -91,6 +97,7 @@ class ConsoleApp(App[str]):
             self.theme = NIGHT_THEME.name
         self.push_screen(self.live)
         self._session_watch.start()
+        self._outlook_watch.start()
         if self._is_recorded:
             self._engine_seen(EngineView(reach="recorded"))
         else:
@@ -100,6 +107,7 @@ class ConsoleApp(App[str]):
         """Nobody looks any more."""
         self._engine_watch.close()
         self._session_watch.close()
+        self._outlook_watch.close()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """The bare letter is a letter where one types; ctrl+x is STOP there too."""
@@ -144,6 +152,9 @@ class ConsoleApp(App[str]):
         """As the screen has it."""
         if self.screen is self.live:
             self.live.action_leave()
+
+    def _outlook_seen(self, outlook: "Outlook") -> None:
+        self._from_thread(self.live.post_message, OutlookSeen(outlook))
 
     def _night_seen(self, night: NightView, picture: Picture | None) -> None:
         self._from_thread(self.live.post_message, NightSeen(night, picture))

@@ -9,6 +9,15 @@ Reach = Literal["unknown", "attached", "silent", "gone", "recorded"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HealthView:
+    """One part of machine or instruments and how it is."""
+
+    name: str
+    ok: bool
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EngineView:
     """The engine at one instant, as far as it can be reached."""
 
@@ -34,6 +43,13 @@ class EngineView:
     lifted: tuple[str, ...] = ()
     """Limits and checks that the operator has overridden, by name."""
     next_limit: str | None = None
+    mount_ra_icrs_deg: float | None = None
+    mount_dec_icrs_deg: float | None = None
+    is_slewing: bool = False
+    pier_side: str | None = None
+    exposing_until_utc_ns: int | None = None
+    next_start_utc_ns: int | None = None
+    health: tuple[HealthView, ...] = ()
 
     @property
     def is_attached(self) -> bool:
@@ -65,6 +81,24 @@ def engine_view(data: Mapping[str, Any]) -> EngineView:
         faults=_texts(data.get("faults")),
         lifted=_texts(data.get("lifted")),
         next_limit=_text(data.get("next_limit")),
+        mount_ra_icrs_deg=_number(data.get("mount_ra")),
+        mount_dec_icrs_deg=_number(data.get("mount_dec")),
+        is_slewing=data.get("is_slewing") is True,
+        pier_side=_text(data.get("pier_side")),
+        exposing_until_utc_ns=_whole(data.get("exposing_until_utc_ns")),
+        next_start_utc_ns=_whole(data.get("next_start_utc_ns")),
+        health=_health(data.get("health")),
+    )
+
+
+def _health(value: Any) -> tuple[HealthView, ...]:
+    rows = value if isinstance(value, list | tuple) else ()
+    return tuple(
+        HealthView(
+            name=str(row.get("name", "")), ok=row.get("ok") is True, text=str(row.get("text", ""))
+        )
+        for row in rows
+        if isinstance(row, Mapping)
     )
 
 

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -13,10 +13,17 @@ from textual.screen import Screen
 from rsoconsole.console import panels, words
 from rsoconsole.console.dialogs import ArmDialog, ConfirmDialog, LeaveDialog, MessageDialog
 from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.fold import Name, banner_box, fold
 from rsoconsole.console.key_line import key_line, keys_for
 from rsoconsole.console.log_pane import LogPane
-from rsoconsole.console.messages import EngineSeen, NightSeen, OutcomeCame, StopNewsCame
+from rsoconsole.console.messages import (
+    EngineSeen,
+    NightSeen,
+    OutcomeCame,
+    OutlookSeen,
+    StopNewsCame,
+)
 from rsoconsole.console.night import NightView
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBanner
@@ -24,6 +31,9 @@ from rsoconsole.console.picture import STRETCHES, Drawing, Picture
 from rsoconsole.console.plot import Ink
 from rsoconsole.console.stop import StopNews
 from rsoconsole.control import Outcome
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.outlook import Outlook
 
 NOTICE_S = 4.0
 BANNER_S = 15.0
@@ -60,17 +70,20 @@ class LiveScreen(Screen[None]):
         owns_engine: bool,
         ask_now: Callable[[], None],
         from_thread: Callable[..., None],
+        on_known: Callable[[NightView, EngineView], None],
     ) -> None:
         super().__init__()
         self.night = NightView()
         self.engine = EngineView()
         self.picture: Picture | None = None
+        self.outlook: Outlook | None = None
         self.stop_news: StopNews | None = None
         self._orders = orders
         self._read_only = read_only
         self._owns_engine = owns_engine
         self._ask_now = ask_now
         self._from_thread = from_thread
+        self._on_known = on_known
         self._notice: tuple[str, Ink] = ("", "")
         self._notice_until_s = 0.0
         self._stops = 0
@@ -119,6 +132,11 @@ class LiveScreen(Screen[None]):
         self.engine = message.engine
         self._show_engine()
 
+    def on_outlook_seen(self, message: OutlookSeen) -> None:
+        """What the next hours bring."""
+        self.outlook = message.outlook
+        self._show_engine()
+
     def _show_night(self) -> None:
         night = self.night
         self._show_picture()
@@ -149,8 +167,9 @@ class LiveScreen(Screen[None]):
 
     def _show_engine(self) -> None:
         night, engine = self.night, self.engine
+        self._on_known(night, engine)
         self._pane("top").show(partial(words.top_lines, night, engine))
-        self._pane("facts").show(partial(words.fact_lines, night, engine))
+        self._pane("facts").show(partial(fact_lines, night, engine, self.outlook))
         alert = words.alert_text(night, engine)
         if bool(alert) != self._pane("alert").display:
             self._place()

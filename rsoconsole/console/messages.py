@@ -1,5 +1,7 @@
 """What the watches and the intentions tell the live screen, from their threads."""
 
+from typing import TYPE_CHECKING
+
 from textual.message import Message
 
 from rsoconsole.console.engine_view import EngineView
@@ -7,6 +9,9 @@ from rsoconsole.console.night import NightView
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.stop import StopNews
 from rsoconsole.control import Outcome
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.outlook import Outlook
 
 
 class NightSeen(Message):
@@ -23,6 +28,14 @@ class EngineSeen(Message):
     def __init__(self, engine: EngineView) -> None:
         super().__init__()
         self.engine = engine
+
+
+class OutlookSeen(Message):
+    """What the next hours bring."""
+
+    def __init__(self, outlook: "Outlook") -> None:
+        super().__init__()
+        self.outlook = outlook
 
 
 class OutcomeCame(Message):

@@ -44,6 +44,8 @@ class FrameRow:
     sigma_arcsec: tuple[float, float] | None = None
     """One sigma of the residual; of the prediction where nothing was taken."""
     nis: float | None = None
+    fwhm_px: float | None = None
+    """Of its stars."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,6 +92,8 @@ class NightView:
     title: str = ""
     is_closed: bool = False
     is_simulated: bool = False
+    config: Config | None = None
+    """Of the session's engine; None where it cannot be read."""
     fault: str | None = None
     """Why the session cannot be read at this moment."""
     tau: float = 0.1
@@ -115,6 +119,7 @@ class Night:
             title=str(about.get("title") or ""),
             is_closed=about.get("is_closed") is True,
             is_simulated=about.get("is_simulated") is True,
+            config=config,
             tau=config.detector.tau if config is not None else 0.1,
         )
         self._site = config.site.to_site() if config is not None else None
@@ -168,7 +173,7 @@ class Night:
     @_fold.register
     def _(self, record: Detections, _t_utc_ns: int) -> None:
         best = max((d.confidence for d in record.detections), default=None)
-        self._change(record.frame_id, confidence=best, is_reduced=True)
+        self._change(record.frame_id, confidence=best, is_reduced=True, fwhm_px=record.star_fwhm_px)
         self._detail(record.frame_id, detections=record)
 
     @_fold.register

@@ -1,12 +1,10 @@
 """The seat's lines of text, made to fit: what is said, never how it is drawn."""
 
 import math
-import re
 import textwrap
-from collections.abc import Sequence
 
 from rsoconsole.console.engine_view import EngineView
-from rsoconsole.console.night import NightView, predicted_sigma_arcsec
+from rsoconsole.console.night import NightView
 from rsoconsole.console.picture import Drawing, Picture
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.records import Detection, NotSolved, Solution
@@ -20,19 +18,6 @@ HOLDERS = {
 }
 ARROWS = "→↘↓↙←↖↑↗"
 NS_PER_S = 1_000_000_000
-OLD_S = 120.0
-"""A direction older than this is shown with its instant."""
-LIMIT_SOON_MIN = 60
-WIDE_COLUMNS = 72
-STAGES = {
-    "read": "read",
-    "process": "proc",
-    "detect": "det",
-    "solve": "solve",
-    "filter": "filt",
-    "order": "order",
-}
-"""What of a cycle is shown, and under which short name."""
 STATE_INKS: dict[str, Ink] = {
     "TRACK": "good",
     "COAST": "warn",
@@ -133,83 +118,7 @@ def alert_text(night: NightView, engine: EngineView) -> str:
     return " · ".join(parts)
 
 
-def fact_lines(night: NightView, engine: EngineView, width: int, rows: int) -> list[Line]:
-    """Where it is, how it moves, how sure that is, how long a cycle takes; most important first."""
-    groups = [_place_items(night, engine), _motion_items(night), _cycle_items(night, engine)]
-    if rows >= 3 and width >= WIDE_COLUMNS:
-        return [line for group in groups for line in _packed(group, width, 1)]
-    return _packed([item for group in groups for item in group], width, rows)
-
-
-def _place_items(night: NightView, engine: EngineView) -> list[str]:
-    ra, dec = engine.ra_icrs_deg, engine.dec_icrs_deg
-    alt, az = engine.alt_deg, engine.az_deg
-    word, age = "", ""
-    if ra is None and night.track is not None:
-        ra, dec = night.track.x[0] % 360.0, night.track.x[2]
-    if ra is None and night.pointing is not None:
-        pointing = night.pointing
-        word = "sent to " if pointing.is_ordered else "pointing "
-        ra, dec = pointing.ra_icrs_deg, pointing.dec_icrs_deg
-        alt, az = pointing.alt_deg, pointing.az_deg
-        is_old = (present_utc_ns(night, engine) or 0) - pointing.t_utc_ns > OLD_S * NS_PER_S
-        if is_old:
-            word, age = f"last {word}", f"as of {clock_text(pointing.t_utc_ns)[:8]}"
-    if ra is None or dec is None:
-        items = ["no direction yet"]
-    else:
-        items = [f"{word}α {format_ra(ra, 1)} δ {format_dec(dec, 0)}"]
-    if alt is not None and az is not None:
-        items.append(f"alt {alt:.1f} az {az:.1f}")
-    return [item for item in (*items, age, _limit_text(engine.next_limit)) if item]
-
-
-def _limit_text(next_limit: str | None) -> str:
-    """What the mount runs into if it only tracks on, where that is soon."""
-    if not next_limit:
-        return ""
-    minutes = re.search(r"in (\d+) min", next_limit)
-    is_far = minutes is not None and int(minutes[1]) >= LIMIT_SOON_MIN
-    return "" if is_far else f"limit if tracking: {next_limit}"
-
-
-def _motion_items(night: NightView) -> list[str]:
-    track = night.track
-    if track is None:
-        is_looking = night.slew is not None and night.state in {"SEARCH", "ACQUIRE"}
-        reason = f": {night.slew.reason}" if is_looking and night.slew is not None else ""
-        return [f"looking{reason}" if is_looking else "nothing is followed"]
-    _, ra_rate, dec, dec_rate = track.x
-    cos_dec = _cos_deg(dec)
-    east, north = predicted_sigma_arcsec(track)
-    items = [
-        f"rate {ra_rate * cos_dec * 3600:+.2f} {dec_rate * 3600:+.2f} ″/s",
-        f"3σ {unsigned_text(3 * max(east, north))}",
-    ]
-    if track.misses:
-        items.append(f"coasted {track.misses} frame{'s' if track.misses > 1 else ''}")
-    if night.slew is not None:
-        items.append(f"slew: {night.slew.reason}")
-    return items
-
-
-def _cycle_items(night: NightView, engine: EngineView) -> list[str]:
-    items: list[str] = []
-    if night.timing is not None:
-        stages = night.timing.stage_ms
-        if "total" in stages:
-            items.append(f"cycle {_short(stages['total'] / 1000)} s")
-        items += [
-            f"{STAGES[stage]} {_short(stages[stage] / 1000)}" for stage in STAGES if stage in stages
-        ]
-    if not items:
-        items.append("no cycle yet")
-    if engine.reach == "recorded" and night.folder is not None:
-        items.append(night.folder.name)
-    return items
-
-
-def _short(value: float) -> str:
+def short(value: float) -> str:
     return f"{value:.2f}".removeprefix("0")
 
 
@@ -248,7 +157,7 @@ def closeup_caption(picture: Picture | None) -> str:
         return ""
     east, _, north = followed.cov_sky_arcsec2
     place = f"α {format_ra(followed.ra_icrs_deg, 2)} δ {format_dec(followed.dec_icrs_deg, 1)}"
-    return f"{place} ±{_short(math.sqrt(east))}″ ±{_short(math.sqrt(north))}″"
+    return f"{place} ±{short(math.sqrt(east))}″ ±{short(math.sqrt(north))}″"
 
 
 def _followed_detection(picture: Picture) -> Detection | None:
@@ -272,20 +181,20 @@ def frame_caption(picture: Picture | None) -> str:
     if frame is None or not isinstance(solution, Solution):
         return ""
     wide, high = (n * solution.scale_arcsec_px / 60 for n in (frame.width_px, frame.height_px))
-    stars = f"{solution.matched} stars σ {_short(solution.rms_arcsec)}″"
+    stars = f"{solution.matched} stars σ {short(solution.rms_arcsec)}″"
     return f"N{_north_arrow(solution)}E{_east_arrow(solution)} {wide:.0f}′×{high:.0f}′ {stars}"
 
 
 def _north_arrow(solution: Solution) -> str:
     """Row 0 is at the top: +y is down, and lies at the plate's rotation east of north."""
     sign = -1.0 if solution.is_flipped else 1.0
-    x, y = sign * _sin_deg(solution.rotation_deg), _cos_deg(solution.rotation_deg)
+    x, y = sign * _sin_deg(solution.rotation_deg), cos_deg(solution.rotation_deg)
     return _arrow(x, y)
 
 
 def _east_arrow(solution: Solution) -> str:
     sign = -1.0 if solution.is_flipped else 1.0
-    x, y = -sign * _cos_deg(solution.rotation_deg), _sin_deg(solution.rotation_deg)
+    x, y = -sign * cos_deg(solution.rotation_deg), _sin_deg(solution.rotation_deg)
     return _arrow(x, y)
 
 
@@ -319,27 +228,7 @@ def _columns(line: Line) -> int:
     return sum(len(text) for text, _ in line)
 
 
-def _length(items: Sequence[str]) -> int:
-    return 1 + len("  ".join(items))
-
-
-def _joined(items: Sequence[str]) -> Line:
-    return [(" " + "  ".join(items), "")]
-
-
-def _packed(items: Sequence[str], width: int, rows: int) -> list[Line]:
-    """Items over as many rows as there are; what has no room is left out."""
-    lines: list[list[str]] = [[]]
-    for item in items:
-        if lines[-1] and _length([*lines[-1], item]) > width:
-            if len(lines) == rows:
-                break
-            lines.append([])
-        lines[-1].append(item)
-    return [clipped(_joined(line), width) for line in lines if line][:rows]
-
-
-def _cos_deg(angle_deg: float) -> float:
+def cos_deg(angle_deg: float) -> float:
     return math.cos(math.radians(angle_deg))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from rsoconsole.control import Intention, Outcome
 from rsoconsole.engine.arming import arming_checks, gather_facts, refusal_text
+from rsoconsole.engine.health import HealthMeter
 from rsoconsole.engine.intentions import Intentions, Wish, action_record, changed
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.states import Stopped
@@ -38,6 +39,7 @@ class Desk:
         self._session = session
         self._record_faults = record_faults
         self._flush = flush
+        self._health = HealthMeter(lambda: engine.config, self._instruments.clock, session)
 
     def handle(self, intention: Intention) -> Outcome:
         """What came of it; a refusal says why."""
@@ -86,6 +88,8 @@ class Desk:
         status = self._engine.status()
         data: dict[str, Any] = {**dataclasses.asdict(status), "target": None}
         data["faults"] = [*status.faults, *self._record_faults()]
+        report = self._engine.watch.last_report
+        data["health"] = [dataclasses.asdict(each) for each in self._health.read(report)]
         data["alt"] = data["az"] = None
         data["session"] = str(self._session.absolute())
         data["pid"] = os.getpid()

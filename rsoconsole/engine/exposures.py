@@ -29,6 +29,10 @@ class Exposures:
     ) -> None:
         self.frame_id = 0
         """Number of the exposure begun last."""
+        self.next_start_utc_ns: int | None = None
+        """When the next exposure is to begin; None while the shutter is open, or nobody knows."""
+        self.open_until_utc_ns: int | None = None
+        """When the shutter closes; None while it is closed."""
         self._hands = hands
         self._planner = planner
         self._watch = watch
@@ -47,6 +51,7 @@ class Exposures:
         then. Raises Interrupted for that and for whoever wants the loop, InstrumentError when no
         frame comes.
         """
+        self.next_start_utc_ns = plan.t_start_utc_ns
         self._hands.wait_until(plan.t_start_utc_ns)
         exposure = self._config.exposure
         opened_ns = self._hands.now_utc_ns()
@@ -58,7 +63,11 @@ class Exposures:
             raise Interrupted
         self.frame_id += 1
         self._chronicle.frame_id = self.frame_id
-        frame = self._hands.expose(opened_ns, self.frame_id)
+        self.open_until_utc_ns, self.next_start_utc_ns = end_ns, None
+        try:
+            frame = self._hands.expose(opened_ns, self.frame_id)
+        finally:
+            self.open_until_utc_ns = None
         arrived_s = frame.header.get(ARRIVED_KEY)
         read_ms = 0.0 if arrived_s is None else (time.monotonic() - float(arrived_s)) * 1e3
         self._chronicle.append(taken_record(frame, plan.blocked))

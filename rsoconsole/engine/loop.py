@@ -107,6 +107,8 @@ class Engine:
             frame=self.frame_id,
             now_utc_ns=self.chronicle.last_utc_ns(),
             faults=tuple(self._faults),
+            exposing_until_utc_ns=self._exposures.open_until_utc_ns,
+            next_start_utc_ns=self._exposures.next_start_utc_ns,
         )
 
     def wake(self) -> None:
@@ -204,7 +206,7 @@ class Engine:
             raise ValueError(result.refusal)
         self._enter(result.charge, result.reason)
         if not isinstance(happening, Followed):
-            self._plan = None
+            self._plan = self._exposures.next_start_utc_ns = None
         if isinstance(happening, LimitMet | BY_OPERATOR):
             self.hand_move = None
         if isinstance(happening, BY_OPERATOR):
@@ -290,6 +292,7 @@ class Engine:
             self._check_pointing(result.reduction)
         if self.charge.is_autonomous:
             self._plan = self._order_next()
+            self._exposures.next_start_utc_ns = self._plan.t_start_utc_ns
         ordered_s = time.perf_counter()
         reduce_ms = result.reduction.stage_ms
         stages = {

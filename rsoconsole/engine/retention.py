@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.engine.night import night_span
+from rsoconsole.sky.darkness import night_span
 from rsoconsole.sky.times import NS_PER_S
 
 NIGHT_WITHOUT_DARK_S = 10 * 3600.0

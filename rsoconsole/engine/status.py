@@ -29,10 +29,24 @@ class Status:
     lifted: tuple[str, ...]
     """Checks that the operator has overridden by name."""
     faults: tuple[str, ...]
+    is_slewing: bool | None = None
+    """As the mount said a second ago."""
+    pier_side: str | None = None
+    exposing_until_utc_ns: int | None = None
+    """When the shutter closes; None while it is closed."""
+    next_start_utc_ns: int | None = None
+    """When the next exposure is to begin; None while that is not planned."""
 
 
 def status_of(
-    charge: Charge, watch: Watch, *, frame: int, now_utc_ns: int, faults: tuple[str, ...]
+    charge: Charge,
+    watch: Watch,
+    *,
+    frame: int,
+    now_utc_ns: int,
+    faults: tuple[str, ...],
+    exposing_until_utc_ns: int | None = None,
+    next_start_utc_ns: int | None = None,
 ) -> Status:
     """A snapshot; every part of it is read once, so that any thread may ask."""
     track = charge.following.track
@@ -56,4 +70,8 @@ def status_of(
         next_limit=ahead,
         lifted=tuple(sorted(watch.lifted)),
         faults=faults,
+        is_slewing=None if report is None else report.is_slewing,
+        pier_side=None if report is None else report.pier_side,
+        exposing_until_utc_ns=exposing_until_utc_ns,
+        next_start_utc_ns=next_start_utc_ns,
     )

@@ -81,7 +81,10 @@ class FrameReducer:
         star_count = len(analysis.stars.x_px)
         return Reduction(
             detections=replace(
-                found, star_count=star_count, star_flux_adu=typical_flux_adu(analysis.stars)
+                found,
+                star_count=star_count,
+                star_fwhm_px=analysis.stars.median_fwhm_px if star_count else None,
+                star_flux_adu=typical_flux_adu(analysis.stars),
             ),
             solution=solution,
             measurements=measurements,

@@ -155,6 +155,21 @@ class Limits:
                 return held.refusal_at(0)
         return None
 
+    def margins_deg(self, pose: Pose) -> tuple[tuple[LimitName, float], ...]:
+        """How far each limit of a tracking mount is from a pose, the nearest first.
+
+        Negative beyond it. The pier's needs a side of it. Empty where instant or direction are
+        no such.
+        """
+        fault = _instant_fault(pose.t_utc_ns) or _direction_fault(
+            pose.ra_icrs_deg, pose.dec_icrs_deg
+        )
+        if fault is not None:
+            return ()
+        held = self._tracking_at(pose, ())
+        margins = ((each.limit, -float(each.excess_deg[0])) for each in held)
+        return tuple(sorted(margins, key=lambda margin: margin[1]))
+
     def next_limit(
         self, pose: Pose, horizon_s: float = 6 * 3600.0, *, lifted: Collection[LimitName] = ()
     ) -> tuple[int, Refusal] | None:

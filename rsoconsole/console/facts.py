@@ -1,0 +1,270 @@
+"""Where things stand, in figures: place, motion, what comes next, the last cycle, the machine.
+
+Each group of facts is made here; how much of it is shown depends on the room: three lines in a
+small terminal, a line a group in a larger one, a block a group in a column of its own.
+"""
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.night import NightView, predicted_sigma_arcsec
+from rsoconsole.console.plot import Ink, Line
+from rsoconsole.console.words import (
+    NS_PER_S,
+    clipped,
+    clock_text,
+    cos_deg,
+    duration_text,
+    present_utc_ns,
+    short,
+    unsigned_text,
+)
+from rsoconsole.sky.angles import format_dec, format_ra
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.outlook import Outlook
+
+Item = tuple[str, Ink]
+
+OLD_S = 120.0
+"""A direction older than this is shown with its instant."""
+LIMIT_SOON_MIN = 60
+SOON_S = 900.0
+NEAR_DEG = 5.0
+"""A limit so near is said loudly."""
+WIDE_COLUMNS = 72
+GROUPS_ROWS, BLOCKS_ROWS = 5, 10
+STAGES = {
+    "read": "read",
+    "process": "proc",
+    "detect": "det",
+    "solve": "solve",
+    "filter": "filt",
+    "order": "order",
+}
+"""What of a cycle is shown, and under which short name."""
+FOCUS_WINDOW, FOCUS_FRAMES = 300, 5
+FOCUS_WORSE = 1.15
+"""Stars so much wider than they were at best are said to drift."""
+
+
+def fact_lines(
+    night: NightView, engine: EngineView, outlook: "Outlook | None", width: int, rows: int
+) -> list[Line]:
+    """What there is room for, most important first."""
+    place, motion = _place_items(night, engine), _motion_items(night)
+    schedule, cycle = _schedule_items(engine), _cycle_items(night, engine)
+    ahead = _ahead_items(outlook, present_utc_ns(night, engine))
+    health = _health_items(night, engine)
+    if rows >= BLOCKS_ROWS:
+        titled = {
+            "where": place,
+            "motion": motion,
+            "next": [*schedule, *ahead],
+            "limits": _margin_items(outlook),
+            "cycle": cycle,
+            "machine": health,
+        }
+        return _blocks(titled, width, rows)
+    if rows >= GROUPS_ROWS and width >= WIDE_COLUMNS:
+        groups = [
+            [*place, *_margin_items(outlook)],
+            [*motion, *schedule],
+            ahead or _margin_items(outlook),
+            cycle,
+            health,
+        ]
+        return [line for group in groups for line in _packed(group, width, 1) or [[("", "")]]]
+    worst = [item for item in health if item[1]]
+    if rows >= 3 and width >= WIDE_COLUMNS:
+        groups = [place, [*motion, *schedule[:1], *ahead[:1]], [*worst, *cycle]]
+        return [line for group in groups for line in _packed(group, width, 1)]
+    return _packed([*place, *motion, *schedule[:1], *worst, *cycle], width, rows)
+
+
+def _place_items(night: NightView, engine: EngineView) -> list[Item]:
+    ra, dec = engine.ra_icrs_deg, engine.dec_icrs_deg
+    alt, az = engine.alt_deg, engine.az_deg
+    word, age = "", ""
+    if ra is None and night.track is not None:
+        ra, dec = night.track.x[0] % 360.0, night.track.x[2]
+    if ra is None and night.pointing is not None:
+        pointing = night.pointing
+        word = "sent to " if pointing.is_ordered else "pointing "
+        ra, dec = pointing.ra_icrs_deg, pointing.dec_icrs_deg
+        alt, az = pointing.alt_deg, pointing.az_deg
+        is_old = (present_utc_ns(night, engine) or 0) - pointing.t_utc_ns > OLD_S * NS_PER_S
+        if is_old:
+            word, age = f"last {word}", f"as of {clock_text(pointing.t_utc_ns)[:8]}"
+    if ra is None or dec is None:
+        items = ["no direction yet"]
+    else:
+        items = [f"{word}α {format_ra(ra, 1)} δ {format_dec(dec, 0)}"]
+    if alt is not None and az is not None:
+        items.append(f"alt {alt:.1f} az {az:.1f}")
+    if engine.pier_side in {"east", "west"}:
+        items.append(f"{engine.pier_side} of the pier")
+    plain: list[Item] = [(item, "") for item in (*items, age) if item]
+    return [*plain, *_limit_item(engine.next_limit)]
+
+
+def _limit_item(next_limit: str | None) -> list[Item]:
+    """What the mount runs into if it only tracks on, where that is soon."""
+    if not next_limit:
+        return []
+    minutes = re.search(r"in (\d+) min", next_limit)
+    is_far = minutes is not None and int(minutes[1]) >= LIMIT_SOON_MIN
+    is_near = minutes is not None and int(minutes[1]) * 60 < SOON_S
+    return [] if is_far else [(f"limit if tracking: {next_limit}", "warn" if is_near else "")]
+
+
+def _motion_items(night: NightView) -> list[Item]:
+    track = night.track
+    if track is None:
+        is_looking = night.slew is not None and night.state in {"SEARCH", "ACQUIRE"}
+        reason = f": {night.slew.reason}" if is_looking and night.slew is not None else ""
+        return [(f"looking{reason}" if is_looking else "nothing is followed", "")]
+    _, ra_rate, dec, dec_rate = track.x
+    east, north = predicted_sigma_arcsec(track)
+    items: list[Item] = [
+        (f"rate {ra_rate * cos_deg(dec) * 3600:+.2f} {dec_rate * 3600:+.2f} ″/s", ""),
+        (f"3σ {unsigned_text(3 * max(east, north))}", ""),
+    ]
+    if track.misses:
+        items.append((f"coasted {track.misses} frame{'s' if track.misses > 1 else ''}", "warn"))
+    if night.slew is not None:
+        items.append((f"slew: {night.slew.reason}", ""))
+    return items
+
+
+def _schedule_items(engine: EngineView) -> list[Item]:
+    """What the telescope does at this moment, and until when."""
+    now = engine.now_utc_ns
+    if not engine.is_attached or now is None:
+        return []
+    if engine.exposing_until_utc_ns is not None:
+        left_s = max((engine.exposing_until_utc_ns - now) / NS_PER_S, 0.0)
+        return [(f"exposing, {left_s:.0f} s left", "")]
+    items: list[Item] = [("slewing", "")] if engine.is_slewing else []
+    if engine.next_start_utc_ns is not None:
+        wait_s = max((engine.next_start_utc_ns - now) / NS_PER_S, 0.0)
+        items.append((f"next exposure in {wait_s:.0f} s", ""))
+    return items
+
+
+def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
+    """What comes, the soonest first; the Moon last."""
+    if outlook is None or now is None:
+        return []
+    coming: list[tuple[int, str]] = []
+    if outlook.target_limit is not None:
+        at, refusal = outlook.target_limit
+        coming.append((at, f"target meets its {refusal.limit} limit"))
+    if outlook.eclipse_utc_ns is not None:
+        is_now = outlook.eclipse_utc_ns <= outlook.t_utc_ns
+        coming.append((outlook.eclipse_utc_ns, "in eclipse" if is_now else "eclipse"))
+    if outlook.dark_utc_ns is None:
+        coming.append((now, "it does not get dark"))
+    else:
+        dusk, dawn = outlook.dark_utc_ns
+        coming.append((dawn, "dawn") if dusk <= now else (dusk, "dark"))
+    items: list[Item] = []
+    for at, what in sorted(coming):
+        left_s = (at - now) / NS_PER_S
+        words = what if left_s <= 0 else f"{what} {clock_text(at)[:5]}Z ({duration_text(left_s)})"
+        items.append((words, "warn" if left_s < SOON_S else ""))
+    height = f"{outlook.moon_altitude_deg:+.0f}°"
+    away = "" if outlook.moon_away_deg is None else f", {outlook.moon_away_deg:.0f}° away"
+    is_up = outlook.moon_altitude_deg > 0.0
+    moon = f"Moon {outlook.moon_lit:.0%} {height}{away}" if is_up else "Moon down"
+    return [*items, (moon, ""), (f"Sun {outlook.sun_altitude_deg:+.0f}°", "")]
+
+
+def _margin_items(outlook: "Outlook | None") -> list[Item]:
+    """How far each limit is from where the telescope looks."""
+    if outlook is None:
+        return []
+    return [
+        (f"{name} {margin:+.0f}°", "warn" if margin < NEAR_DEG else "")
+        for name, margin in outlook.margins_deg
+    ]
+
+
+def _cycle_items(night: NightView, engine: EngineView) -> list[Item]:
+    items: list[Item] = []
+    if night.timing is not None:
+        stages = night.timing.stage_ms
+        if "total" in stages:
+            items.append((f"cycle {short(stages['total'] / 1000)} s", ""))
+        items += [
+            (f"{STAGES[stage]} {short(stages[stage] / 1000)}", "")
+            for stage in STAGES
+            if stage in stages
+        ]
+    if not items:
+        items.append(("no cycle yet", ""))
+    if engine.reach == "recorded" and night.folder is not None:
+        items.append((night.folder.name, ""))
+    return items
+
+
+def _health_items(night: NightView, engine: EngineView) -> list[Item]:
+    """Focus, then machine and instruments; what is not well is inked."""
+    items = _focus_items(night)
+    if engine.is_attached:
+        items += [(f"{each.name} {each.text}", "" if each.ok else "warn") for each in engine.health]
+    return items
+
+
+def _focus_items(night: NightView) -> list[Item]:
+    """Width of the stars, and whether they have grown since they were sharpest."""
+    widths = [row.fwhm_px for row in night.rows[-FOCUS_WINDOW:] if row.fwhm_px is not None]
+    if not widths:
+        return []
+    means = _running_medians(widths)
+    now_px, best_px = means[-1], min(means)
+    if now_px > FOCUS_WORSE * best_px:
+        return [(f"stars {now_px:.1f} px, were {best_px:.1f}: focus or seeing", "warn")]
+    return [(f"stars {now_px:.1f} px", "")]
+
+
+def _running_medians(values: Sequence[float]) -> list[float]:
+    n = min(FOCUS_FRAMES, len(values))
+    windows = (sorted(values[at : at + n]) for at in range(len(values) - n + 1))
+    return [window[n // 2] for window in windows]
+
+
+def _blocks(titled: dict[str, list[Item]], width: int, rows: int) -> list[Line]:
+    """Each group under the word for it, as many lines as it takes while there is room."""
+    label_columns = max(len(title) for title in titled) + 2
+    lines: list[Line] = []
+    for title, items in titled.items():
+        for number, line in enumerate(_packed(items, width - label_columns, rows)):
+            label = f" {title}" if number == 0 else ""
+            lines.append([(label.ljust(label_columns), "dim"), *line])
+    return lines[:rows]
+
+
+def _packed(items: Sequence[Item], width: int, rows: int) -> list[Line]:
+    """Items over as many rows as there are; what has no room is left out."""
+    lines: list[list[Item]] = [[]]
+    for item in items:
+        if lines[-1] and _length([*lines[-1], item]) > width:
+            if len(lines) == rows:
+                break
+            lines.append([])
+        lines[-1].append(item)
+    return [clipped(_joined(line), width) for line in lines if line][:rows]
+
+
+def _length(items: Sequence[Item]) -> int:
+    return 1 + len("  ".join(text for text, _ in items))
+
+
+def _joined(items: Sequence[Item]) -> Line:
+    line: Line = [(" ", "")]
+    for number, (text, ink) in enumerate(items):
+        line.append(("  " + text if number else text, ink))
+    return line

@@ -1,0 +1,88 @@
+"""How machine and instruments are, in short words for a panel; cheap enough to ask often."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from rsoconsole.config import Config
+from rsoconsole.engine.doctor_system import free_bytes, read_clock
+from rsoconsole.engine.retention import session_bytes
+from rsoconsole.instruments.ports import Clock, MountReport
+
+HOLDS_S = 5.0
+"""How long a reading is told again before it is taken anew."""
+SILENT_S = 10.0
+"""A mount that has not reported for so long does not answer."""
+HOT_C = 80.0
+"""A Raspberry Pi slows itself down from here on."""
+LOW_HOURS = 4.0
+_THERMAL = Path("/sys/class/thermal/thermal_zone0/temp")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Health:
+    """One thing and how it is."""
+
+    name: str
+    ok: bool
+    text: str
+
+
+class HealthMeter:
+    """Reads at most every few seconds; from any thread."""
+
+    def __init__(
+        self, config: Callable[[], Config], clock: Clock, folder: Path, thermal: Path = _THERMAL
+    ) -> None:
+        self._config = config
+        self._clock = clock
+        self._folder = folder
+        self._thermal = thermal
+        self._read_s = -HOLDS_S
+        self._readings: tuple[Health, ...] = ()
+
+    def read(self, report: MountReport | None) -> tuple[Health, ...]:
+        """Mount, clock, disk, temperature; what cannot be read is left out."""
+        now_s = time.monotonic()
+        if now_s - self._read_s >= HOLDS_S:
+            self._read_s = now_s
+            found = (self._read_clock(), self._read_disk(), self._read_temperature())
+            self._readings = tuple(each for each in found if each is not None)
+        return (self._mount(report), *self._readings)
+
+    def _mount(self, report: MountReport | None) -> Health:
+        if report is None:
+            return Health(name="mount", ok=False, text="has not been heard of")
+        silent_s = (self._clock.now_utc_ns() - report.t_utc_ns) / 1e9
+        if silent_s > SILENT_S:
+            return Health(name="mount", ok=False, text=f"silent for {silent_s:.0f} s")
+        word = "parked" if report.is_parked else "slewing" if report.is_slewing else ""
+        word = word or ("tracking" if report.is_tracking else "stands")
+        return Health(name="mount", ok=True, text=word)
+
+    def _read_clock(self) -> Health:
+        if self._clock.is_simulated:
+            return Health(name="clock", ok=True, text="simulated")
+        reading = read_clock()
+        if not reading.is_synchronised:
+            return Health(name="clock", ok=False, text="not synchronised")
+        offset_ms = None if reading.offset_s is None else abs(reading.offset_s) * 1e3
+        words = "synchronised" if offset_ms is None else f"NTP ±{offset_ms:.1f} ms"
+        return Health(name="clock", ok=True, text=words)
+
+    def _read_disk(self) -> Health | None:
+        try:
+            free = free_bytes(self._folder)
+        except OSError as error:
+            return Health(name="disk", ok=False, text=error.strerror or str(error))
+        hours = free / max(session_bytes(self._config(), 3600.0), 1.0)
+        text = f"{free / 1e9:.0f} GB, {min(hours, 999.0):.0f} h"
+        return Health(name="disk", ok=hours >= LOW_HOURS, text=text)
+
+    def _read_temperature(self) -> Health | None:
+        try:
+            celsius = int(self._thermal.read_text(encoding="ascii")) / 1000.0
+        except (OSError, ValueError):
+            return None
+        return Health(name="CPU", ok=celsius < HOT_C, text=f"{celsius:.0f} °C")
