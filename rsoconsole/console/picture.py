@@ -144,8 +144,8 @@ def draw_closeup(
     middle = place.x0_px + (width - 1) / 2.0, place.y0_px + (height - 1) / 2.0
     n = 1
     if not is_native:
-        n = _pixels_a_square(picture.marks, middle, columns, rows)
-        n = max(1, min(n, width // max(columns, 1) or 1, height // max(2 * rows, 1) or 1))
+        all_of_it = max(math.ceil(width / columns), math.ceil(height / (2 * rows)))
+        n = min(_pixels_a_square(picture.marks, middle, columns, rows), all_of_it)
     columns, rows = min(columns, width // n), min(rows, height // (2 * n))
     x0, y0 = (width - n * columns) // 2, (height - 2 * n * rows) // 2
     piece = codes[y0 : y0 + 2 * n * rows, x0 : x0 + n * columns]

@@ -1,0 +1,99 @@
+"""The short words for machine and instruments: each follows what was read."""
+
+from pathlib import Path
+
+import pytest
+
+from rsoconsole.config import Config
+from rsoconsole.engine import health
+from rsoconsole.engine.doctor_system import ClockReading
+from rsoconsole.engine.health import HealthMeter
+from rsoconsole.instruments.ports import MountReport
+from tests.makers import NS, T0_UTC_NS
+
+
+class StandingClock:
+    """A clock that stands where a test puts it."""
+
+    is_simulated = False
+
+    def now_utc_ns(self) -> int:
+        return T0_UTC_NS
+
+    def wait_until(self, t_utc_ns: int) -> bool:
+        raise NotImplementedError
+
+    def wake(self) -> None:
+        raise NotImplementedError
+
+
+def report(age_s: float = 1.0, **other: bool) -> MountReport:
+    values = {"is_slewing": False, "is_tracking": True, "is_parked": False} | other
+    return MountReport(
+        t_utc_ns=T0_UTC_NS - round(age_s * NS),
+        ra_icrs_deg=10.0,
+        dec_icrs_deg=0.0,
+        pier_side=None,
+        **values,
+    )
+
+
+def read(folder: Path, of: MountReport | None, thermal: str | None = None) -> dict[str, tuple]:
+    place = folder / "temp"
+    if thermal is not None:
+        place.write_text(thermal, encoding="ascii")
+    meter = HealthMeter(Config, StandingClock(), folder, place)
+    return {each.name: (each.ok, each.text) for each in meter.read(of)}
+
+
+@pytest.mark.parametrize(
+    ("of", "said"),
+    [
+        (None, (False, "has not been heard of")),
+        (report(), (True, "tracking")),
+        (report(is_slewing=True), (True, "slewing")),
+        (report(is_parked=True, is_tracking=False), (True, "parked")),
+        (report(is_tracking=False), (True, "stands")),
+        (report(25.0), (False, "silent for 25 s")),
+    ],
+)
+def test_the_mount_is_told_by_its_last_report(tmp_path, of, said):
+    assert read(tmp_path, of)["mount"] == said
+
+
+@pytest.mark.parametrize(
+    ("reading", "said"),
+    [
+        (ClockReading(is_synchronised=True, offset_s=-0.0021), (True, "NTP ±2.1 ms")),
+        (ClockReading(is_synchronised=True), (True, "synchronised")),
+        (ClockReading(is_synchronised=False), (False, "not synchronised")),
+        (ClockReading(is_synchronised=None), (False, "not synchronised")),
+    ],
+)
+def test_the_clock_is_told_with_its_offset(tmp_path, monkeypatch, reading, said):
+    monkeypatch.setattr(health, "read_clock", lambda: reading)
+    assert read(tmp_path, None)["clock"] == said
+
+
+@pytest.mark.parametrize(("free", "ok"), [(200e9, True), (1e9, False)])
+def test_the_disk_is_told_in_hours_of_exposures(tmp_path, monkeypatch, free, ok):
+    monkeypatch.setattr(health, "free_bytes", lambda _folder: free)
+    is_well, text = read(tmp_path, None)["disk"]
+    assert is_well is ok
+    assert text.startswith(f"{free / 1e9:.0f} GB, ")
+
+
+def test_a_hot_processor_is_told_and_an_unknown_one_is_left_out(tmp_path):
+    assert read(tmp_path, None, "52312\n")["CPU"] == (True, "52 °C")
+    assert read(tmp_path, None, "84000\n")["CPU"] == (False, "84 °C")
+    assert "CPU" not in read(tmp_path / "elsewhere", None)
+    assert read(tmp_path, None, "no number")["disk"]
+
+
+def test_what_was_read_is_told_again_for_a_while(tmp_path, monkeypatch):
+    readings = iter([ClockReading(is_synchronised=True), ClockReading(is_synchronised=False)])
+    monkeypatch.setattr(health, "read_clock", lambda: next(readings))
+    meter = HealthMeter(Config, StandingClock(), tmp_path)
+    first = meter.read(report())
+    assert meter.read(report(25.0))[1:] == first[1:]
+    assert meter.read(report(25.0))[0].ok is False
