@@ -213,6 +213,24 @@ class Measurement:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Ruling:
+    """The operator's word on a frame's measurements: the frame is followed again by it."""
+
+    frame_id: int
+    taken: Measurement | None = None
+    """Followed whatever the gates say; also one that the operator made."""
+    refused: tuple[Measurement, ...] = ()
+    by: str = "operator"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowedAgain:
+    """The records behind this one replace those that the frame's measurements first led to."""
+
+    frame_id: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TrackState:
     """The filter at one instant: x = [alpha, alpha rate, delta, delta rate], deg and deg/s."""
 

@@ -185,6 +185,9 @@ class Memory:
     def save_preview(self, frame_id: int, picture: Any) -> bool:
         return True
 
+    def save_closeup(self, frame_id: int, picture: Any) -> bool:
+        return True
+
     def of(self, kind: type[Any]) -> list[Any]:
         return [record for record in self.records if isinstance(record, kind)]
 

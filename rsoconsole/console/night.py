@@ -12,6 +12,7 @@ from rsoconsole.records import (
     Closeup,
     CycleTiming,
     Detections,
+    FollowedAgain,
     FrameTaken,
     LoopState,
     Measurement,
@@ -198,6 +199,12 @@ class Night:
         if record.frame_id in self._details:
             before = self._details[record.frame_id].not_followed
             self._detail(record.frame_id, not_followed=(*before, record))
+
+    @_fold.register
+    def _(self, record: FollowedAgain, _t_utc_ns: int) -> None:
+        blank = {"miss": None, "residual_arcsec": None, "sigma_arcsec": None, "nis": None}
+        self._change(record.frame_id, **blank)
+        self._detail(record.frame_id, predicted=None, updated=None, not_followed=())
 
     @_fold.register
     def _(self, record: Closeup, _t_utc_ns: int) -> None:

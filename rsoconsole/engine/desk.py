@@ -12,11 +12,13 @@ from rsoconsole.engine.health import HealthMeter
 from rsoconsole.engine.intentions import Intentions, Wish, action_record, changed
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.states import Stopped
+from rsoconsole.engine.verdicts import VERBS
 from rsoconsole.engine.wishes import overridden, refuse_by_hand, wanted_direction
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky.frames import icrs_to_altaz
 
+LONGEST_NOTE = 2000
 SOON = "in force from the next cycle"
 FLUSH_S = 0.5
 
@@ -56,6 +58,8 @@ class Desk:
             "unpark": self._queue,
             "set": self._set,
             "shutdown": self._shutdown,
+            "note": self._note,
+            **dict.fromkeys(VERBS, self._judge),
         }
         handler = handlers.get(intention.verb)
         if handler is None:
@@ -135,6 +139,23 @@ class Desk:
             return Outcome(ok=False, message="set needs a name and a value")
         changed(self._engine.config, name, value)
         return self._accept(intention, SOON)
+
+    def _judge(self, intention: Intention) -> Outcome:
+        """A word on a frame's streaks: refused at once where it can be seen that it must be."""
+        self._engine.check_ruling(intention.verb, intention.arguments)
+        return self._accept(intention, "in force before the next frame is followed")
+
+    def _note(self, intention: Intention) -> Outcome:
+        """The operator's remark, on record at once."""
+        text = intention.arguments.get("text")
+        if not isinstance(text, str) or not text.strip():
+            return Outcome(ok=False, message="a note needs words")
+        said = {"text": text.strip()[:LONGEST_NOTE]}
+        self._engine.chronicle.append(
+            OperatorAction(verb="note", arguments=said, outcome="noted", by=intention.by)
+        )
+        self._flush(FLUSH_S)
+        return Outcome(ok=True, message="noted")
 
     def _shutdown(self, intention: Intention) -> Outcome:
         outcome = self._accept(intention, "the engine stops the mount and ends")

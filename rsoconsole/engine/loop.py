@@ -3,8 +3,9 @@
 import contextlib
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.engine.arming import pointing_check
@@ -31,6 +32,7 @@ from rsoconsole.engine.states import (
     step,
 )
 from rsoconsole.engine.status import Status, status_of
+from rsoconsole.engine.verdicts import ruling_of, verdict_words
 from rsoconsole.engine.watch import Watch
 from rsoconsole.engine.wishes import HandMove, grant
 from rsoconsole.errors import InstrumentError, RsoconsoleError
@@ -40,6 +42,7 @@ from rsoconsole.records import (
     CycleTiming,
     Frame,
     Miss,
+    Ruling,
     Solution,
     StateChange,
 )
@@ -205,6 +208,8 @@ class Engine:
         if result.refusal is not None:
             raise ValueError(result.refusal)
         self._enter(result.charge, result.reason)
+        if self.charge.following is not before.following and not isinstance(happening, Followed):
+            self._cycle.folds.forget()
         if not isinstance(happening, Followed):
             self._plan = self._exposures.next_start_utc_ns = None
         if isinstance(happening, LimitMet | BY_OPERATOR):
@@ -226,6 +231,40 @@ class Engine:
             else:
                 self._cycle.forget_plate()
         return result
+
+    def check_ruling(self, verb: str, arguments: Mapping[str, Any], by: str = "operator") -> Ruling:
+        """What the operator's word on a frame would be. Raises ValueError where it cannot be."""
+        if not self.charge.is_autonomous:
+            raise ValueError("autonomy does not have the mount: nothing is being followed")
+        return ruling_of(
+            verb,
+            arguments,
+            by=by,
+            folds=self._cycle.folds,
+            following=self.following,
+            config=self.config,
+        )
+
+    def rule(self, verb: str, arguments: Mapping[str, Any], by: str) -> str:
+        """The operator's word on a frame's streaks; in force for the order after the next frame.
+
+        Returns what came of it, in words. Raises ValueError where it cannot be.
+        """
+        before = self.following
+        ruling = self.check_ruling(verb, arguments, by)
+        after, records = self._cycle.rule(ruling)
+        words = verdict_words(ruling, records)
+        if after.state != before.state:
+            # Before the ruling: behind it stand only the records of what is followed again.
+            self.chronicle.append(
+                StateChange(
+                    frame_id=ruling.frame_id, before=before.state, after=after.state, reason=words
+                )
+            )
+        for record in records:
+            self.chronicle.append(record)
+        self.happen(Followed(after=after))
+        return words
 
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next cycle."""

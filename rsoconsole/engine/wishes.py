@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rsoconsole.engine import verdicts
 from rsoconsole.engine.hands import NS
 from rsoconsole.engine.intentions import Wish, change_record, changed
 from rsoconsole.engine.states import Disarmed, Held, Resumed, Taken
@@ -47,6 +48,7 @@ def grant(engine: "Engine", wish: Wish) -> str:
         "unpark": _unpark,
         "set": _set,
         "shutdown": lambda _e, _w: DONE,
+        **dict.fromkeys(verdicts.VERBS, _rule),
     }
     granter = granters.get(wish.verb)
     if granter is None:
@@ -68,13 +70,13 @@ def wanted_direction(engine: "Engine", wish: Wish) -> tuple[float, float]:
     Raises ValueError when it names no direction, InstrumentError when the mount is silent.
     """
     if wish.verb == "goto":
-        ra_deg = _number(wish.arguments, "ra_icrs_deg")
-        dec_deg = _number(wish.arguments, "dec_icrs_deg")
+        ra_deg = verdicts.number(wish.arguments, "ra_icrs_deg")
+        dec_deg = verdicts.number(wish.arguments, "dec_icrs_deg")
         if not -90.0 <= dec_deg <= 90.0:
             raise ValueError(f"declination {dec_deg:g} is outside -90 to 90")
         return float(wrap_360(ra_deg)), dec_deg
-    east = _number(wish.arguments, "east_arcmin")
-    north = _number(wish.arguments, "north_arcmin")
+    east = verdicts.number(wish.arguments, "east_arcmin")
+    north = verdicts.number(wish.arguments, "north_arcmin")
     if math.hypot(east, north) > LARGEST_NUDGE_ARCMIN:
         raise ValueError(f"a nudge goes at most {LARGEST_NUDGE_ARCMIN:g} arcmin: use goto")
     ra_deg, dec_deg = _looks_at(engine)
@@ -145,16 +147,13 @@ def _unpark(engine: "Engine", _wish: Wish) -> str:
     return DONE
 
 
+def _rule(engine: "Engine", wish: Wish) -> str:
+    return engine.rule(wish.verb, wish.arguments, wish.by)
+
+
 def _set(engine: "Engine", wish: Wish) -> str:
     name, value = str(wish.arguments.get("name", "")), wish.arguments.get("value", "")
     after = changed(engine.config, name, value)
     engine.chronicle.append(change_record(engine.config, after, name, wish.by))
     engine.configure(after)
     return DONE
-
-
-def _number(arguments: Mapping[str, Any], name: str) -> float:
-    value = arguments.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{name} must be a number")
-    return float(value)

@@ -14,12 +14,14 @@ from typing import Any
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.pipeline.absence import StarHistory
-from rsoconsole.pipeline.cycle import Shown, fold, looked_at
+from rsoconsole.pipeline.fold import Shown, fold, looked_at
 from rsoconsole.pipeline.measure import measure, shutter_mid_utc_ns
+from rsoconsole.pipeline.rulings import Fold, Folds
 from rsoconsole.records import (
     CycleTiming,
     Detections,
     Event,
+    FollowedAgain,
     FrameTaken,
     LoopState,
     Measurement,
@@ -27,6 +29,7 @@ from rsoconsole.records import (
     NotFollowed,
     NotSolved,
     ParameterChange,
+    Ruling,
     Solution,
     StateChange,
     TrackState,
@@ -120,6 +123,11 @@ class _Walk:
     open: _Open | None = None
     alarms: set[str] = field(default_factory=set)
     """Said since the last frame came."""
+    folds: Folds = field(default_factory=Folds)
+    again: dict[int, Fold] = field(default_factory=dict)
+    """Frames that a ruling has had followed again, by number."""
+    open_again: tuple[Fold, list[Any]] | None = None
+    """One of them whose records still come in."""
 
     def hear(self, record: Any) -> Iterator[ReplayedFrame]:
         """One record; gives the frame that it shows to be complete."""
@@ -133,6 +141,9 @@ class _Walk:
                     self.open = _Open(taken=self.taken, detections=record)
             case CycleTiming():
                 yield from self.close()
+            case Ruling() | FollowedAgain():
+                yield from self.close()
+                self._hear_ruling(record)
             case ParameterChange():
                 yield from self.close()
                 if record.name not in self.held:
@@ -143,6 +154,8 @@ class _Walk:
             case Event():
                 if record.level == "alarm":
                     self.alarms.add(record.text)
+            case TrackState() | NotFollowed() | Miss() | StateChange() if self.open_again:
+                self.open_again[1].append(record)
             case _ if self.open is not None:
                 self._add(self.open, record)
 
@@ -159,6 +172,10 @@ class _Walk:
 
     def close(self) -> Iterator[ReplayedFrame]:
         """Fold the open frame, if there is one."""
+        if self.open_again is not None:
+            fold_, recorded_again = self.open_again
+            self.open_again = None
+            yield _replayed(fold_, tuple(recorded_again))
         if self.open is None:
             return
         shown, recorded = self.open.shown(), tuple(self.open.recorded)
@@ -171,18 +188,33 @@ class _Walk:
             return
         shown = _at_instant(shown, t_mid_ns)
         folded = fold(self.following, self.stars, shown, self.config)
-        self.following, self.stars = folded.following, folded.stars
-        yield ReplayedFrame(
-            taken=shown.taken,
+        done = Fold(
+            before=self.following,
+            stars_before=self.stars,
             shown=shown,
             config=self.config,
-            after=folded.following,
-            records=folded.records,
-            recorded=recorded,
+            folded=folded,
         )
+        self.folds.add(done)
+        self.following, self.stars = folded.following, folded.stars
+        yield _replayed(done, recorded)
+
+    def _hear_ruling(self, record: Ruling | FollowedAgain) -> None:
+        """The operator's word: what is followed is what it leads to."""
+        if isinstance(record, FollowedAgain):
+            done = self.again.pop(record.frame_id, None)
+            self.open_again = None if done is None else (done, [])
+            return
+        try:
+            again = self.folds.rule(record)
+        except ValueError:  # under what is tried the frame was not followed
+            return
+        self.again = {each.shown.taken.frame_id: each for each in again}
+        self.following = again[-1].folded.following
 
     def _pass(self, change: StateChange) -> None:
         """The operator, a limit, a fault or the end of the night: what is followed after it."""
+        self.folds.forget()
         if change.after == "MANUAL":
             # Only a track is worth coming back to.
             if self.following.state in ("TRACK", "COAST"):
@@ -198,6 +230,17 @@ class _Walk:
         else:
             self.following = Following()  # there was a track then; under what is tried there is not
         self.suspended = None
+
+
+def _replayed(done: Fold, recorded: tuple[Any, ...]) -> ReplayedFrame:
+    return ReplayedFrame(
+        taken=done.shown.taken,
+        shown=done.shown,
+        config=done.config,
+        after=done.folded.following,
+        records=done.folded.records,
+        recorded=recorded,
+    )
 
 
 def _is_from_outside(change: StateChange) -> bool:

@@ -22,6 +22,7 @@ from rsoconsole.records import (
     CycleTiming,
     Detections,
     Event,
+    FollowedAgain,
     FrameTaken,
     Measurement,
     Miss,
@@ -29,6 +30,7 @@ from rsoconsole.records import (
     NotSolved,
     OperatorAction,
     ParameterChange,
+    Ruling,
     SlewCommand,
     Solution,
     StateChange,
@@ -50,6 +52,8 @@ Record: TypeAlias = (
     | OperatorAction
     | CycleTiming
     | Closeup
+    | Ruling
+    | FollowedAgain
     | Event
 )
 """What the log of a session holds."""

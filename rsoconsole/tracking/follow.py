@@ -42,6 +42,9 @@ AS_GOOD_AS_CERTAIN = 0.9
 
 NOTHING_SEEN = "no detection"
 NOTHING_FITS = "nothing fits the prediction"
+REFUSED, NOT_CHOSEN = "refused by the operator", "the operator chose another one"
+ANOTHER_OBJECT_NIS = 100.0
+"""What the operator chooses ten sigmas from the prediction is another object: it begins anew."""
 CANNOT_TELL = "cannot be told apart from its neighbour"
 
 
@@ -58,6 +61,10 @@ class Seen:
     """What a miss of this frame is put down to."""
     field: Field | None = None
     """What the frame could show; None where that is not known."""
+    chosen: Measurement | None = None
+    """The one that the operator wants followed; one of ``measurements``."""
+    refused: tuple[Measurement, ...] = ()
+    """Those that the operator wants left alone; none of ``measurements``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,10 +96,13 @@ def follow(
     before: Following, seen: Seen, settings: FollowSettings
 ) -> tuple[Following, tuple[Record, ...]]:
     """The next state, and what to put on the record, in order."""
-    if before.state in ("TRACK", "COAST") and before.track is not None:
-        after, records = _follow_track(before, before.track, seen, settings)
-    else:
+    if before.state not in ("TRACK", "COAST") or before.track is None:
         after, records = _acquire(before, seen, settings)
+    elif seen.chosen is not None:
+        after, records = _follow_chosen(before.track, before, seen.chosen, seen, settings)
+    else:
+        after, records = _follow_track(before, before.track, seen, settings)
+    records += tuple(_not_followed(m, REFUSED) for m in seen.refused)
     if after.state != before.state:
         change = StateChange(
             frame_id=seen.frame_id,
@@ -123,13 +133,18 @@ def _acquire(
     once: a candidate that waits for a second frame hears it with that frame.
     """
     usable = tuple(m for m in seen.measurements if not m.is_clipped)
+    told_of_choice: tuple[Record, ...] = ()
+    if seen.chosen is not None:
+        told_of_choice = tuple(_not_followed(m, NOT_CHOSEN) for m in usable if m != seen.chosen)
+        usable = (seen.chosen,)
     if settings.choice == "nearest":
         usable = tuple(sorted(usable, key=_rank))
     clipped = tuple(
         _not_followed(m, "clipped by the frame: starts no track")
         for m in seen.measurements
-        if m.is_clipped
+        if m.is_clipped and m != seen.chosen
     )
+    clipped += told_of_choice
     for second in usable:
         partners = [
             first
@@ -212,6 +227,28 @@ def _follow_track(
         neighbours=_beside(before.neighbours, updated[chosen], chosen, seen),
     )
     return after, (predicted, updated[chosen], *_verdicts(reasons, updated))
+
+
+def _follow_chosen(
+    track: TrackState,
+    before: Following,
+    chosen: Measurement,
+    seen: Seen,
+    settings: FollowSettings,
+) -> tuple[Following, tuple[Record, ...]]:
+    """What the operator wants followed is taken whatever the gates say, or begins a new track."""
+    predicted = lqe.predict(track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
+    others = tuple(_not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
+    updated = lqe.update(predicted, chosen, settings.filter)
+    if _nis(updated) > ANOTHER_OBJECT_NIS:
+        return Following(state="ACQUIRE", candidates=(chosen,)), (predicted, *others)
+    after = Following(
+        state="TRACK",
+        track=updated,
+        taken=chosen,
+        neighbours=_beside(before.neighbours, updated, chosen, seen),
+    )
+    return after, (predicted, updated, *others)
 
 
 def _refusals(  # noqa: PLR0917 -- one call, each argument a different thing

@@ -1,0 +1,115 @@
+"""What is followed after a frame, from what is on record alone. Pure: no pixels, no memory."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from rsoconsole.config import Config
+from rsoconsole.errors import FrameError
+from rsoconsole.pipeline.absence import StarHistory, counted, explain_absence, stars_of
+from rsoconsole.pipeline.measure import shutter_mid_utc_ns
+from rsoconsole.pipeline.reduce import plain_absence
+from rsoconsole.records import (
+    Detections,
+    Frame,
+    FrameTaken,
+    Measurement,
+    NotSolved,
+    Ruling,
+    Solution,
+)
+from rsoconsole.tracking.follow import NOTHING_FITS, Following, FollowSettings, Seen, follow
+from rsoconsole.tracking.neighbours import Field
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """What a frame showed, as the record has it."""
+
+    taken: FrameTaken
+    detections: Detections
+    solution: Solution | NotSolved | None
+    measurements: tuple[Measurement, ...]
+    ruling: Ruling | None = None
+    """The operator's word on them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Folded:
+    """What is known after a frame."""
+
+    following: Following
+    stars: StarHistory
+    records: tuple[Any, ...]
+    """What the fold puts on record, in order."""
+
+
+def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Config) -> Folded:
+    """What is followed after a frame. Pure. Raises FrameError for a frame without a time."""
+    taken = shown.taken
+    t_mid_ns, exposure_s = when(taken, config)
+    stars = stars_of(shown.detections, exposure_s)
+    plain = NOTHING_FITS
+    if not shown.measurements:
+        plain = plain_absence(shown.detections, shown.solution, t_mid_ns)
+    absence = explain_absence(
+        plain,
+        stars=stars,
+        stars_before=stars_before,
+        track=before.track,
+        site=config.site.to_site(),
+        t_utc_ns=t_mid_ns,
+        blocked=taken.blocked,
+    )
+    ruling = shown.ruling or Ruling(frame_id=taken.frame_id)
+    measurements = tuple(m for m in shown.measurements if m not in ruling.refused)
+    if ruling.taken is not None and ruling.taken not in measurements:
+        measurements = (*measurements, ruling.taken)
+    seen = Seen(
+        frame_id=taken.frame_id,
+        t_mid_utc_ns=t_mid_ns,
+        exposure_s=exposure_s,
+        measurements=measurements,
+        absence=absence,
+        field=_field(shown),
+        chosen=ruling.taken,
+        refused=ruling.refused,
+    )
+    after, records = follow(before, seen, follow_settings(config, taken))
+    return Folded(
+        following=after, stars=counted(stars_before, stars, shown.solution), records=records
+    )
+
+
+def _field(shown: Shown) -> Field | None:
+    if not isinstance(shown.solution, Solution):
+        return None
+    size = (shown.taken.width_px, shown.taken.height_px)
+    return Field(wcs=shown.solution.wcs, width_px=size[0], height_px=size[1])
+
+
+def when(taken: FrameTaken, config: Config) -> tuple[int, float]:
+    """Mid-exposure by the shutter, and the exposure's length. Raises FrameError without a time."""
+    t_mid_ns = shutter_mid_utc_ns(taken, config.exposure)
+    if t_mid_ns is None or taken.exposure_s is None:
+        raise FrameError(
+            f"{taken.name} has no DATE-OBS or EXPTIME: it can be detected and solved,"
+            " not followed; have the camera's driver write them"
+        )
+    return t_mid_ns, taken.exposure_s
+
+
+def looked_at(stars_before: StarHistory, shown: Shown) -> StarHistory:
+    """The stars known after a frame that is not followed."""
+    if shown.taken.exposure_s is None:
+        return stars_before
+    return counted(stars_before, stars_of(shown.detections, shown.taken.exposure_s), shown.solution)
+
+
+def follow_settings(config: Config, frame: Frame | FrameTaken) -> FollowSettings:
+    """The fold's settings for a frame of this size."""
+    half_field_px = min(frame.width_px, frame.height_px) / 2.0
+    return FollowSettings(
+        filter=config.filter,
+        half_field_deg=half_field_px * config.optics.scale_arcsec_px / 3600.0,
+        choice=config.search.follow,
+    )

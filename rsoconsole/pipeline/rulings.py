@@ -1,0 +1,86 @@
+"""The operator's word on frames already followed: they are followed again by it, in order.
+
+Pure but for its memory of the last frames. Engine and replay keep one each, and so come to the
+same track.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rsoconsole.config import Config
+from rsoconsole.pipeline.absence import StarHistory
+from rsoconsole.pipeline.fold import Folded, Shown, fold
+from rsoconsole.records import FollowedAgain, Ruling
+from rsoconsole.tracking.follow import Following
+
+KEPT = 12
+"""Frames that a word may still be said on: some minutes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fold:
+    """One frame that was followed: what went in and what came out."""
+
+    before: Following
+    stars_before: StarHistory
+    shown: Shown
+    config: Config
+    folded: Folded
+
+
+def on_record_again(ruling: Ruling, again: tuple[Fold, ...]) -> tuple[Any, ...]:
+    """A ruling and all that it leads to, in the order of the record."""
+    records: list[Any] = [ruling]
+    if ruling.taken is not None and ruling.taken.source == "operator":
+        records.append(ruling.taken)
+    for each in again:
+        records.append(FollowedAgain(frame_id=each.shown.taken.frame_id))
+        records.extend(each.folded.records)
+    return tuple(records)
+
+
+class Folds:
+    """The last frames followed without anything from outside between them."""
+
+    def __init__(self) -> None:
+        self._folds: tuple[Fold, ...] = ()
+        # Replaced as a whole, never changed: other threads look in.
+
+    def add(self, fold_: Fold) -> None:
+        """One more frame."""
+        self._folds = (*self._folds, fold_)[-KEPT:]
+
+    def forget(self) -> None:
+        """Something from outside has changed what is followed: these do not lead there."""
+        self._folds = ()
+
+    def shown(self, frame_id: int) -> Shown:
+        """What a frame showed. Raises ValueError where nothing can be said on it any more."""
+        return self._folds[self._place(frame_id)].shown
+
+    def newest(self) -> Shown:
+        """The last frame. Raises ValueError where there is none."""
+        if not self._folds:
+            raise ValueError("no frame has been followed yet that a word could be said on")
+        return self._folds[-1].shown
+
+    def rule(self, ruling: Ruling) -> tuple[Fold, ...]:
+        """The frame and those after it, followed again. Raises ValueError as ``shown`` does."""
+        place = self._place(ruling.frame_id)
+        before = self._folds[place].before
+        again: list[Fold] = []
+        for old in self._folds[place:]:
+            shown = replace(old.shown, ruling=ruling) if not again else old.shown
+            folded = fold(before, old.stars_before, shown, old.config)
+            again.append(replace(old, before=before, shown=shown, folded=folded))
+            before = folded.following
+        self._folds = (*self._folds[:place], *again)
+        return tuple(again)
+
+    def _place(self, frame_id: int) -> int:
+        for number, each in enumerate(self._folds):
+            if each.shown.taken.frame_id == frame_id:
+                return number
+        known = [each.shown.taken.frame_id for each in self._folds]
+        reach = f"frames {known[0]} to {known[-1]}" if known else "no frame"
+        raise ValueError(f"nothing can be said on frame {frame_id} any more, only on {reach}")

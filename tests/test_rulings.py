@@ -1,0 +1,224 @@
+"""The operator's word on frames already followed: what it does to the track, and its replay."""
+
+import dataclasses
+from typing import Any
+
+import pytest
+
+from rsoconsole.config import Config
+from rsoconsole.control import Intention, Outcome
+from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.pipeline.replay import replay
+from rsoconsole.pipeline.rulings import KEPT
+from rsoconsole.records import (
+    FollowedAgain,
+    Frame,
+    Miss,
+    NotFollowed,
+    OperatorAction,
+    Rejection,
+    Ruling,
+    StateChange,
+    TrackState,
+)
+from rsoconsole.session.codec import decode, encode
+from tests.engine_rig import Rig, ScriptedReducer, desk_of, rig
+from tests.makers import straight_detection
+
+CONFIG = Config.model_validate({"search": {"recentre": "every"}})
+FAR_OFF_ARCSEC = 40.0
+
+
+class Misleading(ScriptedReducer):
+    """In some frames the only measurement is a stranger, well beside the satellite."""
+
+    misled: frozenset[int] = frozenset()
+
+    def reduce(self, frame: Frame) -> Reduction:
+        plain = super().reduce(frame)
+        found = tuple(straight_detection(frame_id=frame.frame_id) for _ in plain.measurements)
+        below = Rejection(
+            detection=straight_detection(
+                frame_id=frame.frame_id, x_px=2.0, y_px=1.0, length_px=20.0, confidence=0.05
+            ),
+            reason="confidence 0.05 below tau 0.10",
+        )
+        detections = dataclasses.replace(plain.detections, detections=found, rejected=(below,))
+        measured = plain.measurements
+        if frame.frame_id in self.misled:
+            measured = tuple(
+                dataclasses.replace(m, dec_icrs_deg=m.dec_icrs_deg + FAR_OFF_ARCSEC / 3600.0)
+                for m in measured
+            )
+        return dataclasses.replace(plain, detections=detections, measurements=measured)
+
+
+def night(frames: set[int], misled: frozenset[int] = frozenset()) -> Rig:
+    r = rig(frames, CONFIG)
+    r.reducer.__class__ = Misleading
+    r.reducer.misled = misled
+    r.engine.arm()
+    return r
+
+
+def say(r: Rig, verb: str, **arguments: Any) -> Outcome:
+    """To the desk, and granted at once."""
+    outcome = desk_of(r).handle(Intention(verb=verb, arguments=arguments))
+    r.engine._apply_wishes()
+    return outcome
+
+
+def replayed(r: Rig) -> list[Any]:
+    records = [decode(*encode(record)[::2]) for record in r.memory.records]
+    return list(replay(records, CONFIG))
+
+
+def test_a_streak_marked_by_hand_measures_a_frame_that_had_missed():
+    r = night({*range(1, 9), *range(10, 14)})
+    r.engine.run(frames=9)
+    assert r.engine.following.state == "COAST"
+    assert say(r, "mark", x_a=0.0, y_a=0.0, x_b=3.0, y_b=3.0).ok
+    after = r.engine.following
+    assert after.state == "TRACK"
+    assert after.taken.source == "operator"
+    assert after.taken.frame_id == 9
+    assert after.track.misses == 0
+    (change,) = [c for c in r.memory.of(StateChange) if c.before == "COAST"]
+    assert change.reason == "frame 9: taken by the operator's hand"
+    r.engine.run(frames=13)
+    assert r.engine.following.state == "TRACK"
+    frames = replayed(r)
+    assert all(frame.is_as_recorded for frame in frames)
+    assert frames[-1].after == r.engine.following
+
+
+def test_a_rejected_measurement_is_as_if_it_had_never_been():
+    r, plain = night(set(range(1, 12))), night({*range(1, 8), *range(9, 12)})
+    for each in (r, plain):
+        each.engine.run(frames=8)
+    assert say(r, "reject").ok
+    assert r.engine.following.state == plain.engine.following.state == "COAST"
+    assert r.engine.following.track == plain.engine.following.track
+    (no,) = [n for n in r.memory.of(NotFollowed) if n.reason == "refused by the operator"]
+    assert no.frame_id == 8
+    for each in (r, plain):
+        each.engine.run(frames=11)
+    assert r.engine.following.track.x == plain.engine.following.track.x
+    assert all(frame.is_as_recorded for frame in replayed(r))
+
+
+def test_a_second_rejection_is_of_the_measurement_before():
+    r = night(set(range(1, 12)))
+    r.engine.run(frames=8)
+    for _ in range(2):
+        assert say(r, "reject").ok
+    assert r.engine.following.taken.frame_id == 6
+    assert r.engine.following.track.misses == 2
+    assert all(frame.is_as_recorded for frame in replayed(r))
+
+
+def test_what_the_gate_refused_is_taken_when_the_operator_accepts_it():
+    r = night(set(range(1, 12)), misled=frozenset({8}))
+    r.engine.run(frames=8)
+    assert r.engine.following.state == "COAST"
+    assert say(r, "accept").ok
+    # Ten sigmas off it is another object: two frames must agree on its motion first.
+    assert r.engine.following.state == "ACQUIRE"
+    assert [m.frame_id for m in r.engine.following.candidates] == [8]
+    assert all(frame.is_as_recorded for frame in replayed(r))
+
+
+def test_a_word_on_an_earlier_frame_follows_all_later_ones_again():
+    r, plain = night(set(range(1, 12))), night({*range(1, 7), *range(8, 12)})
+    for each in (r, plain):
+        each.engine.run(frames=10)
+    seventh = r.engine._cycle.folds.shown(7).measurements[0]
+    ruling = Ruling(frame_id=7, refused=(seventh,))
+    after, records = r.engine._cycle.rule(ruling)
+    assert after.track.x == plain.engine.following.track.x
+    assert after.track.P == plain.engine.following.track.P
+    assert [f.frame_id for f in records if isinstance(f, FollowedAgain)] == [7, 8, 9, 10]
+    assert isinstance(records[0], Ruling)
+    assert any(isinstance(record, Miss) for record in records)
+
+
+def test_a_candidate_below_tau_may_be_chosen_where_it_lies():
+    r = night(set(range(1, 8)))
+    r.engine.run(frames=8)
+    assert say(r, "choose", x=3.0, y=0.0).ok
+    assert r.engine.following.taken.source == "operator"
+    assert (r.engine.following.taken.x_px, r.engine.following.taken.y_px) == (2.0, 1.0)
+    assert all(frame.is_as_recorded for frame in replayed(r))
+
+
+@pytest.mark.parametrize(
+    ("verb", "arguments", "words"),
+    [
+        ("mark", {"x_a": 0.0, "y_a": 0.0, "x_b": 1.0, "y_b": 1.0}, "same place"),
+        ("mark", {"x_a": 0.0, "y_a": 0.0, "x_b": 90.0, "y_b": 1.0}, "in the frame"),
+        ("mark", {"x_a": 0.0, "y_a": 0.0, "x_b": 9.0}, "y_b must be a number"),
+        ("mark", {"x_a": 0.0, "y_a": 0.0, "x_b": 9.0, "y_b": 9.0, "sigma_px": 0.0}, "sigma_px"),
+        ("choose", {"x": 60.0, "y": 60.0}, "no streak at 60, 60"),
+        ("accept", {"frame": "x"}, "frame must be a frame's number"),
+        ("accept", {"frame": 99}, "frame 99"),
+    ],
+)
+def test_what_cannot_be_is_refused_at_once_with_the_reason(verb, arguments, words):
+    r = night(set(range(1, 9)))
+    r.engine.run(frames=5)
+    before = r.engine.following
+    outcome = say(r, verb, **arguments)
+    assert not outcome.ok
+    assert words in outcome.message
+    assert r.engine.following is before
+    assert not r.memory.of(Ruling)
+
+
+def test_without_autonomy_and_after_a_change_from_outside_there_is_nothing_to_say():
+    r = night(set(range(1, 20)))
+    r.engine.run(frames=6)
+    say(r, "disarm")
+    assert "autonomy does not have the mount" in say(r, "reject").message
+    r.engine.arm()
+    assert "nothing has been taken" in say(r, "reject").message
+    assert "no frame has been followed" in say(r, "accept").message
+
+
+def test_only_the_last_frames_are_kept():
+    r = night(set(range(1, 60)))
+    r.engine.run(frames=KEPT + 6)
+    folds = r.engine._cycle.folds
+    assert folds.shown(KEPT + 6)
+    with pytest.raises(ValueError, match=f"only on frames 7 to {KEPT + 6}"):
+        folds.shown(6)
+
+
+def test_what_if_a_frame_was_ruled_on_that_is_not_followed_then():
+    """Under other settings the record's ruling may have nothing to be said on."""
+    r = night(set(range(1, 12)))
+    r.engine.run(frames=8)
+    say(r, "reject")
+    r.engine.run(frames=11)
+    records = [decode(*encode(record)[::2]) for record in r.memory.records]
+    tried = list(replay(records, CONFIG, tried={"filter.r_multiplier": 3.0}))
+    assert tried[-1].after.state in {"TRACK", "COAST"}
+    assert tried[-1].after.track != r.engine.following.track
+
+
+def test_a_note_is_on_record_with_its_words():
+    r = night(set())
+    assert (
+        desk_of(r).handle(Intention(verb="note", arguments={"text": " clouds from the west "})).ok
+    )
+    (action,) = [a for a in r.memory.of(OperatorAction) if a.verb == "note"]
+    assert action.arguments == {"text": "clouds from the west"}
+    for nothing in ({}, {"text": "  "}, {"text": 3}):
+        assert not desk_of(r).handle(Intention(verb="note", arguments=nothing)).ok
+
+
+def test_the_track_on_record_is_the_one_that_was_ruled():
+    r = night(set(range(1, 12)))
+    r.engine.run(frames=8)
+    say(r, "reject")
+    last = r.memory.of(TrackState)[-1]
+    assert (last.frame_id, last.kind) == (8, "predicted")
