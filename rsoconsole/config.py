@@ -237,6 +237,24 @@ class SearchConfig(_Section):
         return self
 
 
+class AimConfig(_Section):
+    """Where the telescope looks beside a track's prediction: what one sets by hand for a while."""
+
+    lead_s: float = Field(
+        0.0, ge=-600, le=600, description="ahead of the prediction, in time; below 0 behind it"
+    )
+    along_arcmin: float = Field(0.0, ge=-120, le=120, description="offset along the motion")
+    across_arcmin: float = Field(
+        0.0, ge=-120, le=120, description="offset to the left of the motion, seen on the sky"
+    )
+
+
+class CatalogueConfig(_Section):
+    """Which satellites are known by name."""
+
+    tle_files: tuple[Path, ...] = Field((), description="two-line element sets, as published")
+
+
 class SessionConfig(_Section):
     """Where sessions are kept and what of the frames."""
 
@@ -257,6 +275,8 @@ class Config(_Section):
     solver: SolverConfig = SolverConfig()
     filter: FilterConfig = FilterConfig()
     search: SearchConfig = SearchConfig()
+    aim: AimConfig = AimConfig()
+    catalogue: CatalogueConfig = CatalogueConfig()
     session: SessionConfig = SessionConfig()
 
 

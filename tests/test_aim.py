@@ -51,7 +51,7 @@ def test_a_search_stands_still_over_the_ground():
         hour_angle_icrs_deg(
             DAYTONA,
             *search_direction(
-                base, search, DAYTONA, field_width_deg=1.6, exposure_number=n, t_utc_ns=t_ns
+                base, search, DAYTONA, field_deg=(1.6, 1.6), exposure_number=n, t_utc_ns=t_ns
             ),
             t_ns,
         )
@@ -67,7 +67,7 @@ def test_a_belt_search_visits_every_field_twice_in_a_row_and_both_sides():
         hour_angle_icrs_deg(
             DAYTONA,
             *search_direction(
-                base, search, DAYTONA, field_width_deg=1.6, exposure_number=n, t_utc_ns=T_UTC_NS
+                base, search, DAYTONA, field_deg=(1.6, 1.6), exposure_number=n, t_utc_ns=T_UTC_NS
             ),
             T_UTC_NS,
         )
@@ -83,7 +83,7 @@ def test_an_unset_search_starts_where_the_mount_points():
         base,
         SearchConfig(pattern="stay"),
         DAYTONA,
-        field_width_deg=1.6,
+        field_deg=(1.6, 1.6),
         exposure_number=0,
         t_utc_ns=T_UTC_NS,
     )
@@ -144,7 +144,7 @@ def test_a_list_of_targets_is_visited_in_turn_with_so_many_frames_each():
     search = SearchConfig(pattern="targets", targets=targets, frames_per_field=2)
 
     def visited(base: SearchBase) -> list[float]:
-        where = {"field_width_deg": 1.6, "t_utc_ns": T_UTC_NS}
+        where = {"field_deg": (1.6, 1.6), "t_utc_ns": T_UTC_NS}
         return [
             round(
                 hour_angle_icrs_deg(

@@ -12,8 +12,14 @@ from rsoconsole.engine.health import HealthMeter
 from rsoconsole.engine.intentions import Intentions, Wish, action_record, changed
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.states import Stopped
+from rsoconsole.engine.temporary import MOST_FRAMES
 from rsoconsole.engine.verdicts import VERBS
-from rsoconsole.engine.wishes import overridden, refuse_by_hand, wanted_direction
+from rsoconsole.engine.wishes import (
+    overridden,
+    preview_of_move,
+    refuse_by_hand,
+    wanted_direction,
+)
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky.frames import icrs_to_altaz
@@ -50,12 +56,16 @@ class Desk:
             "status": self._status,
             "arm": self._arm,
             "disarm": self._queue,
-            "hold": self._queue,
+            "hold": self._hold,
             "resume": self._queue,
             "goto": self._move,
             "nudge": self._move,
             "park": self._queue,
             "unpark": self._queue,
+            "abort": self._queue,
+            "track": self._queue,
+            "seek": self._queue,
+            "preview": self._preview,
             "set": self._set,
             "shutdown": self._shutdown,
             "note": self._note,
@@ -95,6 +105,7 @@ class Desk:
         report = self._engine.watch.last_report
         data["health"] = [dataclasses.asdict(each) for each in self._health.read(report)]
         data["alt"] = data["az"] = None
+        data["temporary"] = self._engine.temporary.left()
         data["session"] = str(self._session.absolute())
         data["pid"] = os.getpid()
         if status.ra is not None and status.dec is not None and status.t_utc_ns is not None:
@@ -138,7 +149,23 @@ class Desk:
         if not isinstance(value, int | float | str) or isinstance(value, bool):
             return Outcome(ok=False, message="set needs a name and a value")
         changed(self._engine.config, name, value)
+        frames = intention.arguments.get("frames")
+        is_count = isinstance(frames, int) and not isinstance(frames, bool)
+        if frames is not None and not (is_count and 1 <= frames <= MOST_FRAMES):
+            return Outcome(ok=False, message=f"frames must be a number from 1 to {MOST_FRAMES}")
         return self._accept(intention, SOON)
+
+    def _hold(self, intention: Intention) -> Outcome:
+        until = intention.arguments.get("until")
+        if until not in {None, "clear"}:
+            return Outcome(ok=False, message="a hold is until 'clear', or until you resume")
+        return self._accept(intention, SOON)
+
+    def _preview(self, intention: Intention) -> Outcome:
+        """Where a move by hand would lead, how long it takes and what stands against it."""
+        verb = "nudge" if "east_arcmin" in intention.arguments else "goto"
+        wish = Wish(verb=verb, arguments=intention.arguments, by=intention.by)
+        return Outcome(ok=True, data=preview_of_move(self._engine, wish))
 
     def _judge(self, intention: Intention) -> Outcome:
         """A word on a frame's streaks: refused at once where it can be seen that it must be."""

@@ -28,13 +28,16 @@ TUNABLE = {
     "search.pattern",
     "mount.meridian",
     "mount.after_stop",
+    "aim.lead_s",
+    "aim.along_arcmin",
+    "aim.across_arcmin",
     "exposure.exposure_s",
     "exposure.cadence_s",
 }
 """What may change while the loop runs."""
 
 
-URGENT = frozenset(("disarm", "goto", "nudge", "park", "unpark", "hold"))
+URGENT = frozenset(("abort", "track", "disarm", "goto", "nudge", "park", "unpark", "hold"))
 """Wishes that do not wait for the end of an exposure."""
 
 

@@ -27,15 +27,19 @@ from rsoconsole.engine.states import (
     Happening,
     LimitMet,
     NotPointing,
+    Resumed,
+    Sought,
     Step,
     Taken,
     step,
 )
 from rsoconsole.engine.status import Status, status_of
+from rsoconsole.engine.temporary import Temporary
 from rsoconsole.engine.verdicts import ruling_of, verdict_words
 from rsoconsole.engine.watch import Watch
 from rsoconsole.engine.wishes import HandMove, grant
 from rsoconsole.errors import InstrumentError, RsoconsoleError
+from rsoconsole.pipeline.absence import direction_at
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.records import (
@@ -45,12 +49,15 @@ from rsoconsole.records import (
     Ruling,
     Solution,
     StateChange,
+    TrackState,
 )
 from rsoconsole.tracking.follow import Following
 
 log = logging.getLogger(__name__)
 
 IDLE_TICK_NS = NS
+CLEAR_FRAMES = 2
+"""Frames in a row with their stars: the sky has cleared."""
 STOP_POLL_S = 0.02
 
 
@@ -90,6 +97,10 @@ class Engine:
         self._plan: Plan | None = None
         self._is_first_look = False
         self._faults: list[str] = []
+        self._clear_frames = 0
+        self._last_track: TrackState | None = None
+        self.temporary = Temporary()
+        """Settings that hold for some frames only."""
         hands.on_tick = self.watch.hear_loop
 
     @property
@@ -283,6 +294,7 @@ class Engine:
         try:
             self._exposures.pass_processing_time()
             reduction = self._reduce_and_go_on(frame, read_ms, plan.blocked)
+            self._count_frame()
             place_px = place_of_interest(reduction, self.following)
         finally:
             # Also the frame that could not be used: it is the one somebody will want to see.
@@ -312,8 +324,39 @@ class Engine:
             for record in records:
                 self.chronicle.append(record)
             self.charge = replace(self.charge, failures=0)
+            self._count_frame()
         finally:
             self._exposures.keep(frame, self.following.state, place_px)
+
+    def _count_frame(self) -> None:
+        """One frame is done: what holds for some frames, or until the sky clears, may be over."""
+        config, changes = self.temporary.count(self.config)
+        for change in changes:
+            self.chronicle.append(change)
+        if changes:
+            self.configure(config)
+        if self.following.track is not None:
+            self._last_track = self.following.track
+        if not self.charge.resumes_when_clear:
+            self._clear_frames = 0
+            return
+        self._clear_frames = 0 if self._cycle.cloud else self._clear_frames + 1
+        if self._clear_frames >= CLEAR_FRAMES:
+            self.chronicle.say("info", "the stars are back: slews again")
+            self.happen(Resumed(by="the sky"))
+
+    def seek(self, by: str) -> str:
+        """Look again for what was followed, in a widening spiral round where it must be.
+
+        Raises ValueError where nothing was followed, or autonomy does not have the mount.
+        """
+        track = self._last_track
+        if track is None:
+            raise ValueError("nothing has been followed this night that could be looked for")
+        now_ns = self.hands.now_utc_ns()
+        self.happen(Sought(by=by))
+        self.planner.search_about(direction_at(track, now_ns), now_ns)
+        return "looking for it in a widening spiral"
 
     def _reduce_and_go_on(self, frame: Frame, read_ms: float, blocked: str | None) -> Reduction:
         began_s = time.perf_counter()

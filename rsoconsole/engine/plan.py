@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from rsoconsole.config import Config
+from rsoconsole.config import AimConfig, Config
 from rsoconsole.engine.hands import NS
 from rsoconsole.engine.search import Direction, Search
 from rsoconsole.instruments.ports import MountReport, PierSide
@@ -78,6 +78,11 @@ class Planner:
         self._search.start(self.looking_at(report), now_utc_ns)
         self._is_block_told = False
         self._stands_at(report)
+
+    def search_about(self, direction: Direction, t_utc_ns: int) -> None:
+        """Search round this direction, further and further out."""
+        self._search.widen_about(direction, t_utc_ns)
+        self._is_block_told = False
 
     def go_home(self) -> None:
         """Search from the first field again, where the search was begun."""
@@ -187,7 +192,7 @@ class Planner:
         earliest_ns = self._earliest_ns(now_utc_ns)
         first_mid_ns = self._t_mid_ns(earliest_ns)
         first_guess, _ = self._direction(following, search_number, first_mid_ns)
-        arrival_ns = now_utc_ns + round(self._slew_s(first_guess, now_utc_ns) * NS)
+        arrival_ns = now_utc_ns + round(self.slew_s(first_guess, now_utc_ns) * NS)
         t_start_ns = max(earliest_ns, arrival_ns)
         t_mid_ns = self._t_mid_ns(t_start_ns)
         direction, reason = self._direction(following, search_number, t_mid_ns)
@@ -211,17 +216,19 @@ class Planner:
     def _end_ns(self, plan: Plan) -> int:
         return plan.t_mid_utc_ns + round(self._config.exposure.exposure_s / 2.0 * NS)
 
-    def _slew_s(self, direction: Direction, t_utc_ns: int) -> float:
+    def slew_s(self, direction: Direction, t_utc_ns: int) -> float:
+        """Seconds that a slew from where the telescope looks takes, settling and all."""
         mount = self._config.mount
         way_deg = 0.0
         if self._centre is not None:
             ra_way_deg = abs(wrap_180(direction[0] - self._centre[0]))
             way_deg = max(ra_way_deg, abs(direction[1] - self._centre[1]))
-        if self._side_at(direction, t_utc_ns) != self._pier_side:
+        if self.side_at(direction, t_utc_ns) != self._pier_side:
             way_deg = FLIP_WAY_DEG
         return SLEW_OVERHEAD_S + way_deg / mount.slew_rate_deg_s + mount.settle_s
 
-    def _side_at(self, direction: Direction, t_utc_ns: int) -> PierSide | None:
+    def side_at(self, direction: Direction, t_utc_ns: int) -> PierSide | None:
+        """Side of the pier after a slew there."""
         mount = self._config.mount
         return side_at_arrival(self._site, mount, direction, t_utc_ns, self._pier_side)
 
@@ -229,8 +236,10 @@ class Planner:
         self, following: Following, search_number: int, t_mid_ns: int
     ) -> tuple[Direction, str]:
         if following.track is not None:
-            direction = follow_direction(following.track, t_mid_ns, self._config.filter)
-            return direction, "prediction"
+            config = self._config
+            direction = follow_direction(following.track, t_mid_ns, config.filter, config.aim)
+            is_beside = config.aim != AimConfig()
+            return direction, "prediction, offset by hand" if is_beside else "prediction"
         return self._search.direction(
             search_number, t_mid_ns, is_waiting=following.state == "ACQUIRE"
         )
@@ -241,7 +250,7 @@ class Planner:
         planned, planned_utc_ns = self._planned
         # The mount chooses its side when it is told, not when it arrives.
         told_utc_ns = planned_utc_ns if slew == planned else slew.t_aim_utc_ns
-        side = self._side_at(to, told_utc_ns)
+        side = self.side_at(to, told_utc_ns)
         return command_for(self._pointing.at(*self._axes(to, slew.t_aim_utc_ns), side), *to)
 
     def _axes(self, direction: Direction, t_utc_ns: int) -> Direction:

@@ -56,6 +56,12 @@ class Search:
         self._base = search_base_at(self._site, *direction, t_utc_ns, comes_before_targets=True)
         self._here, self.number = None, 0
 
+    def widen_about(self, direction: Direction, t_utc_ns: int) -> None:
+        """Round this direction in a spiral; a later search begins where the first one did."""
+        self._base = search_base_at(self._site, *direction, t_utc_ns, widens=True)
+        self._here, self.number = None, 0
+        self._refused.clear()
+
     def look_here(self, direction: Direction, t_utc_ns: int) -> None:
         """The next exposure is taken where the telescope stands."""
         self._here = search_base_at(self._site, *direction, t_utc_ns)
@@ -115,7 +121,7 @@ class Search:
             self._begun(),
             self._config.search,
             self._site,
-            field_width_deg=self._config.optics.field_deg[0],
+            field_deg=self._config.optics.field_deg,
             exposure_number=number,
             t_utc_ns=t_utc_ns,
         )

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from typing import Any, Literal
 
-from rsoconsole.pipeline.replay import FROM_OUTSIDE
+from rsoconsole.pipeline.replay import LIMIT_MET, SOUGHT_AGAIN
 from rsoconsole.records import LoopState
 from rsoconsole.tracking.follow import Following
 
@@ -35,6 +35,8 @@ class Charge:
     """True where the operator took the mount from autonomy: only that can be given back."""
     is_held: bool = False
     """True while the operator wants no slews: what is followed is coasted and measured."""
+    resumes_when_clear: bool = False
+    """True for a hold that ends by itself when the stars are back."""
     failures: int = 0
     """Exposures in a row that an instrument failed."""
 
@@ -94,11 +96,20 @@ class Held:
     """The operator wants no slews for now."""
 
     by: str
+    until_clear: bool = False
+    """Only as long as the sky is clouded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resumed:
     """The operator gives the mount back after a hold or a move by hand."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sought:
+    """The operator wants what was followed to be looked for again, round where it must be."""
 
     by: str
 
@@ -148,6 +159,7 @@ Happening = (
     | Taken
     | Held
     | Resumed
+    | Sought
     | Followed
     | Failed
     | LimitMet
@@ -213,16 +225,17 @@ def _(happening: Taken, charge: Charge) -> Step:
 
 
 @_step.register
-def _(happening: Held, charge: Charge) -> Step:  # noqa: ARG001
+def _(happening: Held, charge: Charge) -> Step:
     if not charge.is_autonomous:
         return Step(charge=charge, refusal="autonomy does not have the mount: nothing to hold")
-    return Step(charge=replace(charge, is_held=True))
+    held = replace(charge, is_held=True, resumes_when_clear=happening.until_clear)
+    return Step(charge=held)
 
 
 @_step.register
 def _(happening: Resumed, charge: Charge) -> Step:
     if charge.is_autonomous and charge.is_held:
-        return Step(charge=replace(charge, is_held=False))
+        return Step(charge=replace(charge, is_held=False, resumes_when_clear=False))
     if charge.state != "MANUAL":
         return Step(charge=charge, refusal="nothing is held: there is nothing to resume")
     if not charge.is_resumable:
@@ -233,6 +246,16 @@ def _(happening: Resumed, charge: Charge) -> Step:
         return _enter("SEARCH", reason, "start search", "forget plate")
     after = Charge(following=replace(charge.suspended, state="COAST", candidates=()))
     return Step(charge=after, actions=("forget plate",), reason=reason)
+
+
+@_step.register
+def _(happening: Sought, charge: Charge) -> Step:
+    if not charge.is_autonomous:
+        return Step(charge=charge, refusal="autonomy does not have the mount: arm or resume first")
+    if charge.state == "SEARCH":
+        return Step(charge=charge)
+    after = replace(charge, following=Following(state="SEARCH"))
+    return Step(charge=after, reason=f"{SOUGHT_AGAIN} by {happening.by}")
 
 
 @_step.register
@@ -263,7 +286,7 @@ def _(happening: LimitMet, charge: Charge) -> Step:
     # What was followed has set, or stands behind the wall: the search goes on where it began.
     after = Charge(following=Following(state="SEARCH"), failures=failures)
     actions: tuple[Action, ...] = ("search home", "forget plate")
-    return Step(charge=after, actions=actions, reason=f"{FROM_OUTSIDE}: {happening.words}")
+    return Step(charge=after, actions=actions, reason=f"{LIMIT_MET}: {happening.words}")
 
 
 @_step.register

@@ -34,6 +34,8 @@ class Status:
     pier_side: str | None = None
     exposing_until_utc_ns: int | None = None
     """When the shutter closes; None while it is closed."""
+    resumes_when_clear: bool = False
+    """The hold ends by itself when the stars are back."""
     next_start_utc_ns: int | None = None
     """When the next exposure is to begin; None while that is not planned."""
 
@@ -59,6 +61,7 @@ def status_of(
         state=charge.state,
         holder=charge.holder,
         is_held=charge.is_held,
+        resumes_when_clear=charge.resumes_when_clear,
         frame=frame,
         ra=None if track is None else track.x[0] % 360.0,
         dec=None if track is None else track.x[2],

@@ -11,7 +11,9 @@ from rsoconsole.engine.intentions import Wish, change_record, changed
 from rsoconsole.engine.states import Disarmed, Held, Resumed, Taken
 from rsoconsole.engine.watch import LIFTS
 from rsoconsole.pipeline.aim import slew_to
-from rsoconsole.sky.angles import wrap_360
+from rsoconsole.sky.angles import separation_deg, wrap_360
+from rsoconsole.sky.frames import icrs_to_altaz, icrs_to_jnow
+from rsoconsole.sky.limits import Pose
 
 if TYPE_CHECKING:
     from rsoconsole.engine.loop import Engine
@@ -40,10 +42,13 @@ def grant(engine: "Engine", wish: Wish) -> str:
     granters: dict[str, Callable[[Engine, Wish], str]] = {
         "arm": _arm,
         "disarm": lambda e, w: _pass(e, Disarmed(by=w.by)),
-        "hold": lambda e, w: _pass(e, Held(by=w.by)),
+        "hold": _hold,
         "resume": lambda e, w: _pass(e, Resumed(by=w.by)),
         "goto": _goto,
         "nudge": _goto,
+        "abort": lambda _e, _w: "the exposure was given up",
+        "track": _track,
+        "seek": lambda e, w: e.seek(w.by),
         "park": _park,
         "unpark": _unpark,
         "set": _set,
@@ -85,6 +90,35 @@ def wanted_direction(engine: "Engine", wish: Wish) -> tuple[float, float]:
     return float(wrap_360(ra_deg + east / 60.0 / cos_dec)), dec_after_deg
 
 
+def preview_of_move(engine: "Engine", wish: Wish) -> dict[str, Any]:
+    """What a goto or a nudge would do: target, way, time and limits; nothing moves."""
+    direction = wanted_direction(engine, wish)
+    now_ns = engine.hands.now_utc_ns()
+    site = engine.config.site.to_site()
+    here = _looks_at(engine)
+    report = engine.hands.mount_report()
+    alt_deg, az_deg = icrs_to_altaz(site, *direction, now_ns)
+    ra_date_deg, dec_date_deg = icrs_to_jnow(*direction, now_ns)
+    pose = Pose(
+        t_utc_ns=now_ns, ra_icrs_deg=direction[0], dec_icrs_deg=direction[1], pier_side=None
+    )
+    margins = engine.watch.limits.margins_deg(pose)
+    return {
+        "ra_icrs_deg": direction[0],
+        "dec_icrs_deg": direction[1],
+        "ra_date_deg": ra_date_deg,
+        "dec_date_deg": dec_date_deg,
+        "alt_deg": alt_deg,
+        "az_deg": az_deg,
+        "way_deg": separation_deg(*here, *direction),
+        "slew_s": engine.planner.slew_s(direction, now_ns),
+        "pier_side": report.pier_side,
+        "pier_side_after": engine.planner.side_at(direction, now_ns),
+        "margins_deg": [[name, value] for name, value in margins if math.isfinite(value)],
+        "refused": refuse_by_hand(engine, wish, direction),
+    }
+
+
 def refuse_by_hand(engine: "Engine", wish: Wish, direction: tuple[float, float]) -> str | None:
     """Why this move by hand cannot be: a parked mount, a limit; None when it can."""
     if engine.hands.mount_report().is_parked:
@@ -99,6 +133,21 @@ def refuse_by_hand(engine: "Engine", wish: Wish, direction: tuple[float, float])
 def _arm(engine: "Engine", wish: Wish) -> str:
     engine.arm(wish.by, overridden(wish.arguments))
     return DONE
+
+
+def _hold(engine: "Engine", wish: Wish) -> str:
+    return _pass(engine, Held(by=wish.by, until_clear=wish.arguments.get("until") == "clear"))
+
+
+def _track(engine: "Engine", wish: Wish) -> str:
+    """Sidereal tracking on or off, by the operator's hand."""
+    if engine.charge.is_autonomous:
+        raise ValueError("autonomy has the mount: disarm it first")
+    if engine.hands.mount_report().is_parked:
+        raise ValueError("the mount is parked: unpark it first")
+    is_on = wish.arguments.get("on") is not False
+    engine.hands.instruments.mount.set_tracking(is_on)
+    return "the mount tracks" if is_on else "tracking is off: the mount stands"
 
 
 def _pass(engine: "Engine", happening: Disarmed | Held | Resumed) -> str:
@@ -154,6 +203,11 @@ def _rule(engine: "Engine", wish: Wish) -> str:
 def _set(engine: "Engine", wish: Wish) -> str:
     name, value = str(wish.arguments.get("name", "")), wish.arguments.get("value", "")
     after = changed(engine.config, name, value)
+    frames = wish.arguments.get("frames")
+    if frames is None:
+        engine.temporary.keep(name)
+    else:
+        engine.temporary.lend(engine.config, name, frames)
     engine.chronicle.append(change_record(engine.config, after, name, wish.by))
     engine.configure(after)
     return DONE

@@ -1,10 +1,11 @@
 """Where the telescope looks next: search patterns before lock, the prediction after it. Pure."""
 
+import math
 from dataclasses import dataclass
 
-from rsoconsole.config import FilterConfig, MountConfig, SearchConfig, TargetConfig
+from rsoconsole.config import AimConfig, FilterConfig, MountConfig, SearchConfig, TargetConfig
 from rsoconsole.records import Site, SlewCommand, TrackState
-from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky.angles import separation_deg, wrap_360
 from rsoconsole.sky.belt import belt_declination_deg, slot_direction
 from rsoconsole.sky.frames import (
     PierSide,
@@ -14,7 +15,12 @@ from rsoconsole.sky.frames import (
     icrs_to_jnow,
     pier_side,
 )
-from rsoconsole.tracking.lqe import direction_icrs_deg, predict
+from rsoconsole.tracking.lqe import direction_icrs_deg, predict, sky_rate_arcsec_s
+
+SPIRAL_FIELDS = 25
+"""Of a search that widens: two rings about its middle."""
+_LEAST_COSINE = 0.05
+"""Near the pole hour angles step no further than this makes them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +33,9 @@ class SearchBase:
     """Of date; None: the geostationary belt's at each hour angle."""
     comes_before_targets: bool = False
     """Whether a list of targets is preceded by this place: something was lost here."""
+    widens: bool = False
+    """Whether the search goes round this place in a spiral, whatever its pattern: something that
+    was followed is looked for here again."""
 
 
 def search_base(
@@ -51,6 +60,7 @@ def search_base_at(
     t_utc_ns: int,
     *,
     comes_before_targets: bool = False,
+    widens: bool = False,
 ) -> SearchBase:
     """Around this direction, on its own declination: where something was lost."""
     ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(ra_icrs_deg, dec_icrs_deg, t_utc_ns)
@@ -58,11 +68,14 @@ def search_base_at(
         hour_angle_deg=hour_angle_jnow_deg(site, ra_jnow_deg, t_utc_ns),
         declination_deg=dec_jnow_deg,
         comes_before_targets=comes_before_targets,
+        widens=widens,
     )
 
 
 def fields_in_round(base: SearchBase, search: SearchConfig) -> int:
     """How many fields a search visits before it comes back to its first."""
+    if base.widens:
+        return SPIRAL_FIELDS
     if search.pattern == "belt":
         return search.belt_fields
     if search.pattern == "targets":
@@ -79,6 +92,8 @@ def search_target(
     base: SearchBase, search: SearchConfig, exposure_number: int
 ) -> TargetConfig | None:
     """The listed target of the n-th exposure; None where it is of no list."""
+    if base.widens:
+        return None
     number = field_number(base, search, exposure_number) - base.comes_before_targets
     return search.targets[number] if search.pattern == "targets" and number >= 0 else None
 
@@ -88,7 +103,7 @@ def search_direction(
     search: SearchConfig,
     site: Site,
     *,
-    field_width_deg: float,
+    field_deg: tuple[float, float],
     exposure_number: int,
     t_utc_ns: int,
 ) -> tuple[float, float]:
@@ -101,12 +116,31 @@ def search_direction(
     target = search_target(base, search, exposure_number)
     if target is not None:
         return target_direction(target, site, t_utc_ns)
+    visited = field_number(base, search, exposure_number)
+    if base.widens and base.declination_deg is not None:
+        right, up = spiral(visited)
+        dec_deg = base.declination_deg + up * search.belt_step_fields * field_deg[1]
+        dec_deg = min(max(dec_deg, -90.0), 90.0)
+        step_deg = search.belt_step_fields * field_deg[0]
+        step_deg /= max(math.cos(math.radians(dec_deg)), _LEAST_COSINE)
+        return fixed_direction(site, base.hour_angle_deg - right * step_deg, dec_deg, t_utc_ns)
     field = 0
     if search.pattern == "belt":
-        visited = field_number(base, search, exposure_number)
         field = (visited + 1) // 2 * (1 if visited % 2 else -1)
-    hour_angle_deg = base.hour_angle_deg - field * search.belt_step_fields * field_width_deg
+    hour_angle_deg = base.hour_angle_deg - field * search.belt_step_fields * field_deg[0]
     return fixed_direction(site, hour_angle_deg, base.declination_deg, t_utc_ns)
+
+
+def spiral(number: int) -> tuple[int, int]:
+    """The n-th place of a square spiral: (0, 0), then round it, then round that; columns, rows."""
+    if number == 0:
+        return 0, 0
+    ring = math.ceil((math.sqrt(number + 1) - 1.0) / 2.0)
+    side, along = divmod(number - (2 * ring - 1) ** 2, 2 * ring)
+    corners = ((ring, 1 - ring), (ring - 1, ring), (-ring, ring - 1), (1 - ring, -ring))
+    steps = ((0, 1), (-1, 0), (0, -1), (1, 0))
+    (column, row), (right, up) = corners[side], steps[side]
+    return column + along * right, row + along * up
 
 
 def target_direction(target: TargetConfig, site: Site, t_utc_ns: int) -> tuple[float, float]:
@@ -173,12 +207,25 @@ def flip_refusal(
 
 
 def follow_direction(
-    track: TrackState, t_mid_utc_ns: int, settings: FilterConfig
+    track: TrackState, t_mid_utc_ns: int, settings: FilterConfig, aim: AimConfig | None = None
 ) -> tuple[float, float]:
-    """Where the track will be at the middle of the next exposure, ICRS."""
-    ahead = predict(track, t_mid_utc_ns, settings, track.frame_id)
+    """Where the track will be at the middle of the next exposure, ICRS, beside it by ``aim``."""
+    aim = aim or AimConfig()
+    led_ns = t_mid_utc_ns + round(aim.lead_s * 1e9)
+    ahead = predict(track, led_ns, settings, track.frame_id)
     ra_deg, dec_deg = direction_icrs_deg(ahead)
-    return ra_deg, min(max(dec_deg, -90.0), 90.0)
+    dec_deg = min(max(dec_deg, -90.0), 90.0)
+    if aim.along_arcmin == 0.0 and aim.across_arcmin == 0.0:
+        return ra_deg, dec_deg
+    east, north = sky_rate_arcsec_s(ahead)
+    rate = math.hypot(east, north) or 1.0
+    east, north = east / rate, north / rate
+    # East is left of north on the sky: to the left of the motion is (-north, east).
+    offset_east = (aim.along_arcmin * east - aim.across_arcmin * north) / 60.0
+    offset_north = (aim.along_arcmin * north + aim.across_arcmin * east) / 60.0
+    dec_after = min(max(dec_deg + offset_north, -90.0), 90.0)
+    cos_dec = max(math.cos(math.radians(dec_after)), _LEAST_COSINE)
+    return float(wrap_360(ra_deg + offset_east / cos_dec)), dec_after
 
 
 def needs_recentre(

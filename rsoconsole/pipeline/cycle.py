@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.absence import StarHistory
+from rsoconsole.pipeline.absence import StarHistory, cloud_words, stars_of
 from rsoconsole.pipeline.fold import Shown, fold, looked_at, when
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.rulings import Fold, Folds, on_record_again
@@ -34,6 +34,7 @@ class Cycle:
         self._config = config
         self._stars = StarHistory()
         self._folds = Folds()
+        self._cloud: str | None = None
 
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next frame."""
@@ -43,6 +44,16 @@ class Cycle:
     def forget_plate(self) -> None:
         """The camera has turned: the last plate says nothing any more."""
         self._reducer.forget_plate()
+
+    @property
+    def cloud(self) -> str | None:
+        """What the last frame's stars say of cloud; None for a clear sky."""
+        return self._cloud
+
+    def _look_at_clouds(self, shown: Shown) -> None:
+        exposure_s = shown.taken.exposure_s
+        if exposure_s is not None:
+            self._cloud = cloud_words(stars_of(shown.detections, exposure_s), self._stars)
 
     @property
     def folds(self) -> Folds:
@@ -61,7 +72,9 @@ class Cycle:
     def look(self, frame: Frame) -> tuple[Reduction, tuple[Any, ...]]:
         """Reduce a frame that is not followed; (what it shows, what belongs on the record)."""
         reduction = self._reducer.reduce(frame)
-        self._stars = looked_at(self._stars, _shown(taken_record(frame), reduction))
+        shown = _shown(taken_record(frame), reduction)
+        self._look_at_clouds(shown)
+        self._stars = looked_at(self._stars, shown)
         return reduction, _on_record(reduction)
 
     def run(self, frame: Frame, before: Following, blocked: str | None = None) -> CycleResult:
@@ -74,6 +87,7 @@ class Cycle:
         when(taken, self._config)  # before the work: such a frame cannot be folded
         reduction = self._reducer.reduce(frame)
         shown = _shown(taken, reduction)
+        self._look_at_clouds(shown)
         folded = fold(before, self._stars, shown, self._config)
         self._folds.add(
             Fold(

@@ -1,0 +1,183 @@
+"""What people type when they want a telescope to look somewhere, understood.
+
+Two coordinates in any usual notation (equatorial, ICRS or of date; altitude and azimuth; hour
+angle and declination), a satellite of a loaded element file by name or number, a bright star.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rsoconsole.errors import OrbitError
+from rsoconsole.orbit.elements import ElementSet, nearest_of_each, parse_elements
+from rsoconsole.records import Site
+from rsoconsole.sky.angles import parse_dec_deg, parse_ra_deg, wrap_180
+from rsoconsole.sky.frames import altaz_to_icrs, icrs_of_hour_angle, jnow_to_icrs
+from rsoconsole.sky.named_stars import NAMED_STARS
+from rsoconsole.sky.times import NS_PER_DAY
+
+USAGE = (
+    "write it like 05 32 11 -4 52 10, 83.05 -4.87, 05:32:11 -04:52:10 of date, alt 47 az 201, "
+    "ha -2:30 dec -5, or a name"
+)
+_OF_DATE = re.compile(r"\b(of date|jnow|apparent)\b", re.IGNORECASE)
+_ICRS = re.compile(r"\b(j2000(\.0)?|icrs|fk5)\b", re.IGNORECASE)
+_LABEL = re.compile(r"\b(ra|dec|alt|az|ha|el)\b\s*[:=]?\s*|[αδ]\s*[:=]?\s*", re.IGNORECASE)
+_FIELD = re.compile(r"[+\-−]?\d+(?:\.\d+)?")
+_LETTERS = re.compile(r"[^\W\d_]")
+_UNITS = "hdms°'\"′″: ,\t°ᵈʰᵐˢ+-−."
+MANY_NAMES = 4
+OLD_DAYS = 14.0
+"""Elements so old place a satellite outside a field of one degree, as a rule."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Understood:
+    """A direction and how it was understood."""
+
+    words: str
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    caution: str = ""
+    """What speaks against trusting it; empty as a rule."""
+
+
+class Names:
+    """Satellites of element files and bright stars, by name."""
+
+    def __init__(self, element_sets: Sequence[ElementSet] = ()) -> None:
+        self._element_sets = tuple(element_sets)
+
+    @classmethod
+    def load(cls, files: Sequence[Path]) -> "Names":
+        """From element files. Raises OrbitError naming a file that cannot be read."""
+        found: list[ElementSet] = []
+        for path in files:
+            try:
+                found.extend(parse_elements(path.read_text(encoding="utf-8"), str(path)))
+            except (OSError, UnicodeDecodeError) as error:
+                raise OrbitError(f"{path} cannot be read: {error}") from error
+        return cls(found)
+
+    def find(self, text: str, site: Site, t_utc_ns: int) -> Understood:
+        """The one that is meant. Raises ValueError where none is, or several are."""
+        wanted = _plain(text)
+        for name, (ra, dec) in NAMED_STARS.items():
+            if _plain(name) == wanted:
+                return Understood(words=f"{name}, a star", ra_icrs_deg=ra, dec_icrs_deg=dec)
+        nearest = nearest_of_each(self._element_sets, t_utc_ns)
+        exact = [e for e in nearest if wanted in {_plain(e.name), str(e.norad_id)}]
+        like = exact or [e for e in nearest if wanted and _plain(e.name).startswith(wanted)]
+        if len(like) == 1:
+            return _satellite(like[0], site, t_utc_ns)
+        if like:
+            names = ", ".join(e.name or str(e.norad_id) for e in like[:MANY_NAMES])
+            more = ", …" if len(like) > MANY_NAMES else ""
+            raise ValueError(f"{text.strip()!r} may be {names}{more}: write more of it")
+        loaded = f"{len(nearest)} satellites" if nearest else "any file of catalogue.tle_files"
+        raise ValueError(f"{text.strip()!r} is no star known here, nor in {loaded}; {USAGE}")
+
+
+def understand(text: str, site: Site, t_utc_ns: int, names: Names | None = None) -> Understood:
+    """The direction that somebody typed, ICRS. Raises ValueError saying what may be written."""
+    plain = " ".join(text.split())
+    if not plain:
+        raise ValueError(USAGE)
+    bare = _ICRS.sub(" ", _OF_DATE.sub(" ", plain))
+    labels = [m.group(1).lower() if m.group(1) else m.group(0)[0] for m in _LABEL.finditer(bare)]
+    values = _LABEL.sub(" ", bare)
+    if _LETTERS.search("".join(c for c in values if c.lower() not in _UNITS)):
+        return (names or Names()).find(plain, site, t_utc_ns)
+    if not labels and values.strip().isdecimal():
+        return (names or Names()).find(plain, site, t_utc_ns)
+    first, second = _two_angles(values)
+    kinds = {"el": "alt", "α": "ra", "δ": "dec"}
+    ordered = [kinds.get(label, label) for label in labels]
+    if set(ordered) & {"alt", "az"}:
+        return _horizontal(first, second, ordered, site, t_utc_ns)
+    if "ha" in ordered:
+        hour_angle = wrap_180(_hours_deg(first))
+        dec = parse_dec_deg(second)
+        ra_icrs, dec_icrs = icrs_of_hour_angle(site, hour_angle, dec, t_utc_ns)
+        return Understood(
+            words="hour angle and declination of date", ra_icrs_deg=ra_icrs, dec_icrs_deg=dec_icrs
+        )
+    if ordered and ordered[0] == "dec":
+        first, second = second, first
+    ra, dec = parse_ra_deg(first), parse_dec_deg(second)
+    if _OF_DATE.search(plain):
+        ra, dec = jnow_to_icrs(ra, dec, t_utc_ns)
+        return Understood(words="RA and Dec of date", ra_icrs_deg=ra, dec_icrs_deg=dec)
+    is_degrees = len(_FIELD.findall(first)) == 1 and "h" not in first.lower()
+    words = "RA and Dec, ICRS, in degrees" if is_degrees else "RA and Dec, ICRS"
+    return Understood(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
+
+
+def _two_angles(values: str) -> tuple[str, str]:
+    """The two angles of a text: parted by a comma, by the second one's sign, or in halves."""
+    if values.count(",") == 1:
+        first, second = (part.strip() for part in values.split(","))
+        return first, second
+    fields = list(_FIELD.finditer(values))
+    signed = [n for n, match in enumerate(fields) if n and match.group()[0] in "+-−"]
+    if len(signed) == 1:
+        cut = signed[0]
+    elif not signed and len(fields) in {2, 4, 6}:
+        cut = len(fields) // 2
+    else:
+        raise ValueError(f"{values.strip()!r} is not two angles: {USAGE}")
+    at = fields[cut].start()
+    return values[:at].strip(), values[at:].strip()
+
+
+def _horizontal(
+    first: str, second: str, labels: list[str], site: Site, t_utc_ns: int
+) -> Understood:
+    alt_text, az_text = (second, first) if labels[0] == "az" else (first, second)
+    alt, az = parse_dec_deg(alt_text), _degrees(az_text)
+    if alt < 0.0:
+        raise ValueError(f"altitude {alt:g} is below the horizon")
+    ra, dec = altaz_to_icrs(site, alt, az % 360.0, t_utc_ns)
+    return Understood(
+        words="altitude and azimuth, as it stands now", ra_icrs_deg=ra, dec_icrs_deg=dec
+    )
+
+
+def _degrees(text: str) -> float:
+    """An angle of degrees that may go round."""
+    fields = [float(part.replace("−", "-")) for part in _FIELD.findall(text)]
+    if not 1 <= len(fields) <= 3:
+        raise ValueError(f"{text!r} is not an angle")
+    sign = -1.0 if text.strip()[0] in "-−" else 1.0
+    return sign * sum(abs(value) / 60.0**n for n, value in enumerate(fields))
+
+
+def _hours_deg(text: str) -> float:
+    """An hour angle: in hours where it has minutes or an h, else in degrees."""
+    is_hours = len(_FIELD.findall(text)) > 1 or "h" in text.lower()
+    return _degrees(text) * (15.0 if is_hours else 1.0)
+
+
+def _satellite(elements: ElementSet, site: Site, t_utc_ns: int) -> Understood:
+    from rsoconsole.orbit.satellite import Satellite
+
+    places = Satellite(elements).astrometric_place(site, np.array([t_utc_ns]))
+    age_days = abs(t_utc_ns - elements.epoch_utc_ns) / NS_PER_DAY
+    ra, dec = float(places.ra_icrs_deg[0]), float(places.dec_icrs_deg[0])
+    if not np.isfinite(ra):
+        raise ValueError(f"{elements.name} has no place: its elements are no good at this instant")
+    name = elements.name or "unnamed"
+    return Understood(
+        words=f"{name} ({elements.norad_id}), elements {age_days:.1f} days from their epoch",
+        ra_icrs_deg=ra,
+        dec_icrs_deg=dec,
+        caution=f"elements {age_days:.0f} days old" if age_days > OLD_DAYS else "",
+    )
+
+
+def _plain(name: str) -> str:
+    """Letters and digits alone: how a name is compared."""
+    return "".join(c for c in name.lower() if c.isalnum())

@@ -1,0 +1,166 @@
+"""What people type as a direction is understood, or refused with what may be written."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rsoconsole.errors import OrbitError
+from rsoconsole.pipeline.directions import Names, understand
+from rsoconsole.records import Site
+from rsoconsole.sky.angles import format_dec, format_ra, separation_deg
+from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_to_altaz, icrs_to_jnow
+from rsoconsole.sky.named_stars import NAMED_STARS
+from rsoconsole.sky.star_catalogue import StarCatalogue
+from rsoconsole.sky.times import iso_to_utc_ns
+
+SITE = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
+NOW = iso_to_utc_ns("2023-03-10T02:00:00Z")
+HERE = (83.045833, -4.869444)
+"""05 32 11, -4 52 10."""
+ARCSEC = 1.0 / 3600.0
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "05 32 11 -4 52 10",
+        "05:32:11 -04:52:10",
+        "5h32m11s -4d52m10s",
+        "05h32m11.0s, -04°52'10\"",
+        "ra 05:32:11 dec -04:52:10",
+        "RA=05 32 11 Dec=-04 52 10 J2000",
+        "α 05:32:11 δ −04:52:10",
+        "83.045833 -4.869444",
+        "83.045833, -4.869444 ICRS",
+        "5.5363889h -4.869444",
+        "dec -04:52:10 ra 05:32:11",
+    ],
+)
+def test_one_place_in_many_notations(text):
+    found = understand(text, SITE, NOW)
+    assert separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, *HERE) < ARCSEC
+    assert "ICRS" in found.words
+
+
+def test_of_date_is_precessed():
+    found = understand("05:32:11 -04:52:10 of date", SITE, NOW)
+    assert "of date" in found.words
+    back = icrs_to_jnow(found.ra_icrs_deg, found.dec_icrs_deg, NOW)
+    assert separation_deg(*back, *HERE) < ARCSEC
+    # 23 years of precession: a good quarter of a degree.
+    assert 0.2 < separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, *HERE) < 0.4
+
+
+@pytest.mark.parametrize(
+    "text", ["alt 47 az 201", "az 201 alt 47", "el 47, az 201", "Alt=47 Az=201"]
+)
+def test_altitude_and_azimuth_are_those_of_now(text):
+    found = understand(text, SITE, NOW)
+    alt, az = icrs_to_altaz(SITE, found.ra_icrs_deg, found.dec_icrs_deg, NOW)
+    assert (alt, az) == pytest.approx((47.0, 201.0), abs=1e-6)
+
+
+@pytest.mark.parametrize(("text", "degrees"), [("ha -2:30 dec -5", -37.5), ("ha 20 dec -5", 20.0)])
+def test_an_hour_angle_stands_over_the_ground(text, degrees):
+    found = understand(text, SITE, NOW)
+    ha = hour_angle_icrs_deg(SITE, found.ra_icrs_deg, found.dec_icrs_deg, NOW)
+    assert ha == pytest.approx(degrees, abs=0.01)
+
+
+@given(st.floats(0.0, 359.99), st.floats(-89.9, 89.9))
+def test_what_the_console_writes_it_understands(ra, dec):
+    found = understand(f"{format_ra(ra, 2)} {format_dec(dec, 1)}", SITE, NOW)
+    assert separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, ra, dec) < 0.2 * ARCSEC
+    plain = understand(f"{ra:.6f} {dec:+.6f}", SITE, NOW)
+    assert separation_deg(plain.ra_icrs_deg, plain.dec_icrs_deg, ra, dec) < 0.01 * ARCSEC
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "write it like"),
+        ("12.5", "two angles"),
+        ("1 2 3 4 5", "two angles"),
+        ("25:00:00 +10:00:00", "between 0 and 24 h"),
+        ("05:32:11 +95:00:00", "between -90 and"),
+        ("05:75:11 +10:00:00", "below 60"),
+        ("alt -3 az 10", "below the horizon"),
+        ("Rigle", "no star known here"),
+        ("NOSAT 1", "catalogue.tle_files"),
+    ],
+)
+def test_what_is_none_is_refused_with_what_may_be_written(text, words):
+    with pytest.raises(ValueError, match=words):
+        understand(text, SITE, NOW)
+
+
+def test_a_star_is_found_by_its_name_however_written():
+    for text in ("Rigel", " rigel ", "RIGEL"):
+        found = understand(text, SITE, NOW)
+        assert separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, *NAMED_STARS["Rigel"]) == 0.0
+
+
+def test_the_named_stars_of_the_belt_are_where_the_catalogue_has_bright_ones():
+    """Tycho-2 holds all but the very brightest; those of the belt serve for the whole table."""
+    stars = StarCatalogue.load()
+    checked = 0
+    for name, (ra, dec) in NAMED_STARS.items():
+        if abs(dec) > 11.5:
+            continue
+        bright = stars.magnitude < 4.0
+        away = separation_deg(ra, dec, stars.ra_icrs_deg[bright], stars.dec_icrs_deg[bright])
+        # Procyon has moved by 11 arcsec since 1991.
+        is_there = away.min() < 12.0 * ARCSEC
+        assert is_there is not (name in MISSING_IN_TYCHO), name
+        checked += is_there
+    assert checked >= 12
+
+
+MISSING_IN_TYCHO = {"Enif", "Porrima", "Sadalsuud", "Unukalhai", "Zubeneschamali"}
+"""In the shipped cut; bright ones are in a supplement."""
+
+
+def element_file(tmp_path, *names_and_numbers):
+    """Made-up geostationary element sets with right checksums."""
+    from rsoconsole.orbit.elements import checksum
+
+    lines = []
+    for name, number, anomaly in names_and_numbers:
+        one = f"1 {number:05d}U 17017A   23068.50000000  .00000000  00000-0  00000-0 0  999"
+        two = f"2 {number:05d}   0.0200  90.0000 0002000   0.0000 {anomaly:8.4f}  1.00270000 2000"
+        lines += [name, *(f"{line}{checksum(line + '0')}" for line in (one, two))]
+    path = tmp_path / "geo.tle"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_satellite_is_found_by_name_number_and_beginning(tmp_path):
+    path = element_file(tmp_path, ("SES-10", 42432, 10.0), ("INTELSAT 14", 36097, 60.0))
+    names = Names.load([path])
+    places = {
+        understand(text, SITE, NOW, names).words[:14] for text in ("SES-10", "ses 10", "42432")
+    }
+    assert places == {"SES-10 (42432)"}
+    found = understand("Intelsat", SITE, NOW, names)
+    assert found.words.startswith("INTELSAT 14 (36097), elements 0.6 days")
+    assert found.caution == ""
+    # On the belt it stands some degrees south of the equator as seen from the north.
+    assert -8.0 < found.dec_icrs_deg < -3.0
+    assert math.isfinite(found.ra_icrs_deg)
+    later = understand("42432", SITE, NOW + 30 * 86400 * 10**9, names)
+    assert later.caution == "elements 31 days old"
+
+
+def test_a_name_that_may_be_several_asks_for_more(tmp_path):
+    path = element_file(tmp_path, ("SES-10", 42432, 10.0), ("SES-11", 42967, 60.0))
+    with pytest.raises(ValueError, match="may be SES-10, SES-11: write more of it"):
+        understand("ses", SITE, NOW, Names.load([path]))
+    with pytest.raises(ValueError, match="nor in 2 satellites"):
+        understand("nimiq", SITE, NOW, Names.load([path]))
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    with pytest.raises(OrbitError, match=r"missing\.tle cannot be read"):
+        Names.load([tmp_path / "missing.tle"])
