@@ -5,7 +5,7 @@ import io
 import os
 import threading
 import time
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from textual.screen import Screen
 from textual.widgets import Button, Input
 
 from rsoconsole.config import Config
-from rsoconsole.console import live, run_console, watch
+from rsoconsole.console import run_console, seat, watch
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs import LeaveDialog, Tick
 from rsoconsole.console.engine_view import engine_view
@@ -25,7 +25,7 @@ from rsoconsole.console.key_line import key_line, keys_for
 from rsoconsole.console.log_lines import LogLine, append_line, line_of
 from rsoconsole.console.log_pane import LogPane, log_rows
 from rsoconsole.console.night import Night, NightView
-from rsoconsole.console.panes import FramePane, LinesPane, StopBanner
+from rsoconsole.console.panes import FramePane
 from rsoconsole.console.plot import Column, residual_limit, residual_plot
 from rsoconsole.control import ControlClient, ControlServer, Intention, Outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
@@ -33,143 +33,18 @@ from rsoconsole.records import Miss, OperatorAction, Site, SlewCommand, StateCha
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
 from tests.makers import NS
+from tests.seat_rig import (
+    FRAMES,
+    FULL,
+    FakeWire,
+    pane,
+    play,
+    screen_text,
+    stop_text,
+    until,
+)
 
 SNAPSHOTS = Path(__file__).parent / "snapshots"
-FRAMES = 20
-PATIENCE_S = 30.0
-FULL = (80, 24)
-
-Play = Callable[[ConsoleApp, Pilot[str]], Awaitable[None]]
-
-
-class FakeWire:
-    """An engine that says what a test wants and remembers what it was told."""
-
-    def __init__(self, session: Path) -> None:
-        self.sent: list[tuple[str, dict[str, Any]]] = []
-        self.outcomes: dict[str, Outcome] = {
-            "stop": Outcome(ok=True, data={"stopped": True, "ms": 12.0, "path": "mount"})
-        }
-        self.is_gone = False
-        self.hangs: dict[str, threading.Event] = {}
-        self.status: dict[str, Any] = {
-            "state": "TRACK",
-            "holder": "autonomy",
-            "frame": FRAMES,
-            "ra": 150.0,
-            "dec": -5.0,
-            "alt": 41.2,
-            "az": 171.0,
-            "now_utc_ns": night.t_of(FRAMES) + 7 * NS,
-            "session": str(session),
-            "target": None,
-            "faults": [],
-            "lifted": [],
-            "next_limit": "pier in 52 min",
-            "exposing_until_utc_ns": night.t_of(FRAMES) + 9 * NS,
-            "health": [
-                {"name": "mount", "ok": True, "text": "tracking"},
-                {"name": "clock", "ok": True, "text": "NTP ±0.2 ms"},
-                {"name": "disk", "ok": False, "text": "4 GB, 2 h"},
-            ],
-        }
-
-    def send(self, verb: str, *, timeout_s: float = 5.0, **arguments: Any) -> Outcome:
-        if verb != "status":
-            self.sent.append((verb, arguments))
-        if verb in self.hangs:
-            self.hangs[verb].wait(PATIENCE_S)
-        if self.is_gone:
-            raise ControlError("no engine is running: start one") from ConnectionRefusedError()
-        if verb == "status":
-            return Outcome(ok=True, data=dict(self.status))
-        return self.outcomes.get(verb, Outcome(ok=True, message="done"))
-
-    @property
-    def verbs(self) -> list[str]:
-        return [verb for verb, _ in self.sent]
-
-
-@pytest.fixture(autouse=True)
-def _impatient_seat(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(watch, "READ_S", 0.03)
-    monkeypatch.setattr(watch, "ASK_S", 0.03)
-    monkeypatch.setattr(watch, "CLOSED_CHECK_S", 0.1)
-    # How long the pilot sleeps before it looks whether the program is idle.
-    monkeypatch.setattr("textual._wait.SLEEP_GRANULARITY", 0.008)
-    monkeypatch.setattr("textual._wait.SLEEP_IDLE", 0.004)
-
-
-def _written(folder: Path) -> SessionWriter:
-    writer = night.begin(folder)
-    night.armed(writer)
-    night.add_frames(writer, range(1, FRAMES + 1))
-    night.add_previews(writer, range(FRAMES, FRAMES + 1))
-    return writer
-
-
-@pytest.fixture(scope="module")
-def told_night(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    writer = _written(tmp_path_factory.mktemp("console") / "night")
-    writer.close()
-    return writer.folder
-
-
-@pytest.fixture
-def writer(tmp_path: Path) -> Iterator[SessionWriter]:
-    """A night that goes on; a test that asks for it is shown that one."""
-    writer = _written(tmp_path / "night")
-    yield writer
-    writer.close()
-
-
-@pytest.fixture
-def wire(request: pytest.FixtureRequest) -> FakeWire:
-    if "writer" in request.fixturenames:
-        return FakeWire(request.getfixturevalue("writer").folder)
-    return FakeWire(request.getfixturevalue("told_night"))
-
-
-def play(wire: FakeWire, scene: Play, size: tuple[int, int] = FULL, **settings: Any) -> str | None:
-    """Open the seat, wait until it shows the night, play the scene; what the seat gave back."""
-
-    async def run() -> str | None:
-        app = ConsoleApp(lambda: wire, **settings)
-        async with app.run_test(size=size) as pilot:
-            if not wire.is_gone or settings.get("session"):
-                await until(
-                    pilot,
-                    lambda: len(app.live.night.rows) >= FRAMES and app.live.picture is not None,
-                )
-            await scene(app, pilot)
-        return app.return_value
-
-    return asyncio.run(run())
-
-
-async def until(pilot: Pilot[str], is_so: Callable[[], bool]) -> None:
-    """Wait for what threads bring; a slow machine is given time, a broken seat is not."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not is_so():
-        assert time.monotonic() < deadline, "it never came to be"
-        await asyncio.sleep(0.01)
-    await pilot.pause()
-
-
-def pane(app: ConsoleApp, name: str) -> str:
-    return app.live.query_one(f"#{name}", LinesPane).text
-
-
-def screen_text(app: ConsoleApp) -> str:
-    """The screen as a person reads it: no colours, no trailing blanks."""
-    strips = app.live._compositor.render_strips()
-    lines = ("".join(segment.text for segment in strip).rstrip() for strip in strips)
-    return "\n".join(lines).rstrip() + "\n"
-
-
-def stop_text(app: ConsoleApp) -> str:
-    banner = app.live.query_one("#stop", StopBanner)
-    return " ".join(banner.text.split()) if banner.display else ""
 
 
 # -- what it shows ---------------------------------------------------------------------------
@@ -544,7 +419,7 @@ def test_stop_ends_every_notice_and_what_was_asked_before_it_is_not_reported_aft
         assert "armed" not in screen_text(app)
         assert "motion ended" in stop_text(app)
         assert pane(app, "keys").split() == screen_text(app).splitlines()[-1].split()
-        assert "F1 Help  ^p More" in pane(app, "keys")
+        assert "F1 Help" in pane(app, "keys")
 
     play(wire, scene)
 
@@ -553,7 +428,7 @@ def test_stop_ends_every_notice_and_what_was_asked_before_it_is_not_reported_aft
 def test_state_and_holder_are_seen_beside_a_stop_and_only_a_confirmed_one_goes_by_itself(
     wire: FakeWire, monkeypatch: pytest.MonkeyPatch, is_confirmed: bool
 ) -> None:
-    monkeypatch.setattr(live, "BANNER_S", 0.5)
+    monkeypatch.setattr(seat, "BANNER_S", 0.5)
     wire.status |= {"lifted": ["sun"]}
     if not is_confirmed:
         wire.outcomes["stop"] = Outcome(ok=False, message="the mount moves on", data={})
@@ -600,7 +475,7 @@ def test_in_a_narrow_terminal_the_weighty_keys_stay_and_a_notice_leaves_what_it_
         return text
 
     assert said(40).split() == ["x", "STOP", "a", "Disarm", "q", "Leave", "F1", "Help"]
-    assert "p Park" in said(80)
+    assert "g Go to" in said(80)
     assert "^p More" in said(80)
     assert "h Resume" in said(80, is_held=True)
     in_force = "hold: in force from the next cycle"

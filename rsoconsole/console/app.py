@@ -3,17 +3,18 @@
 import asyncio
 import contextlib
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual.app import App, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
-from textual.theme import Theme
 from textual.widgets import Input, TextArea
 
 from rsoconsole.config import IndiConfig
+from rsoconsole.console.colours import COLOURS, NIGHT_CSS, THEMES
+from rsoconsole.console.commands import COMMANDS, bindings
 from rsoconsole.console.dialogs import HelpDialog
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.live import LiveScreen
@@ -27,20 +28,6 @@ from rsoconsole.console.watch import EngineWatch, SessionWatch, Wire
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook
 
-NIGHT_THEME = Theme(
-    name="night",
-    primary="#8fa8c8",
-    secondary="#7f8fa8",
-    success="#6fbf73",
-    warning="#e0b050",
-    error="#e06058",
-    foreground="#d0d0d0",
-    background="#101014",
-    surface="#1a1a20",
-    panel="#24242c",
-    dark=True,
-)
-
 StopDirectly = Callable[[IndiConfig | None], tuple[bool, str]]
 """Stops the mount past the engine: (it stands, how or what is wrong)."""
 
@@ -49,10 +36,9 @@ class ConsoleApp(App[str]):
     """The operator's seat. Its result is "quit" or "stop engine"."""
 
     TITLE = "rsoconsole"
+    CSS = NIGHT_CSS
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("ctrl+x", "stop", "STOP", priority=True),
-        Binding("x", "stop_by_letter", "STOP", priority=True, show=False),
-        Binding("f1,question_mark", "help", "Help"),
+        *bindings(is_everywhere=True),
         # Leaving is never by accident: the screen asks first.
         Binding("ctrl+q,ctrl+c", "leave", "Leave", priority=True, show=False),
     ]
@@ -65,8 +51,11 @@ class ConsoleApp(App[str]):
         read_only: bool = False,
         owns_engine: bool = False,
         stop_directly: StopDirectly | None = None,
+        keymap: Mapping[str, str] | None = None,
     ) -> None:
+        """``keymap``: other keys for commands, by name."""
         super().__init__()
+        self._own_keys = dict(keymap or {})
         self._loop_of_app: asyncio.AbstractEventLoop | None = None
         self._is_recorded = session is not None
         self._engine_watch = EngineWatch(wire(), self._engine_seen)
@@ -92,9 +81,11 @@ class ConsoleApp(App[str]):
     def on_mount(self) -> None:
         """The screen first, the watches after it."""
         self._loop_of_app = asyncio.get_running_loop()
-        self.register_theme(NIGHT_THEME)
+        for theme in THEMES:
+            self.register_theme(theme)
         if "TEXTUAL_THEME" not in os.environ:
-            self.theme = NIGHT_THEME.name
+            self.theme = THEMES[0].name
+        self.set_keymap(self._own_keys)
         self.push_screen(self.live)
         self._session_watch.start()
         self._outlook_watch.start()
@@ -116,20 +107,13 @@ class ConsoleApp(App[str]):
         return super().check_action(action, parameters)
 
     def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:  # noqa: ARG002 -- the same on each
-        """Every action by name, and the colours."""
-        live = self.live
-        yield SystemCommand("STOP", "end every motion and exposure, disarm", self.action_stop)
-        yield SystemCommand(
-            "Arm or disarm", "hand the mount over, or back", live.action_arm_or_disarm
-        )
-        hold = live.action_hold_or_resume
-        yield SystemCommand("Hold or resume", "no slews for now, or give the mount back", hold)
-        yield SystemCommand("Park", "asks once; disarms and parks the mount", live.action_park)
-        yield SystemCommand("Unpark", "releases a parked mount; nothing moves", live.action_unpark)
-        yield SystemCommand("Log", "the whole log, and back", live.action_log)
-        yield SystemCommand("Leave", "asks what becomes of the engine", live.action_leave)
-        yield SystemCommand("Help", "keys and signs", self.action_help)
-        yield SystemCommand("Colours", "light, dark and others", self.action_change_theme)
+        """Every command by name."""
+        for command in COMMANDS:
+            if command.name in {"stop_by_letter", "put_away"}:
+                continue
+            owner = self if command.is_everywhere else self.live
+            action = getattr(owner, f"action_{command.name}")
+            yield SystemCommand(command.title, command.help, action)
 
     async def action_quit(self) -> None:
         """Never without asking."""
@@ -146,7 +130,14 @@ class ConsoleApp(App[str]):
     def action_help(self) -> None:
         """Keys and signs."""
         if not isinstance(self.screen, HelpDialog):
-            self.push_screen(HelpDialog())
+            self.push_screen(HelpDialog(self._own_keys))
+
+    def action_colours(self) -> None:
+        """The next of night, dark, light and the terminal's own."""
+        names = [theme for theme in COLOURS if theme in self.available_themes]
+        at = names.index(self.theme) if self.theme in names else -1
+        self.theme = names[(at + 1) % len(names)]
+        self.live.say(f"colours: {COLOURS[self.theme]}")
 
     def action_leave(self) -> None:
         """As the screen has it."""

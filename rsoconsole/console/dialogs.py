@@ -1,5 +1,6 @@
 """What the operator is asked, and the help. STOP works in each of them: the app binds it first."""
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
@@ -10,27 +11,36 @@ from textual.events import Key
 from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
+from rsoconsole.console.commands import COMMANDS, GROUPS, key_words
+
 Leave = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
 
-HELP = """\
-x ctrl+x   STOP: end every motion and exposure, disarm. Everywhere;
-           inside fields ctrl+x
-a          arm: hand the mount to the engine; once more: disarm
-h          hold: no slews, still measured; once more: resume
-p          park: disarm and send the mount to its park position; asks
-l          the whole log, and back; arrows and page keys move in it
-esc        put away a dialog, the log, or what came of a STOP
-q          leave; asks what becomes of the engine
-ctrl+p     every action by name, and the colours
-F1 ?       this help
-
+SIGNS = """\
 State      IDLE waits to be armed, SEARCH looks, ACQUIRE has one frame,
            TRACK measures, COAST predicts, MANUAL is yours, LOST, FAULT
-Picture    [━] followed   (━) other detections   + where it was expected
+Picture    [━] followed   (━) other detections   ‹ › rejected, from near
+           < > by your hand   + where it was expected, · 3 sigma about it
 Plots      fat dots measured, small dots 3 sigma, ○ nothing measured,
            ▲ ▼ beyond the axis; the newest frame at the right
 Times are UTC; under simulation they are the observatory's own."""
+
+
+def help_text(keymap: Mapping[str, str] | None = None) -> str:
+    """Every command by group with its keys, then the signs."""
+    lines: list[str] = []
+    for group, title in GROUPS.items():
+        lines.append(title)
+        for command in COMMANDS:
+            if command.group == group and command.name != "stop_by_letter":
+                keys = (keymap or {}).get(command.name, command.keys)
+                shown = f"x {key_words(keys)}" if command.name == "stop" else key_words(keys)
+                words = f"{command.title}: {command.help}"
+                lines += textwrap.wrap(
+                    words, 74, initial_indent=f"  {shown:<9}", subsequent_indent=" " * 11
+                )
+        lines.append("")
+    return "\n".join([*lines, f"  {'^p':<9}every command by name", "", SIGNS])
 
 
 class Dialog(ModalScreen[Result], Generic[Result]):
@@ -63,6 +73,10 @@ class Dialog(ModalScreen[Result], Generic[Result]):
 class HelpDialog(Dialog[None]):
     """The keys and the signs."""
 
+    def __init__(self, keymap: Mapping[str, str] | None = None) -> None:
+        super().__init__()
+        self._keymap = keymap
+
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("question_mark,f1,q", "put_away", "Back", show=False)
     ]
@@ -72,7 +86,7 @@ class HelpDialog(Dialog[None]):
         with VerticalScroll() as box:
             box.border_title = "help"
             box.border_subtitle = "esc back"
-            yield Static(HELP, markup=False)
+            yield Static(help_text(self._keymap), markup=False)
 
 
 class Tick(Static, can_focus=True):

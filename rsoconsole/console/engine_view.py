@@ -1,7 +1,7 @@
 """What the console knows of the engine: its own words, or that it is silent or gone."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -46,6 +46,11 @@ class EngineView:
     mount_ra_icrs_deg: float | None = None
     mount_dec_icrs_deg: float | None = None
     is_slewing: bool = False
+    is_tracking: bool = False
+    waits_for_sky: bool = False
+    """The hold ends by itself when the stars are back."""
+    temporary: Mapping[str, int] = field(default_factory=dict)
+    """Settings that hold for so many frames more."""
     pier_side: str | None = None
     exposing_until_utc_ns: int | None = None
     next_start_utc_ns: int | None = None
@@ -84,11 +89,19 @@ def engine_view(data: Mapping[str, Any]) -> EngineView:
         mount_ra_icrs_deg=_number(data.get("mount_ra")),
         mount_dec_icrs_deg=_number(data.get("mount_dec")),
         is_slewing=data.get("is_slewing") is True,
+        is_tracking=data.get("is_tracking") is True,
+        waits_for_sky=data.get("resumes_when_clear") is True,
+        temporary=_counts(data.get("temporary")),
         pier_side=_text(data.get("pier_side")),
         exposing_until_utc_ns=_whole(data.get("exposing_until_utc_ns")),
         next_start_utc_ns=_whole(data.get("next_start_utc_ns")),
         health=_health(data.get("health")),
     )
+
+
+def _counts(value: Any) -> dict[str, int]:
+    table = value if isinstance(value, Mapping) else {}
+    return {str(name): count for name, count in table.items() if isinstance(count, int)}
 
 
 def _health(value: Any) -> tuple[HealthView, ...]:

@@ -14,15 +14,17 @@ _ALWAYS = ("x", "a", "q", "F1")
 _LEAST_NOTICE_COLUMNS = 24
 
 
-def keys_for(engine: EngineView, *, can_act: bool) -> list[Key]:
+def keys_for(engine: EngineView, *, can_act: bool, is_marking: bool = False) -> list[Key]:
     """The keys in their order on the line; which of them act depends on who has the mount."""
     keys: list[Key] = [("x", "STOP")]
+    if is_marking:
+        return [*keys, ("↑↓←→", "Move"), ("enter", "Set"), ("esc", "Leave off"), ("F1", "Help")]
     if can_act:
         keys.append(("a", "Disarm" if engine.holder == "autonomy" else "Arm"))
         if engine.holder in {"autonomy", "operator"}:
             keys.append(("h", "Resume" if engine.wants_resuming else "Hold"))
-        keys.append(("p", "Park"))
-    return [*keys, ("q", "Leave"), ("l", "Log"), ("F1", "Help"), ("^p", "More")]
+        keys += [("g", "Go to"), ("m", "Mark"), ("t", "Tune"), ("n", "Note"), ("p", "Park")]
+    return [*keys, ("q", "Leave"), ("l", "Log"), ("z", "Zoom"), ("F1", "Help"), ("^p", "More")]
 
 
 def key_line(

@@ -35,6 +35,7 @@ class LogPane(ScrollView):
         super().__init__(id=id)
         self.can_focus = False
         self._lines: tuple[LogLine, ...] = ()
+        self._wanted = ""
         self._rows: list[tuple[Level, str, bool]] = []
         """Level, words, and whether the line goes on in the next row; newest first."""
 
@@ -54,6 +55,17 @@ class LogPane(ScrollView):
         if self.scroll_offset.y > 0 and grown > 0:
             self.scroll_to(y=self.scroll_offset.y + grown, animate=False)
 
+    @property
+    def wanted(self) -> str:
+        """The words that every shown line has; empty: all lines."""
+        return self._wanted
+
+    def filter(self, wanted: str) -> None:
+        """Only lines with these words, whatever their case."""
+        self._wanted = wanted
+        self._lay_out()
+        self.scroll_home(animate=False)
+
     def on_resize(self, _event: Resize) -> None:
         """Another width, other breaks."""
         self._lay_out()
@@ -64,6 +76,7 @@ class LogPane(ScrollView):
         self._rows = [
             (line.level, row, number < len(rows))
             for line in reversed(self._lines)
+            if self._wanted.lower() in line.text.lower()
             for rows in (log_rows(line, width),)
             for number, row in enumerate(rows, 1)
         ]
@@ -75,7 +88,10 @@ class LogPane(ScrollView):
         width = self.scrollable_content_region.width
         index = y + self.scroll_offset.y
         if index >= len(self._rows):
-            words = " nothing has happened yet" if not self._rows and y == 0 else ""
+            words = ""
+            if not self._rows and y == 0:
+                wanted = f" no line has {self._wanted!r}"
+                words = wanted if self._wanted else " nothing has happened yet"
             return Strip([Segment(words.ljust(width)[:width], self.rich_style)])
         level, text, goes_on = self._rows[index]
         if goes_on and y == self.size.height - 1:

@@ -15,7 +15,7 @@ SIGMAS = 3.0
 SHOWN_REJECTED = 0.01
 """Confidence from which on a rejected candidate is pointed at: the rest is noise."""
 
-Kind = Literal["followed", "candidate", "rejected", "operator", "predicted"]
+Kind = Literal["followed", "candidate", "rejected", "operator", "predicted", "cursor"]
 
 _BRACKETS: dict[Kind, tuple[str, str]] = {
     "followed": ("[", "]"),
@@ -23,6 +23,7 @@ _BRACKETS: dict[Kind, tuple[str, str]] = {
     "rejected": ("‹", "›"),
     "operator": ("<", ">"),
     "predicted": ("", ""),
+    "cursor": ("", ""),
 }
 _SHORT_COLUMNS = 4
 """A streak of so few cells is drawn as one; a longer one has its ends pointed at."""
@@ -37,6 +38,7 @@ _ORDER: dict[Kind, int] = {
     "candidate": 2,
     "operator": 3,
     "followed": 4,
+    "cursor": 5,
 }
 """What is written last stays."""
 
@@ -167,6 +169,8 @@ def _signs(mark: Mark, centre: tuple[int, int], window: Window) -> list[tuple[in
     column, row = centre
     if mark.kind == "predicted":
         return [(column, row, "+")]
+    if mark.kind == "cursor":
+        return [(column, row, mark.label or "╋")]
     opening, closing = _BRACKETS[mark.kind]
     left = right = centre
     if mark.ends_px is not None:

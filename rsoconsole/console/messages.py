@@ -38,6 +38,23 @@ class OutlookSeen(Message):
         self.outlook = outlook
 
 
+class Previewed(Message):
+    """What the engine says of a move that somebody is typing."""
+
+    def __init__(self, number: int, words: str, outcome: Outcome) -> None:
+        super().__init__()
+        self.number, self.words, self.outcome = number, words, outcome
+
+
+class Pointed(Message):
+    """The mouse in a picture, in pixels of the frame."""
+
+    def __init__(self, x_px: float, y_px: float, px_per_square: float, *, is_release: bool) -> None:
+        super().__init__()
+        self.x_px, self.y_px, self.px_per_square = x_px, y_px, px_per_square
+        self.is_release = is_release
+
+
 class OutcomeCame(Message):
     """What came of an intention; ``stops``: how many STOPs there had been when it was sent."""
 

@@ -1,7 +1,8 @@
 """What a session says of its night so far: a fold over its records, for whoever shows it."""
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import singledispatchmethod
 from pathlib import Path
 from typing import Any
@@ -109,6 +110,15 @@ class NightView:
     track: TrackState | None = None
     timing: CycleTiming | None = None
     slew: SlewCommand | None = None
+    changed: Mapping[str, float | int | str] = field(default_factory=dict)
+    """Settings that have been changed since the session began, by dotted name."""
+
+    def setting(self, name: str) -> Any:
+        """What a setting is now; None where the session does not say."""
+        if name in self.changed:
+            return self.changed[name]
+        section, _, key = name.partition(".")
+        return getattr(getattr(self.config, section, None), key, None)
 
 
 class Night:
@@ -242,6 +252,7 @@ class Night:
 
     @_fold.register
     def _(self, record: ParameterChange, _t_utc_ns: int) -> None:
+        self._view = replace(self._view, changed={**self._view.changed, record.name: record.after})
         if record.name == "detector.tau" and not isinstance(record.after, str):
             self._view = replace(self._view, tau=float(record.after))
 

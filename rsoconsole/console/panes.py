@@ -6,11 +6,13 @@ from typing import ClassVar, Literal
 from rich.segment import Segment
 from rich.style import Style
 from textual.content import Content
-from textual.events import Resize
+from textual.events import MouseDown, MouseEvent, MouseUp, Resize
 from textual.strip import Strip
 from textual.widget import Widget
 
-from rsoconsole.console.marks import overlay
+from rsoconsole.console.colours import NIGHT
+from rsoconsole.console.marks import Mark, overlay
+from rsoconsole.console.messages import Pointed
 from rsoconsole.console.picture import (
     GREYS,
     Drawing,
@@ -91,6 +93,7 @@ class FramePane(Widget):
         "frame--rejected",
         "frame--operator",
         "frame--predicted",
+        "frame--cursor",
         "frame--title",
         "frame--caption",
     }
@@ -100,6 +103,7 @@ class FramePane(Widget):
     FramePane > .frame--rejected { color: #af875f; background: black; }
     FramePane > .frame--operator { color: black; background: #87d7ff; text-style: bold; }
     FramePane > .frame--predicted { color: #87d7ff; background: black; text-style: bold; }
+    FramePane > .frame--cursor { color: black; background: #87ffaf; text-style: bold; }
     FramePane > .frame--title { text-style: bold; }
     FramePane > .frame--caption { color: $text-muted; }
     """
@@ -112,19 +116,62 @@ class FramePane(Widget):
         self._sight: Sight = "field"
         self._stretch: Stretch = "streaks"
         self._strips: list[Strip] = []
+        self._drawn: Drawing | None = None
+        self._marks: tuple[Mark, ...] = ()
 
     @property
     def picture(self) -> Picture | None:
         """What is shown."""
         return self._picture
 
-    def show(self, picture: Picture | None, sight: Sight, stretch: Stretch, told: object) -> None:
-        """Show a frame; nothing is computed again when it and what is ``told`` are the same."""
-        same = (self._picture, self._sight, self._stretch, self._told)
-        if self._strips and same == (picture, sight, stretch, told):
+    @property
+    def drawing(self) -> Drawing | None:
+        """How it is drawn; None while nothing is."""
+        if not self._strips:
+            self._strips = self._make_strips()
+        return self._drawn
+
+    def show(
+        self,
+        picture: Picture | None,
+        sight: Sight,
+        stretch: Stretch,
+        told: object,
+        marks: tuple[Mark, ...] = (),
+    ) -> None:
+        """Show a frame; nothing is computed again when it and what is ``told`` are the same.
+
+        ``marks``: more than the picture's own, written over them.
+        """
+        same = (self._picture, self._sight, self._stretch, self._told, self._marks)
+        if self._strips and same == (picture, sight, stretch, told, marks):
             return
         self._picture, self._sight, self._stretch, self._told = picture, sight, stretch, told
+        self._marks = marks
         self._redraw()
+
+    def on_mouse_down(self, event: MouseDown) -> None:
+        """An end of a mark, or a streak."""
+        self.capture_mouse()
+        self._point(event, is_release=False)
+
+    def on_mouse_up(self, event: MouseUp) -> None:
+        """The other end, where the mouse was drawn."""
+        self.release_mouse()
+        self._point(event, is_release=True)
+
+    def _point(self, event: MouseEvent, *, is_release: bool) -> None:
+        drawing = self.drawing
+        at = event.get_content_offset(self)
+        if drawing is None or at is None:
+            return
+        window = drawing.window
+        column, row = at.x, at.y - 1
+        if not window.has(column, row):
+            return
+        x_px = window.x0_px + (column + 0.5) * window.width_px / window.columns
+        y_px = window.y0_px + (row + 0.5) * window.height_px / window.rows
+        self.post_message(Pointed(x_px, y_px, drawing.px_per_square, is_release=is_release))
 
     def on_resize(self, _event: Resize) -> None:
         """Another size, another picture."""
@@ -148,7 +195,7 @@ class FramePane(Widget):
     def _make_strips(self) -> list[Strip]:
         width, height = self.size
         rows = max(height - 2, 0)
-        drawing = self._drawing(width, rows)
+        drawing = self._drawn = self._drawing(width, rows)
         title, caption = self._words(self._picture, self._sight, drawing)
         return [
             self._text(f"─ {title} ".ljust(width, "─")[:width], "frame--title"),
@@ -178,7 +225,7 @@ class FramePane(Widget):
                 for row in range(rows)
             ]
         window = drawing.window
-        marks = overlay(picture.marks, window, has_rejected=self._sight != "field")
+        marks = overlay((*picture.marks, *self._marks), window, has_rejected=self._sight != "field")
         blank = Strip.blank(width)
         return [
             self._row(runs(drawing.greys, marks, row)).adjust_cell_length(width)
@@ -191,8 +238,14 @@ class FramePane(Widget):
     def _style(self, key: tuple[int, int] | str) -> Style:
         if isinstance(key, str):
             return self.get_component_rich_style(f"frame--{key}")
-        upper, lower = (round(grey * 255 / (GREYS - 1)) for grey in key)
-        return Style(color=f"rgb({upper},{upper},{upper})", bgcolor=f"rgb({lower},{lower},{lower})")
+        upper, lower = (self._colour(grey * 255 / (GREYS - 1)) for grey in key)
+        return Style(color=upper, bgcolor=lower)
+
+    def _colour(self, grey: float) -> str:
+        """Grey, or red for eyes that are used to the dark."""
+        if self.app.theme == NIGHT:
+            return f"rgb({round(0.75 * grey)},{round(0.12 * grey)},{round(0.06 * grey)})"
+        return f"rgb({round(grey)},{round(grey)},{round(grey)})"
 
     def _text(self, text: str, name: str) -> Strip:
         return Strip([Segment(text, self.get_component_rich_style(name))])

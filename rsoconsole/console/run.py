@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rsoconsole.config import default_config_path
 from rsoconsole.control import ControlClient
 from rsoconsole.errors import ControlError, RsoconsoleError
 from rsoconsole.session.reader import SessionReader
@@ -30,9 +31,12 @@ def run_console(
     engine on leaving, and waits for one that is only starting. ``stop_directly`` stops the mount
     where the engine does not; it is given the session's INDI settings, or None.
 
-    Raises ControlError when there is no engine, SessionError when ``session`` holds none,
-    RsoconsoleError where there is no terminal.
+    Raises ControlError when there is no engine, ConfigError for a keymap that is none,
+    SessionError when ``session`` holds none, RsoconsoleError where there is no terminal.
     """
+    from rsoconsole.console.commands import load_keymap
+
+    keymap = load_keymap(default_config_path().with_name("keymap.toml"))
     if session is not None:
         SessionReader(session)
     elif not owns_engine:
@@ -49,6 +53,7 @@ def run_console(
         read_only=read_only,
         owns_engine=owns_engine,
         stop_directly=stop_directly,
+        keymap=keymap,
     )
     # Under nohup it would be ignored, and a console without a terminal would stay for ever.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)

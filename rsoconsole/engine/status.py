@@ -31,6 +31,7 @@ class Status:
     faults: tuple[str, ...]
     is_slewing: bool | None = None
     """As the mount said a second ago."""
+    is_tracking: bool | None = None
     pier_side: str | None = None
     exposing_until_utc_ns: int | None = None
     """When the shutter closes; None while it is closed."""
@@ -74,6 +75,7 @@ def status_of(
         lifted=tuple(sorted(watch.lifted)),
         faults=faults,
         is_slewing=None if report is None else report.is_slewing,
+        is_tracking=None if report is None else report.is_tracking,
         pier_side=None if report is None else report.pier_side,
         exposing_until_utc_ns=exposing_until_utc_ns,
         next_start_utc_ns=next_start_utc_ns,

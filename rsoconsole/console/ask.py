@@ -1,0 +1,191 @@
+"""What the operator types: where to go, how long to expose, a remark, words to look for."""
+
+import contextlib
+import time
+from collections.abc import Mapping
+from typing import Any, ClassVar, Generic
+
+from textual.app import ComposeResult
+from textual.containers import VerticalScroll
+from textual.widgets import Input, Static
+
+from rsoconsole.config import Config
+from rsoconsole.console.dialogs import Dialog, Result
+from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.messages import Previewed
+from rsoconsole.console.orders import Orders
+from rsoconsole.console.words import duration_text
+from rsoconsole.control import Outcome
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.sky.angles import format_dec, format_ra
+
+GOTO_EXAMPLES = "05 32 11 -4 52 10 · 83.05 -4.87 of date · alt 47 az 201 · SES-10 · Rigel"
+
+
+class FieldDialog(Dialog[Result], Generic[Result]):
+    """A dialog in which one types at once."""
+
+    def on_mount(self) -> None:
+        """The first field has the focus."""
+        self.query(Input).first().focus()
+
+
+class GotoDialog(FieldDialog[tuple[float, float] | None]):
+    """A direction in any notation; what was understood, the way and the limits as one types.
+
+    Enter goes where the engine's preview stands and nothing refuses it. Gives (RA, Dec) ICRS.
+    """
+
+    def __init__(
+        self,
+        config: Config | None,
+        engine: EngineView,
+        orders: Orders,
+    ) -> None:
+        super().__init__()
+        self._config = config or Config()
+        self._now_utc_ns = engine.now_utc_ns or time.time_ns()
+        self._orders = orders
+        self._names: Any = None
+        self._asked = 0
+        self._preview: Mapping[str, Any] | None = None
+
+    def compose(self) -> ComposeResult:
+        """A field, and what it comes to."""
+        with VerticalScroll() as box:
+            box.border_title = "go to"
+            box.border_subtitle = "enter goes · esc back"
+            yield Input(placeholder=GOTO_EXAMPLES, id="direction")
+            yield Static("", id="understood", markup=False)
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Understand it, and ask the engine what it would mean."""
+        event.stop()
+        self._preview = None
+        self._asked += 1
+        try:
+            self._ask(event.value)
+        except (ValueError, RsoconsoleError) as error:
+            self._tell(str(error) if event.value.strip() else "")
+
+    def _ask(self, text: str) -> None:
+        from rsoconsole.pipeline.directions import Names, understand
+
+        if self._names is None:
+            self._names = Names.load(self._config.catalogue.tle_files)
+        site = self._config.site.to_site()
+        found = understand(text, site, self._now_utc_ns, self._names)
+        number = self._asked
+        caution = f"\ncareful: {found.caution}" if found.caution else ""
+        self._tell(f"{found.words}{caution}\nasking the engine …")
+
+        app, words = self.app, f"{found.words}{caution}"
+
+        def came(outcome: Outcome) -> None:
+            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
+                app.call_from_thread(self.post_message, Previewed(number, words, outcome))
+
+        direction = {"ra_icrs_deg": found.ra_icrs_deg, "dec_icrs_deg": found.dec_icrs_deg}
+        self._orders.send("preview", came, **direction)
+
+    def on_previewed(self, message: Previewed) -> None:
+        """What the engine says of the last thing typed."""
+        if message.number != self._asked:
+            return
+        if not message.outcome.ok:
+            self._tell(f"{message.words}\n{message.outcome.message}")
+            return
+        self._preview = message.outcome.data
+        self._tell("\n".join([message.words, *preview_lines(self._preview)]))
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Go, where that has been shown and may be."""
+        event.stop()
+        preview = self._preview
+        if preview is None:
+            return
+        if preview.get("refused"):
+            self.app.bell()
+            return
+        self.dismiss((float(preview["ra_icrs_deg"]), float(preview["dec_icrs_deg"])))
+
+    def _tell(self, text: str) -> None:
+        self.query_one("#understood", Static).update(text)
+
+
+def preview_lines(data: Mapping[str, Any]) -> list[str]:
+    """The engine's preview of a move, in lines."""
+    date = format_ra(data["ra_date_deg"], 1), format_dec(data["dec_date_deg"], 0)
+    icrs = format_ra(data["ra_icrs_deg"], 1), format_dec(data["dec_icrs_deg"], 0)
+    after = data.get("pier_side_after")
+    side = f", to the {after} of the pier" if after and after != data.get("pier_side") else ""
+    margins = "  ".join(f"{name} {value:+.0f}°" for name, value in data.get("margins_deg", ()))
+    lines = [
+        f"ICRS     α {icrs[0]} δ {icrs[1]}",
+        f"of date  α {date[0]} δ {date[1]}   alt {data['alt_deg']:.1f} az {data['az_deg']:.1f}",
+        f"way      {data['way_deg']:.1f}°, {duration_text(data['slew_s'])}{side}",
+        f"limits   {margins}",
+    ]
+    refused = data.get("refused")
+    return [
+        *lines,
+        f"REFUSED  {refused}" if refused else "enter goes there; you have the mount then",
+    ]
+
+
+class ExposureDialog(FieldDialog[dict[str, float] | None]):
+    """Exposure and cadence. Gives what has been changed, by the setting's name."""
+
+    NAMES: ClassVar[dict[str, str]] = {
+        "exposure.exposure_s": "exposure, s",
+        "exposure.cadence_s": "cadence, s",
+    }
+
+    def __init__(self, present: Mapping[str, Any]) -> None:
+        super().__init__()
+        self._present = present
+
+    def compose(self) -> ComposeResult:
+        """A field each."""
+        with VerticalScroll() as box:
+            box.border_title = "exposure and cadence"
+            box.border_subtitle = "enter takes both · tab the next field · esc back"
+            for name, words in self.NAMES.items():
+                yield Static(words, markup=False)
+                yield Input(f"{self._present.get(name, '')}", id=name.replace(".", "-"))
+            yield Static("", id="wrong", markup=False)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Take what differs."""
+        event.stop()
+        wanted: dict[str, float] = {}
+        for name, words in self.NAMES.items():
+            text = self.query_one(f"#{name.replace('.', '-')}", Input).value.strip()
+            try:
+                value = float(text)
+            except ValueError:
+                self.query_one("#wrong", Static).update(f"{words}: {text!r} is no number")
+                return
+            if value != self._present.get(name):
+                wanted[name] = value
+        self.dismiss(wanted)
+
+
+class LineDialog(FieldDialog[str | None]):
+    """One line of words. Gives them; empty ones too."""
+
+    def __init__(self, title: str, words: str, value: str = "") -> None:
+        super().__init__()
+        self._title, self._words, self._value = title, words, value
+
+    def compose(self) -> ComposeResult:
+        """A field."""
+        with VerticalScroll() as box:
+            box.border_title = self._title
+            box.border_subtitle = "enter takes it · esc back"
+            yield Input(self._value, placeholder=self._words, id="line")
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Take it."""
+        event.stop()
+        self.dismiss(event.value.strip())

@@ -1,0 +1,330 @@
+"""Everything the operator can do, once: keys, palette, help and footer are made of this list.
+
+A keymap file (``keymap.toml`` beside the configuration) gives a command other keys by its name.
+"""
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from textual.binding import Binding
+
+from rsoconsole.errors import ConfigError
+
+Group = Literal["safety", "telescope", "streaks", "picture", "console"]
+GROUPS: dict[Group, str] = {
+    "safety": "Safety",
+    "telescope": "Telescope",
+    "streaks": "Streaks and track",
+    "picture": "Picture",
+    "console": "Console",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """One thing to do."""
+
+    name: str
+    """By which a keymap calls it; the action is ``action_<name>``."""
+    keys: str
+    """As Textual writes them, several parted by commas."""
+    title: str
+    help: str
+    group: Group
+    acts: bool = False
+    """Whether it needs an engine, and a seat that may act."""
+    priority: bool = False
+    """Whether it works over dialogs and inside fields too."""
+    is_everywhere: bool = False
+    """Whether the application has it, on every screen; else the live screen."""
+
+
+def _command(name: str, keys: str, title: str, help_: str, group: Group, **more: Any) -> Command:
+    return Command(name=name, keys=keys, title=title, help=help_, group=group, **more)
+
+
+COMMANDS: tuple[Command, ...] = (
+    _command(
+        "stop",
+        "ctrl+x",
+        "STOP",
+        "end every motion and exposure, disarm; works in dialogs and fields too",
+        "safety",
+        priority=True,
+        is_everywhere=True,
+    ),
+    _command(
+        "stop_by_letter",
+        "x",
+        "STOP",
+        "the same, wherever one does not type",
+        "safety",
+        priority=True,
+        is_everywhere=True,
+    ),
+    _command(
+        "arm_or_disarm",
+        "a",
+        "Arm or disarm",
+        "hand the mount to the engine, after its checklist; once more: disarm",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "hold_or_resume",
+        "h",
+        "Hold or resume",
+        "no slews, still measured; once more: the mount back to autonomy",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "wait_for_sky",
+        "w",
+        "Hold until it clears",
+        "no slews while it is cloudy; goes on by itself when the stars are back",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "goto",
+        "g",
+        "Go to",
+        "coordinates in any notation, a satellite, a star; shows the way before anything moves",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "nudge_up", "up", "Nudge up", "by the step, up in the picture", "telescope", acts=True
+    ),
+    _command(
+        "nudge_down",
+        "down",
+        "Nudge down",
+        "by the step, down in the picture",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "nudge_left",
+        "left",
+        "Nudge left",
+        "by the step, left in the picture",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "nudge_right",
+        "right",
+        "Nudge right",
+        "by the step, right in the picture",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "smaller_step",
+        "left_square_bracket",
+        "Smaller step",
+        "of the nudges: 30′, 10′, 3′, 1′, 20″, 5″",
+        "telescope",
+    ),
+    _command("larger_step", "right_square_bracket", "Larger step", "of the nudges", "telescope"),
+    _command(
+        "exposure",
+        "e",
+        "Exposure and cadence",
+        "how long the shutter is open, and how often",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "abort_exposure",
+        "b",
+        "Abort the exposure",
+        "give up the one that runs; the next begins as planned",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "park",
+        "p",
+        "Park",
+        "asks once; disarms and sends the mount to its park position",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "unpark", "u", "Unpark", "releases a parked mount; nothing moves", "telescope", acts=True
+    ),
+    _command(
+        "track_or_stand",
+        "k",
+        "Track or stand",
+        "sidereal tracking on and off, while nobody else has the mount",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "follow_next",
+        "d",
+        "Follow the next streak",
+        "the next detection of the frame is the one to follow; a click chooses too",
+        "streaks",
+        acts=True,
+    ),
+    _command(
+        "centre",
+        "c",
+        "Centre the streak",
+        "point the telescope at what is followed, by hand",
+        "streaks",
+        acts=True,
+    ),
+    _command(
+        "mark",
+        "m",
+        "Mark by hand",
+        "the streak's two ends: arrows and enter twice, or drag; a measurement of your own",
+        "streaks",
+        acts=True,
+    ),
+    _command(
+        "accept",
+        "y",
+        "Accept",
+        "take the frame's likeliest candidate, whatever the gates said",
+        "streaks",
+        acts=True,
+    ),
+    _command(
+        "reject",
+        "j",
+        "Reject",
+        "the last measurement was something else: the track as if without it",
+        "streaks",
+        acts=True,
+    ),
+    _command(
+        "seek",
+        "s",
+        "Seek it again",
+        "search round where it must be, in a widening spiral",
+        "streaks",
+        acts=True,
+    ),
+    _command(
+        "tune",
+        "t",
+        "Tune",
+        "tau, Q, R, gate and limits, with the effect on what was recorded shown first",
+        "streaks",
+    ),
+    _command(
+        "zoom", "z", "Zoom", "the field, the close-up, the close-up pixel by pixel", "picture"
+    ),
+    _command(
+        "stretch", "f", "Stretch", "how light becomes grey: streaks, asinh, linear", "picture"
+    ),
+    _command("note", "n", "Note", "a remark into the session", "console", acts=True),
+    _command("log", "l", "Log", "all of it, and back; slash filters it", "console"),
+    _command("filter_log", "slash", "Filter the log", "only lines with what you type", "console"),
+    _command("leave", "q", "Leave", "asks what becomes of the engine", "console"),
+    _command(
+        "put_away",
+        "escape",
+        "Put away",
+        "the log, a mark, what came of a STOP, a notice",
+        "console",
+    ),
+    _command(
+        "help", "f1,question_mark", "Help", "the keys and signs", "console", is_everywhere=True
+    ),
+    _command(
+        "colours",
+        "ctrl+t",
+        "Colours",
+        "night, dark, light, the terminal's own",
+        "console",
+        is_everywhere=True,
+    ),
+)
+BY_NAME: Mapping[str, Command] = {command.name: command for command in COMMANDS}
+KEY_WORDS = {
+    "left_square_bracket": "[",
+    "right_square_bracket": "]",
+    "question_mark": "?",
+    "slash": "/",
+    "escape": "esc",
+    "up": "↑",
+    "down": "↓",
+    "left": "←",
+    "right": "→",
+    "f1": "F1",
+}
+
+
+def bindings(*, is_everywhere: bool) -> list[Binding]:
+    """For the application, or for the live screen."""
+    return [
+        Binding(
+            command.keys,
+            command.name,
+            command.title,
+            id=command.name,
+            priority=command.priority,
+            show=False,
+            tooltip=command.help,
+        )
+        for command in COMMANDS
+        if command.is_everywhere is is_everywhere
+    ]
+
+
+def key_words(keys: str) -> str:
+    """Keys as a person writes them."""
+    return " ".join(KEY_WORDS.get(key, key.replace("ctrl+", "^")) for key in keys.split(","))
+
+
+def load_keymap(path: Path) -> dict[str, str]:
+    """Other keys by command; empty without a file.
+
+    Raises ConfigError for a file that is no such, an unknown command, or a key given twice.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from error
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: {error}") from error
+    unknown = [name for name in table if name not in BY_NAME]
+    if unknown:
+        raise ConfigError(
+            f"{path}: no command is called {', '.join(unknown)}; there are {', '.join(BY_NAME)}"
+        )
+    wrong = [name for name, keys in table.items() if not isinstance(keys, str) or not keys.strip()]
+    if wrong:
+        raise ConfigError(f'{path}: {", ".join(wrong)} needs a key as text, such as "ctrl+g"')
+    keymap = {name: keys.replace(" ", "") for name, keys in table.items()}
+    _refuse_doubles(path, keymap)
+    return keymap
+
+
+def _refuse_doubles(path: Path, keymap: Mapping[str, str]) -> None:
+    """No key may do two things, and STOP keeps its own."""
+    owners: dict[str, str] = {}
+    for name, keys in _all_keys(keymap):
+        for key in keys.split(","):
+            if key in owners:
+                raise ConfigError(f"{path}: {key} is both {owners[key]} and {name}")
+            owners[key] = name
+
+
+def _all_keys(keymap: Mapping[str, str]) -> Iterable[tuple[str, str]]:
+    return ((command.name, keymap.get(command.name, command.keys)) for command in COMMANDS)

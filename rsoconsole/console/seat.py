@@ -1,0 +1,158 @@
+"""What every action of the seat needs: what is known, who may act, how an intention is sent."""
+
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from textual.message import Message
+from textual.screen import Screen
+
+from rsoconsole.console.dialogs import ArmDialog, MessageDialog
+from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.messages import OutcomeCame, StopNewsCame
+from rsoconsole.console.night import NightView
+from rsoconsole.console.orders import Orders
+from rsoconsole.console.picture import Picture
+from rsoconsole.console.plot import Ink
+from rsoconsole.console.stop import StopNews
+from rsoconsole.control import Outcome
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.outlook import Outlook
+
+NOTICE_S = 4.0
+BANNER_S = 15.0
+"""A confirmed STOP is shown so long; one that is not confirmed stays."""
+
+
+class Seat(Screen[None]):
+    """Holds what is known and sends intentions; the screens above it show and ask."""
+
+    def __init__(
+        self,
+        orders: Orders,
+        *,
+        read_only: bool,
+        owns_engine: bool,
+        ask_now: Callable[[], None],
+        from_thread: Callable[..., None],
+        on_known: Callable[[NightView, EngineView], None],
+    ) -> None:
+        super().__init__()
+        self.night = NightView()
+        self.engine = EngineView()
+        self.picture: Picture | None = None
+        self.outlook: Outlook | None = None
+        self.stop_news: StopNews | None = None
+        self.orders = orders
+        self.read_only = read_only
+        self.owns_engine = owns_engine
+        self.ask_now = ask_now
+        self.on_known = on_known
+        self._from_thread = from_thread
+        self._notice: tuple[str, Ink] = ("", "")
+        self._notice_until_s = 0.0
+        self._stops = 0
+
+    # -- words --------------------------------------------------------------------------------
+
+    def say(self, text: str, ink: Ink = "title") -> None:
+        """A word in the last line, for a while."""
+        self._notice, self._notice_until_s = (text, ink), time.monotonic() + NOTICE_S
+        self.show_keys()
+        if text:
+            self.set_timer(NOTICE_S + 0.1, self.show_keys)
+
+    @property
+    def notice(self) -> tuple[str, Ink]:
+        """What is to be said at this moment."""
+        return self._notice if time.monotonic() < self._notice_until_s else ("", "")
+
+    def forget_notice(self) -> None:
+        """Whatever was said of it is done, or undone."""
+        self._notice_until_s = 0.0
+
+    def show_keys(self) -> None:
+        """The last line; the screen that has one draws it."""
+
+    def show_stop(self, news: StopNews | None) -> None:
+        """What came of a STOP; the screen that has a banner draws it."""
+        self.stop_news = news
+
+    # -- intentions ---------------------------------------------------------------------------
+
+    @property
+    def can_act(self) -> bool:
+        """Whether there is an engine for this seat to tell."""
+        return self.engine.is_attached and not self.read_only
+
+    def may_act(self) -> bool:
+        """The same; says why not."""
+        if self.read_only:
+            self.say("this seat only looks: 'rsoconsole console' without --read-only may act")
+        elif not self.engine.is_attached:
+            self.say("no engine answers: 'rsoconsole engine' starts one")
+        return self.can_act
+
+    def send(self, verb: str, **arguments: Any) -> None:
+        """Hand an intention to the engine; what comes of it is said."""
+        self.say(f"{verb} …")
+        stops = self._stops
+
+        def came(outcome: Outcome) -> None:
+            self.post_from_thread(OutcomeCame(verb, outcome, stops))
+
+        self.orders.send(verb, came, **arguments)
+
+    def on_outcome_came(self, message: OutcomeCame) -> None:
+        """Said where it went well, asked where it did not; STOP has the last word."""
+        verb, outcome = message.verb, message.outcome
+        self.ask_now()
+        if message.stops != self._stops and verb != "shutdown":
+            return
+        if outcome.ok:
+            self.say(f"{verb}: {outcome.message or 'done'}", "good")
+            if verb == "arm":
+                self.show_stop(None)
+            elif verb == "shutdown":
+                self.app.exit("stop engine")
+        elif verb == "arm":
+            self._ask_to_override(outcome)
+        else:
+            self.app.push_screen(MessageDialog(f"{verb}: not done", outcome.message))
+
+    def _ask_to_override(self, outcome: Outcome) -> None:
+        given = outcome.data.get("checks")
+        checks = [check for check in given if isinstance(check, Mapping)] if given else []
+
+        def decided(names: tuple[str, ...] | None) -> None:
+            if names is not None:
+                self.send("arm", override=list(names))
+
+        self.say("not armed", "warn")
+        self.app.push_screen(ArmDialog(outcome.message, checks), decided)
+
+    def stop(self) -> None:
+        """STOP: act first, then put away whatever is open, then say so."""
+        self.orders.stop(lambda news: self.post_from_thread(StopNewsCame(news)))
+        self._stops += 1
+        self.say("")
+        while len(self.app.screen_stack) > 1 and self.app.screen is not self:
+            self.app.pop_screen()
+        self.show_stop(StopNews(phase="sent", text="sent to the engine"))
+
+    def on_stop_news_came(self, message: StopNewsCame) -> None:
+        """Late, stopped or failed."""
+        self.show_stop(message.news)
+        if message.news.phase == "stopped":
+            self.set_timer(BANNER_S, partial(self._forget_stop, message.news))
+        self.ask_now()
+
+    def _forget_stop(self, news: StopNews) -> None:
+        if self.stop_news is news:
+            self.show_stop(None)
+
+    def post_from_thread(self, message: Message) -> None:
+        """Have a message handled by the application (any thread)."""
+        self._from_thread(self.post_message, message)

@@ -1,0 +1,143 @@
+"""What the operator says of the streaks in a frame: this one, not that one, here it is."""
+
+from rsoconsole.console.marking import Marking
+from rsoconsole.console.marks import Mark
+from rsoconsole.console.messages import Pointed
+from rsoconsole.console.panes import FramePane
+from rsoconsole.console.seat import Seat
+from rsoconsole.records import Detection
+
+CLICK_PX = 60.0
+"""A click so far from a streak is not meant for it, unless the picture is coarser than that."""
+
+
+class StreakActions(Seat):
+    """Follow, accept, reject, mark, seek."""
+
+    marking: Marking | None = None
+    """The mark that is being made; None while none is."""
+    _chosen = -1
+
+    def show_picture(self) -> None:
+        """Draw the picture again; the screen that has it does."""
+
+    def large_pane(self) -> FramePane:
+        """The pane that marks are made in."""
+        raise NotImplementedError
+
+    def action_follow_next(self) -> None:
+        """Go through the frame's streaks, the likeliest first."""
+        streaks = self._streaks()
+        if not self.may_act():
+            return
+        if not streaks:
+            self.say("the frame has no streak to follow", "warn")
+            return
+        self._chosen = (self._chosen + 1) % len(streaks)
+        self._choose(streaks[self._chosen])
+
+    def _streaks(self) -> tuple[Detection, ...]:
+        found = self.picture.detail.detections if self.picture is not None else None
+        if found is None:
+            return ()
+        return (*found.detections, *(each.detection for each in found.rejected))
+
+    def _choose(self, streak: Detection) -> None:
+        assert self.picture is not None
+        self.send("choose", frame=self.picture.frame_id, x=streak.x_px, y=streak.y_px)
+
+    def action_accept(self) -> None:
+        """The frame's likeliest candidate is what is followed."""
+        if self.may_act():
+            self.send("accept")
+
+    def action_reject(self) -> None:
+        """The last measurement was something else."""
+        if self.may_act():
+            self.send("reject")
+
+    def action_seek(self) -> None:
+        """Look for it again."""
+        if self.may_act():
+            self.send("seek")
+
+    # -- a mark by hand -------------------------------------------------------------------------
+
+    def action_mark(self) -> None:
+        """Begin a mark in the picture, or leave off."""
+        if self.marking is not None:
+            self.end_mark()
+            return
+        if not self.may_act():
+            return
+        drawing = self.large_pane().drawing
+        if self.picture is None or drawing is None:
+            self.say("there is no picture to mark in", "warn")
+            return
+        self.marking = Marking.begin(self.picture.frame_id, drawing)
+        self.app.check_bindings = True  # type: ignore[attr-defined]
+        self._show_mark()
+
+    def end_mark(self) -> None:
+        """Leave off; nothing is sent."""
+        self.marking = None
+        self.show_picture()
+        self.say("")
+
+    def mark_key(self, key: str) -> bool:
+        """A key while a mark is made; True when it was for the mark."""
+        if self.marking is None:
+            return False
+        if key == "enter":
+            self._set_end()
+        elif not self.marking.move(key):
+            return False
+        else:
+            self._show_mark()
+        return True
+
+    def on_pointed(self, message: Pointed) -> None:
+        """The mouse in a picture: an end of a mark, or a streak to follow."""
+        if self.marking is not None:
+            self.marking.cursor_px = (message.x_px, message.y_px)
+            if (message.is_release and self.marking.is_drag()) or not message.is_release:
+                self._set_end()
+            return
+        if message.is_release or not self._streaks():
+            return
+        near = min(self._streaks(), key=lambda d: _away(d, message))
+        if _away(near, message) <= max(CLICK_PX, 2.0 * message.px_per_square) and self.may_act():
+            self._choose(near)
+
+    def _set_end(self) -> None:
+        assert self.marking is not None
+        ends = self.marking.set_end()
+        if ends is None:
+            self._show_mark()
+            return
+        (x_a, y_a), (x_b, y_b) = ends
+        self.send(
+            "mark",
+            frame=self.marking.frame_id,
+            x_a=x_a,
+            y_a=y_a,
+            x_b=x_b,
+            y_b=y_b,
+            sigma_px=max(self.marking.px_per_square, 1.0),
+        )
+        self.marking = None
+        self.show_picture()
+
+    def _show_mark(self) -> None:
+        assert self.marking is not None
+        which = "first" if self.marking.first_px is None else "second"
+        self.say(f"mark: arrows to the {which} end, enter; shift: 5 squares; esc leaves off")
+        self.show_picture()
+
+    def mark_marks(self) -> tuple[Mark, ...]:
+        """What the mark being made adds to the picture."""
+        return () if self.marking is None else self.marking.marks()
+
+
+def _away(streak: Detection, at: Pointed) -> float:
+    return float(((streak.x_px - at.x_px) ** 2 + (streak.y_px - at.y_px) ** 2) ** 0.5)

@@ -1,0 +1,180 @@
+"""What the operator does with the telescope itself: each key is one intention, or one question."""
+
+from rsoconsole.console.ask import ExposureDialog, GotoDialog
+from rsoconsole.console.dialogs import ConfirmDialog
+from rsoconsole.console.seat import Seat
+from rsoconsole.records import Solution
+from rsoconsole.sky.wcs import pixel_to_sky
+
+STEPS_ARCSEC = (1800.0, 600.0, 180.0, 60.0, 20.0, 5.0)
+FIRST_STEP = 3
+
+
+def step_words(arcsec: float) -> str:
+    """30′ or 20″."""
+    return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
+
+
+class TelescopeActions(Seat):
+    """Arm, hold, park, go to, nudge, expose."""
+
+    step = FIRST_STEP
+
+    def action_arm_or_disarm(self) -> None:
+        """Whoever has the mount gives it up."""
+        if self.may_act():
+            self.send("disarm" if self.engine.holder == "autonomy" else "arm")
+
+    def action_hold_or_resume(self) -> None:
+        """No slews for now; or give the mount back to autonomy."""
+        if not self.may_act():
+            return
+        if self.engine.wants_resuming:
+            self.send("resume")
+        elif self.engine.holder == "autonomy":
+            self.send("hold")
+        else:
+            self.say("nothing to hold: the engine is not armed", "warn")
+
+    def action_wait_for_sky(self) -> None:
+        """No slews until the stars are back."""
+        if not self.may_act():
+            return
+        if self.engine.holder == "autonomy":
+            self.send("hold", until="clear")
+        else:
+            self.say("nothing to hold: the engine is not armed", "warn")
+
+    def action_park(self) -> None:
+        """Ask, then disarm and park."""
+        if not self.may_act():
+            return
+
+        def decided(is_wanted: bool | None) -> None:
+            if is_wanted:
+                self.send("park")
+
+        text = "The engine disarms and sends the mount to its park position."
+        dialog = ConfirmDialog("park the mount", text, yes="Park", letter="y")
+        self.app.push_screen(dialog, decided)
+
+    def action_unpark(self) -> None:
+        """Release a parked mount; nothing moves."""
+        if self.may_act():
+            self.send("unpark")
+
+    def action_track_or_stand(self) -> None:
+        """Sidereal tracking on and off."""
+        if self.may_act():
+            self.send("track", on=not self.engine.is_tracking)
+
+    def action_abort_exposure(self) -> None:
+        """Give up the exposure that runs."""
+        if self.may_act():
+            self.send("abort")
+
+    def action_exposure(self) -> None:
+        """Ask for another exposure and cadence."""
+        if not self.may_act():
+            return
+
+        def decided(wanted: dict[str, float] | None) -> None:
+            for name, value in (wanted or {}).items():
+                self.send("set", name=name, value=value)
+
+        present = {name: self.night.setting(name) for name in ExposureDialog.NAMES}
+        self.app.push_screen(ExposureDialog(present), decided)
+
+    # -- by hand ------------------------------------------------------------------------------
+
+    def action_goto(self) -> None:
+        """Ask where to; nothing moves before the way has been shown."""
+        if not self.may_act():
+            return
+
+        def decided(direction: tuple[float, float] | None) -> None:
+            if direction is not None:
+                self.send("goto", ra_icrs_deg=direction[0], dec_icrs_deg=direction[1])
+
+        dialog = GotoDialog(self.night.config, self.engine, self.orders)
+        self.app.push_screen(dialog, decided)
+
+    def action_nudge_up(self) -> None:
+        """By the step, as the picture is turned."""
+        self._nudge(0.0, -1.0)
+
+    def action_nudge_down(self) -> None:
+        """By the step, as the picture is turned."""
+        self._nudge(0.0, 1.0)
+
+    def action_nudge_left(self) -> None:
+        """By the step, as the picture is turned."""
+        self._nudge(-1.0, 0.0)
+
+    def action_nudge_right(self) -> None:
+        """By the step, as the picture is turned."""
+        self._nudge(1.0, 0.0)
+
+    def _nudge(self, right: float, down: float) -> None:
+        """Move the telescope so that it looks that way in the picture."""
+        if not self.may_act():
+            return
+        east, north = self._on_the_sky(right, down)
+        arcmin = STEPS_ARCSEC[self.step] / 60.0
+        self.send(
+            "nudge", east_arcmin=round(arcmin * east, 6), north_arcmin=round(arcmin * north, 6)
+        )
+
+    def _on_the_sky(self, right: float, down: float) -> tuple[float, float]:
+        """A direction in the picture as (east, north); without a plate north is up, east left."""
+        solution = self.picture.detail.solution if self.picture is not None else None
+        if not isinstance(solution, Solution):
+            return -right, -down
+        cd = solution.wcs.cd
+        east = cd[0] * right + cd[1] * down
+        north = cd[2] * right + cd[3] * down
+        length = (east**2 + north**2) ** 0.5 or 1.0
+        return east / length, north / length
+
+    def action_smaller_step(self) -> None:
+        """Of the nudges."""
+        self._change_step(1)
+
+    def action_larger_step(self) -> None:
+        """Of the nudges."""
+        self._change_step(-1)
+
+    def _change_step(self, by: int) -> None:
+        self.step = min(max(self.step + by, 0), len(STEPS_ARCSEC) - 1)
+        self.say(f"nudge by {step_words(STEPS_ARCSEC[self.step])}")
+
+    def action_centre(self) -> None:
+        """Point at the streak that is followed, or at the likeliest one, by hand."""
+        if not self.may_act():
+            return
+        picture = self.picture
+        detail = picture.detail if picture is not None else None
+        if detail is None or not isinstance(detail.solution, Solution):
+            self.say("the frame is not solved: nothing can be pointed at", "warn")
+            return
+        followed = detail.followed
+        found = detail.detections.detections if detail.detections is not None else ()
+        if followed is not None:
+            place = followed.ra_icrs_deg, followed.dec_icrs_deg
+        elif found:
+            ra, dec = pixel_to_sky(detail.solution.wcs, found[0].x_px, found[0].y_px)
+            place = float(ra), float(dec)
+        else:
+            self.say("the frame has no streak to centre", "warn")
+            return
+
+        def decided(is_wanted: bool | None) -> None:
+            if is_wanted:
+                self.send("goto", ra_icrs_deg=place[0], dec_icrs_deg=place[1])
+
+        if self.engine.holder == "autonomy":
+            text = "Autonomy has the mount: this takes it. h gives it back."
+            dialog = ConfirmDialog("centre the streak", text, yes="Take it", letter="y")
+            self.app.push_screen(dialog, decided)
+        else:
+            decided(True)

@@ -1,0 +1,45 @@
+"""What several files of tests ask for."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rsoconsole.console import watch
+from rsoconsole.session.writer import SessionWriter
+from tests.seat_rig import FakeWire, written
+
+
+@pytest.fixture(scope="module")
+def told_night(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A night of twenty frames, closed."""
+    writer = written(tmp_path_factory.mktemp("console") / "night")
+    writer.close()
+    return writer.folder
+
+
+@pytest.fixture
+def writer(tmp_path: Path) -> Iterator[SessionWriter]:
+    """A night that goes on; a test that asks for it is shown that one."""
+    writer = written(tmp_path / "night")
+    yield writer
+    writer.close()
+
+
+@pytest.fixture
+def impatient_seat(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Watches that look often, a pilot that does not sleep."""
+    monkeypatch.setattr(watch, "READ_S", 0.03)
+    monkeypatch.setattr(watch, "ASK_S", 0.03)
+    monkeypatch.setattr(watch, "CLOSED_CHECK_S", 0.1)
+    # How long the pilot sleeps before it looks whether the program is idle.
+    monkeypatch.setattr("textual._wait.SLEEP_GRANULARITY", 0.008)
+    monkeypatch.setattr("textual._wait.SLEEP_IDLE", 0.004)
+
+
+@pytest.fixture
+def wire(request: pytest.FixtureRequest, impatient_seat: None) -> FakeWire:
+    """An engine in the middle of a told night."""
+    if "writer" in request.fixturenames:
+        return FakeWire(request.getfixturevalue("writer").folder)
+    return FakeWire(request.getfixturevalue("told_night"))

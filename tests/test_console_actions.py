@@ -1,0 +1,432 @@
+"""What each key of the seat tells the engine; every command has a key, help, and a place."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import pytest
+from textual.pilot import Pilot
+from textual.widgets import Input, Static
+
+from rsoconsole.config import Config, default_config_path
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.commands import BY_NAME, COMMANDS, key_words, load_keymap
+from rsoconsole.console.dialogs import help_text
+from rsoconsole.console.log_pane import LogPane
+from rsoconsole.console.panes import SIGHTS, FramePane
+from rsoconsole.control import Outcome
+from rsoconsole.errors import ConfigError
+from rsoconsole.records import Event
+from rsoconsole.session.writer import SessionWriter
+from tests import made_up_night as night
+from tests.seat_rig import FRAMES, FakeWire, pane, play, screen_text, until
+
+LARGE = (120, 40)
+PREVIEW = {
+    "ra_icrs_deg": 83.05,
+    "dec_icrs_deg": -4.87,
+    "ra_date_deg": 83.33,
+    "dec_date_deg": -4.86,
+    "alt_deg": 47.2,
+    "az_deg": 201.3,
+    "way_deg": 12.4,
+    "slew_s": 9.0,
+    "pier_side": "west",
+    "pier_side_after": "east",
+    "margins_deg": [["altitude", 32.0]],
+    "refused": None,
+}
+
+
+# -- the list of commands -----------------------------------------------------------------------
+
+
+def test_every_command_has_an_action_a_key_words_and_a_place_in_help_and_palette(wire: FakeWire):
+    async def scene(app: ConsoleApp, _pilot: Pilot[str]) -> None:
+        titles = {command.title for command in app.get_system_commands(app.live)}
+        text = help_text()
+        for command in COMMANDS:
+            owner = app if command.is_everywhere else app.live
+            assert callable(getattr(owner, f"action_{command.name}")), command.name
+            assert command.help
+            assert command.title in text
+            if command.name not in {"stop_by_letter", "put_away"}:
+                assert command.title in titles
+        bound = {binding.id for _, binding in app.live._bindings if binding.id}
+        bound |= {binding.id for _, binding in app._bindings if binding.id}
+        assert bound == set(BY_NAME)
+
+    play(wire, scene)
+
+
+def test_no_key_does_two_things_and_none_needs_a_chord_that_terminals_lack():
+    keys = [key for command in COMMANDS for key in command.keys.split(",")]
+    assert len(keys) == len(set(keys))
+    assert not [
+        key for key in keys if "shift+" in key or key in {"ctrl+enter", "f10", "f11", "f12"}
+    ]
+    assert key_words("f1,question_mark") == "F1 ?"
+    assert key_words("ctrl+x") == "^x"
+
+
+def test_a_keymap_gives_commands_other_keys(wire: FakeWire, tmp_path: Path):
+    path = tmp_path / "keymap.toml"
+    path.write_text('hold_or_resume = "f2"\nnote = "ctrl+n, i"\n', encoding="utf-8")
+    keymap = load_keymap(path)
+    assert keymap == {"hold_or_resume": "f2", "note": "ctrl+n,i"}
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("h")
+        await pilot.press("f2")
+        await until(pilot, lambda: wire.verbs == ["hold"])
+        await pilot.press("f1")
+        await until(pilot, lambda: app.screen is not app.live)
+        shown = str(app.screen.query_one(Static).render())
+        assert "F2" in shown.upper()
+
+    play(wire, scene, keymap=keymap)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('fly = "f"', "no command is called fly"),
+        ('note = "g"', "g is both goto and note"),
+        ("note = 3", "note needs a key as text"),
+        ("note = ", "Invalid value"),
+    ],
+)
+def test_a_keymap_that_cannot_be_is_refused_with_the_reason(tmp_path: Path, text: str, words: str):
+    path = tmp_path / "keymap.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=words):
+        load_keymap(path)
+    assert load_keymap(tmp_path / "none.toml") == {}
+    assert default_config_path().name != "keymap.toml"
+
+
+# -- keys that tell the engine something ---------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("key", "status", "verb", "arguments"),
+    [
+        ("w", {}, "hold", {"until": "clear"}),
+        ("u", {}, "unpark", {}),
+        ("k", {"is_tracking": True}, "track", {"on": False}),
+        ("k", {"is_tracking": False}, "track", {"on": True}),
+        ("b", {}, "abort", {}),
+        ("y", {}, "accept", {}),
+        ("j", {}, "reject", {}),
+        ("s", {}, "seek", {}),
+        ("d", {}, "choose", {"frame": FRAMES, "x": 2000.0, "y": 1500.0}),
+        ("up", {}, "nudge", {"east_arcmin": 0.0, "north_arcmin": 1.0}),
+        ("left", {}, "nudge", {"east_arcmin": -1.0, "north_arcmin": 0.0}),
+    ],
+)
+def test_a_key_is_one_intention(
+    wire: FakeWire, key: str, status: dict[str, Any], verb: str, arguments: dict[str, Any]
+):
+    wire.status |= status
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await until(pilot, lambda: app.live.engine.is_tracking is status.get("is_tracking", False))
+        await pilot.press(key)
+        await until(pilot, lambda: bool(wire.sent))
+        name, said = wire.sent[0]
+        if verb == "nudge":
+            # The picture of the made-up night is turned: what is up there is the plate's word.
+            assert name == verb
+            assert sum(value**2 for value in said.values()) == pytest.approx(1.0)
+        else:
+            assert (name, said) == (verb, arguments)
+
+    play(wire, scene)
+
+
+@pytest.mark.parametrize("key", ["g", "e", "m", "n", "d", "y", "j", "s", "w", "u", "k", "b", "up"])
+def test_a_seat_that_only_looks_tells_nobody_anything(wire: FakeWire, key: str):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press(key)
+        await until(pilot, lambda: "only looks" in pane(app, "keys"))
+        assert app.screen is app.live
+        assert wire.verbs == []
+
+    play(wire, scene, read_only=True)
+
+
+def test_the_step_of_the_nudges_is_chosen_and_said(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("left_square_bracket")
+        assert "nudge by 20″" in pane(app, "keys")
+        await pilot.press("up")
+        await until(pilot, lambda: wire.verbs == ["nudge"])
+        length = sum(value**2 for value in wire.sent[0][1].values()) ** 0.5
+        assert length == pytest.approx(20.0 / 60.0, abs=1e-5)
+        for _ in range(9):
+            await pilot.press("right_square_bracket")
+        assert "nudge by 30′" in pane(app, "keys")
+
+    play(wire, scene)
+
+
+def test_a_nudge_up_moves_what_is_up_in_the_picture_to_the_middle(wire: FakeWire):
+    """The plate says where up is on the sky."""
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        solution = app.live.picture.detail.solution
+        # Through the plate: one pixel up from the reference pixel, in degrees of sky.
+        cd = solution.wcs.cd
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("up")
+        await until(pilot, lambda: wire.verbs == ["nudge"])
+        said = wire.sent[0][1]
+        assert said["east_arcmin"] * -cd[3] == pytest.approx(said["north_arcmin"] * -cd[1])
+        assert said["east_arcmin"] * -cd[1] + said["north_arcmin"] * -cd[3] > 0.0
+
+    play(wire, scene)
+
+
+# -- what is asked first --------------------------------------------------------------------------
+
+
+def test_go_to_shows_the_way_before_anything_moves(wire: FakeWire):
+    wire.outcomes["preview"] = Outcome(ok=True, data=PREVIEW)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("g")
+        await until(pilot, lambda: app.screen is not app.live)
+        field, said = app.screen.query_one(Input), app.screen.query_one("#understood", Static)
+        field.value = "83.05 -4.87"
+        await until(pilot, lambda: "way" in str(said.render()))
+        text = str(said.render())
+        for words in ("RA and Dec, ICRS, in degrees", "alt 47.2 az 201.3", "12.4°, 9s"):
+            assert words in text
+        assert "to the east of the pier" in text
+        assert "goto" not in wire.verbs
+        await pilot.press("enter")
+        await until(pilot, lambda: "goto" in wire.verbs)
+        sent = dict(wire.sent[-1][1])
+        assert sent == {"ra_icrs_deg": 83.05, "dec_icrs_deg": -4.87}
+
+    play(wire, scene)
+
+
+def test_a_move_that_is_refused_says_why_and_enter_does_nothing(wire: FakeWire):
+    refusal = "altitude 3.1 deg, 15 at least"
+    wire.outcomes["preview"] = Outcome(ok=True, data=PREVIEW | {"refused": refusal})
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("g")
+        await until(pilot, lambda: app.screen is not app.live)
+        said = app.screen.query_one("#understood", Static)
+        app.screen.query_one(Input).value = "alt 3 az 180"
+        await until(pilot, lambda: "REFUSED" in str(said.render()))
+        assert refusal in str(said.render())
+        await pilot.press("enter")
+        app.screen.query_one(Input).value = "nowhere at all"
+        await until(pilot, lambda: "no star known" in str(said.render()))
+        await pilot.press("enter", "escape")
+        await until(pilot, lambda: app.screen is app.live)
+        assert "goto" not in wire.verbs
+
+    play(wire, scene)
+
+
+def test_exposure_and_cadence_are_taken_where_they_differ(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("e")
+        await until(pilot, lambda: app.screen is not app.live)
+        field = app.screen.query_one("#exposure-exposure_s", Input)
+        assert float(field.value) == Config().exposure.exposure_s
+        field.value = "ten"
+        await pilot.press("enter")
+        assert "is no number" in str(app.screen.query_one("#wrong", Static).render())
+        field.value = "7.5"
+        await pilot.press("enter")
+        await until(pilot, lambda: wire.verbs == ["set"])
+        assert wire.sent[0][1] == {"name": "exposure.exposure_s", "value": 7.5}
+
+    play(wire, scene)
+
+
+def test_a_note_goes_into_the_session(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("n")
+        await until(pilot, lambda: app.screen is not app.live)
+        await pilot.press(*"thin", "space", *"fog", "enter")
+        await until(pilot, lambda: wire.sent == [("note", {"text": "thin fog"})])
+
+    play(wire, scene)
+
+
+def test_centring_asks_before_it_takes_the_mount_from_autonomy(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.holder == "autonomy")
+        await pilot.press("c")
+        await until(pilot, lambda: app.screen is not app.live)
+        assert wire.verbs == []
+        await pilot.press("y")
+        await until(pilot, lambda: wire.verbs == ["goto"])
+        followed = app.live.picture.detail.followed
+        place = {"ra_icrs_deg": followed.ra_icrs_deg, "dec_icrs_deg": followed.dec_icrs_deg}
+        assert wire.sent[0][1] == place
+        wire.status |= {"holder": "operator", "state": "MANUAL"}
+        await until(pilot, lambda: app.live.engine.holder == "operator")
+        await pilot.press("c")
+        await until(pilot, lambda: wire.verbs == ["goto", "goto"])
+
+    play(wire, scene)
+
+
+# -- a mark by hand --------------------------------------------------------------------------------
+
+
+def test_a_streak_is_marked_with_arrows_and_enter(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("z", "z")
+        drawing = app.live.query_one("#frame", FramePane).drawing
+        assert drawing.px_per_square == 1.0
+        await pilot.press("m")
+        assert "Leave off" in pane(app, "keys") or "mark: arrows" in pane(app, "keys")
+        await pilot.press("left", "left", "enter", *["right"] * 7, "down", "enter")
+        await until(pilot, lambda: wire.verbs == ["mark"])
+        said = wire.sent[0][1]
+        window = drawing.window
+        middle = window.x0_px + window.width_px / 2.0, window.y0_px + window.height_px / 2.0
+        assert said["frame"] == FRAMES
+        assert said["x_a"] == pytest.approx(middle[0] - 2.0, abs=0.6)
+        assert said["x_b"] - said["x_a"] == pytest.approx(7.0)
+        assert said["y_b"] - said["y_a"] == pytest.approx(1.0)
+        assert said["sigma_px"] == 1.0
+        assert app.live.marking is None
+
+    play(wire, scene, LARGE)
+
+
+def test_esc_leaves_a_mark_off_and_arrows_nudge_again(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("m", "right", "enter", "escape")
+        assert app.live.marking is None
+        assert wire.verbs == []
+        await pilot.press("right")
+        await until(pilot, lambda: wire.verbs == ["nudge"])
+
+    play(wire, scene)
+
+
+def test_a_mark_is_drawn_with_the_mouse(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("m")
+        await pilot.mouse_down("#frame", offset=(20, 6))
+        await pilot.mouse_up("#frame", offset=(30, 8))
+        await until(pilot, lambda: wire.verbs == ["mark"])
+        said = wire.sent[0][1]
+        square = app.live.query_one("#frame", FramePane).drawing.px_per_square
+        assert said["x_b"] - said["x_a"] == pytest.approx(10 * square, rel=0.01)
+        assert said["y_b"] - said["y_a"] == pytest.approx(4 * square, rel=0.05)
+
+    play(wire, scene)
+
+
+def test_a_click_on_a_streak_follows_it(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        window = app.live.query_one("#frame", FramePane).drawing.window
+        column, row = window.cell(2000.0, 1500.0)
+        await pilot.click("#frame", offset=(column, row + 1))
+        await until(pilot, lambda: wire.verbs == ["choose"])
+        assert wire.sent[0][1] == {"frame": FRAMES, "x": 2000.0, "y": 1500.0}
+        await pilot.click("#frame", offset=(2, 2))
+        assert wire.verbs == ["choose"]
+
+    play(wire, scene)
+
+
+# -- what is seen ----------------------------------------------------------------------------------
+
+
+def test_zoom_and_stretch_go_round(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        for sight in (*SIGHTS[1:], SIGHTS[0]):
+            await pilot.press("z")
+            assert f"picture: {sight}" in pane(app, "keys")
+            title = screen_text(app).splitlines()[1]
+            assert ("close-up" in title) is (sight != "field")
+        for stretch in ("asinh", "linear", "streaks"):
+            await pilot.press("f")
+            assert f"stretch: {stretch}" in pane(app, "keys")
+            assert (f"· {stretch}" in screen_text(app)) is (stretch != "streaks")
+
+    play(wire, scene)
+
+
+def test_the_log_is_filtered_by_words(wire: FakeWire, writer: SessionWriter):
+    writer.append(Event(level="info", text="the dome has opened"), night.t_of(FRAMES))
+    assert writer.flush()
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: "dome" in screen_text(app))
+        await pilot.press("slash")
+        await until(pilot, lambda: app.screen is not app.live)
+        await pilot.press(*"DOME", "enter")
+        await until(pilot, lambda: app.screen is app.live)
+        assert "the dome has opened" in screen_text(app)
+        assert "TRACK → COAST" not in screen_text(app)
+        app.live.query_one("#log", LogPane).filter("xyz")
+        await pilot.pause()
+        assert "no line has 'xyz'" in screen_text(app)
+
+    play(wire, scene)
+
+
+def test_colours_go_round_and_the_night_has_no_bright_one(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        seen = [app.theme]
+        for _ in range(4):
+            await pilot.press("ctrl+t")
+            await pilot.pause()
+            seen.append(app.theme)
+            if app.theme == "night":
+                strips = app.live._compositor.render_strips()
+                for strip in strips:
+                    for segment in strip:
+                        _nothing_but_red(segment.style)
+        assert len(set(seen)) == 5
+
+    play(wire, scene, LARGE)
+
+
+def _nothing_but_red(style: Any) -> None:
+    for colour in (style.color, style.bgcolor) if style is not None else ():
+        if colour is not None and colour.triplet is not None:
+            red, green, blue = colour.triplet
+            assert green <= 0.45 * red + 8, colour
+            assert blue <= 0.45 * red + 8, colour
+
+
+def test_what_was_set_is_known_from_the_record(wire: FakeWire, writer: SessionWriter):
+    from rsoconsole.records import ParameterChange
+
+    change = ParameterChange(name="exposure.exposure_s", before=10.0, after=7.5, by="operator")
+    writer.append(change, night.t_of(FRAMES))
+    assert writer.flush()
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.night.setting("exposure.exposure_s") == 7.5)
+        assert app.live.night.setting("detector.tau") == Config().detector.tau
+        assert app.live.night.setting("no.such") is None
+        assert dataclasses.replace(app.live.night, config=None).setting("detector.tau") is None
+
+    play(wire, scene)
