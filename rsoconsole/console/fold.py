@@ -15,6 +15,7 @@ LARGE = (112, 36)
 THREE_COLUMNS = (180, 50)
 WITH_PICTURE = (60, 16)
 ONE_LINE_TOP_COLUMNS = 74
+TUNE_ROWS = 17
 BANNER_ROWS = {"wide": 3, "narrow": 5}
 WIDE_BANNER_COLUMNS = 72
 
@@ -98,6 +99,30 @@ def banner_box(width: int, height: int, *, has_alert: bool = False) -> Box:
     return Box(x=0, y=y, width=width, height=max(min(wanted, height - 1 - y), 1))
 
 
+def tune_box(width: int, height: int, *, has_alert: bool = False, aspect: float = 4 / 3) -> Box:
+    """Where the tuning pane lies: right of the picture, over plots and figures; the sky stays.
+
+    In the widest layout it has a place of its own; in a small terminal all but the first line
+    and the keys.
+    """
+    boxes = fold(width, height, has_alert=has_alert, aspect=aspect)
+    top = boxes["top"]
+    alert = boxes.get("alert")
+    y0 = top.height + (alert.height if alert is not None else 0)
+    room = max(height - 1 - y0, 1)
+    frame = boxes.get("frame")
+    if has_tune_of_its_own(width, height):
+        facts = boxes["facts"]
+        return Box(x=facts.x, y=facts.y + facts.height, width=facts.width, height=TUNE_ROWS)
+    x = 0 if frame is None or width < FULL[0] else frame.width + 1
+    return Box(x=x, y=y0, width=width - x, height=min(TUNE_ROWS, room))
+
+
+def has_tune_of_its_own(width: int, height: int) -> bool:
+    """Whether the tuning pane is always open."""
+    return width >= THREE_COLUMNS[0] and height >= THREE_COLUMNS[1]
+
+
 def _put(boxes: dict[Name, Box], name: Name, box: Box) -> None:
     if box.height > 0 and box.width > 0:
         boxes[name] = box
@@ -149,7 +174,7 @@ def _three_columns(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
     _stacked(boxes, Box(x=left + 1, y=all_.y, width=middle, height=all_.height), plots)
     x = left + middle + 2
     third = Box(x=x, y=all_.y, width=all_.width - x, height=all_.height)
-    y = _stacked(boxes, third, {"facts": 14})
+    y = _stacked(boxes, third, {"facts": 14}) + TUNE_ROWS
     _put(boxes, "log", Box(x=x, y=y, width=third.width, height=all_.y + all_.height - y))
 
 

@@ -12,7 +12,7 @@ from rsoconsole.console.ask import LineDialog
 from rsoconsole.console.commands import bindings
 from rsoconsole.console.dialogs import LeaveDialog
 from rsoconsole.console.facts import fact_lines
-from rsoconsole.console.fold import Name, banner_box, fold
+from rsoconsole.console.fold import Name, banner_box, fold, has_tune_of_its_own, tune_box
 from rsoconsole.console.key_line import key_line, keys_for
 from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.messages import EngineSeen, NightSeen, OutlookSeen
@@ -21,18 +21,22 @@ from rsoconsole.console.picture import STRETCHES, Drawing, Picture
 from rsoconsole.console.stop import StopNews
 from rsoconsole.console.streak_actions import StreakActions
 from rsoconsole.console.telescope_actions import TelescopeActions
+from rsoconsole.console.tune import TunePane
+from rsoconsole.console.tune_actions import TuneActions
 
 DEFAULT_ASPECT = 4 / 3
 
 
-class LiveScreen(TelescopeActions, StreakActions):
+class LiveScreen(TelescopeActions, StreakActions, TuneActions):
     """The operator's seat over a night, live or recorded."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings(is_everywhere=False)]
+    AUTO_FOCUS = None
     CSS = """
     LiveScreen { layers: base over; overflow: hidden; }
     LiveScreen > LinesPane, LiveScreen > FramePane, LiveScreen > LogPane { position: absolute; }
     LiveScreen > #alert { background: $error; color: $text; text-style: bold; text-wrap: wrap; }
+    LiveScreen > #tune { layer: over; }
     LiveScreen > #top { background: $panel; }
     LiveScreen > #keys { background: $panel; }
     """
@@ -53,17 +57,18 @@ class LiveScreen(TelescopeActions, StreakActions):
             yield LinesPane(id=name)
         yield LogPane(id="log")
         yield LinesPane(id="keys")
+        yield TunePane(id="tune")
         yield StopBanner(id="stop")
 
     def on_mount(self) -> None:
         """First paint."""
-        self._place()
+        self.place_panes()
         self._show_night()
         self._show_engine()
 
     def on_resize(self) -> None:
         """Another terminal, other places."""
-        self._place()
+        self.place_panes()
 
     def on_key(self, event: Key) -> None:
         """While a mark is made, arrows and enter are the mark's."""
@@ -78,7 +83,7 @@ class LiveScreen(TelescopeActions, StreakActions):
         has_other_shape = self._aspect(message.picture) != self._aspect(self.picture)
         self.night, self.picture = message.night, message.picture
         if has_other_shape:
-            self._place()
+            self.place_panes()
         self._show_night()
         self._show_engine()
 
@@ -103,6 +108,7 @@ class LiveScreen(TelescopeActions, StreakActions):
         self._pane("north").show(partial(panels.residual_lines, night, "north"))
         self._pane("nis").show(partial(panels.nis_lines, night))
         self.query_one("#log", LogPane).show(night.log)
+        self.show_tuning()
 
     def show_picture(self) -> None:
         """The sight chosen in the large pane; in the small one the other."""
@@ -134,7 +140,7 @@ class LiveScreen(TelescopeActions, StreakActions):
         self._pane("facts").show(partial(fact_lines, night, engine, self.outlook))
         alert = words.alert_text(night, engine)
         if bool(alert) != self._pane("alert").display:
-            self._place()
+            self.place_panes()
         self._pane("alert").show(lambda width, height: words.wrapped(f" {alert}", width, height))
         self.show_keys()
 
@@ -145,7 +151,8 @@ class LiveScreen(TelescopeActions, StreakActions):
 
     # -- where it lies ----------------------------------------------------------------------
 
-    def _place(self) -> None:
+    def place_panes(self) -> None:
+        """Where each pane lies, for this terminal."""
         width, height = self.size
         has_alert = bool(words.alert_text(self.night, self.engine))
         boxes = fold(
@@ -165,6 +172,13 @@ class LiveScreen(TelescopeActions, StreakActions):
             if box is not None:
                 widget.styles.offset = (box.x, box.y)
                 widget.styles.width, widget.styles.height = box.width, box.height
+        tune = self.query_one("#tune", TunePane)
+        has_own = has_tune_of_its_own(width, height)
+        tune.display = (self.is_tune_open or has_own) and not self._is_log_open
+        if tune.display:
+            place = tune_box(width, height, has_alert=has_alert, aspect=self._aspect(self.picture))
+            tune.styles.offset = (place.x, place.y)
+            tune.styles.width, tune.styles.height = place.width, place.height
         banner, box = self.query_one("#stop"), banner_box(width, height, has_alert=has_alert)
         banner.styles.height = box.height
         banner.styles.offset = (0, box.y)
@@ -221,7 +235,7 @@ class LiveScreen(TelescopeActions, StreakActions):
     def action_log(self) -> None:
         """All panes to the log, and back."""
         self._is_log_open = not self._is_log_open
-        self._place()
+        self.place_panes()
         log = self.query_one("#log", LogPane)
         log.can_focus = self._is_log_open
         if self._is_log_open:
@@ -263,10 +277,6 @@ class LiveScreen(TelescopeActions, StreakActions):
                 self.send("note", text=text)
 
         self.app.push_screen(LineDialog("note", "what you want to remember"), decided)
-
-    def action_tune(self) -> None:
-        """Tune."""
-        self.say("tune: not in this version")
 
     def text(self) -> str:
         """Every shown pane's words, for whoever cannot see the terminal."""

@@ -12,6 +12,7 @@ from rsoconsole.control import Outcome
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook
+    from rsoconsole.pipeline.what_if import TrackFigures
 
 
 class NightSeen(Message):
@@ -44,6 +45,14 @@ class Previewed(Message):
     def __init__(self, number: int, words: str, outcome: Outcome) -> None:
         super().__init__()
         self.number, self.words, self.outcome = number, words, outcome
+
+
+class WhatIfSeen(Message):
+    """What the night was and what it would have been, or why that cannot be told."""
+
+    def __init__(self, now: "TrackFigures | None", then: "TrackFigures | None", fault: str) -> None:
+        super().__init__()
+        self.now, self.then, self.fault = now, then, fault
 
 
 class Pointed(Message):

@@ -1,0 +1,54 @@
+"""Tunings by name, kept beside the configuration."""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+
+from rsoconsole.console.tune import NAMES, Value
+from rsoconsole.errors import ConfigError
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]{0,39}")
+
+
+def load_presets(path: Path) -> dict[str, dict[str, Value]]:
+    """Every preset by its name; none without a file. Raises ConfigError for one that is no such."""
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from error
+    presets: dict[str, dict[str, Value]] = {}
+    for name, settings in table.items():
+        if not isinstance(settings, dict) or not set(settings) <= set(NAMES):
+            raise ConfigError(f"{path}: preset {name!r} may only set {', '.join(NAMES)}")
+        presets[name] = settings
+    return presets
+
+
+def save_preset(path: Path, name: str, settings: Mapping[str, Value | None]) -> None:
+    """Add one, or put it in the place of another of that name.
+
+    Raises ConfigError for a name that cannot be, and where the file cannot be written.
+    """
+    if not _NAME.fullmatch(name):
+        raise ConfigError(f"{name!r} is no name for a preset: letters, digits, blanks and . _ -")
+    presets = load_presets(path)
+    presets[name] = {key: value for key, value in settings.items() if value is not None}
+    lines: list[str] = []
+    for each, values in sorted(presets.items()):
+        lines.append(f'["{each}"]')
+        lines += [f'"{key}" = {_toml(value)}' for key, value in sorted(values.items())]
+        lines.append("")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside = path.with_name(path.name + ".part")
+        beside.write_text("\n".join(lines), encoding="utf-8")
+        beside.replace(path)
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be written: {error}") from error
+
+
+def _toml(value: Value) -> str:
+    return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -1,0 +1,227 @@
+"""The tuning pane: settings, what each would have made of this night, and the word to apply."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from textual.binding import Binding, BindingType
+from textual.message import Message
+
+from rsoconsole.console.panes import LinesPane
+from rsoconsole.console.plot import Ink, Line
+from rsoconsole.console.words import clipped
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.what_if import TrackFigures
+
+Value = float | int | str
+LAST_FRAMES = 40
+LABEL_COLUMNS, VALUE_COLUMNS = 16, 12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tunable:
+    """One setting and how it steps."""
+
+    name: str
+    label: str
+    unit: str = ""
+    factor: float = 1.25
+    """Of one step."""
+    low: float = 0.0
+    high: float = math.inf
+    choices: tuple[str, ...] = ()
+
+    def stepped(self, value: Value, by: int) -> Value:
+        """So many steps from a value, in figures that a person would type."""
+        if self.choices:
+            at = self.choices.index(str(value)) if value in self.choices else 0
+            return self.choices[(at + by) % len(self.choices)]
+        stepped = float(value) * self.factor**by
+        return float(f"{min(max(stepped, self.low), self.high):.3g}")
+
+    def words(self, value: Value | None) -> str:
+        """The value as it is shown."""
+        if value is None:
+            return "-"
+        return f"{value:.4g}{self.unit}" if isinstance(value, float | int) else value
+
+
+TUNABLES = (
+    Tunable(name="detector.tau", label="τ", low=0.01, high=0.99),
+    Tunable(name="filter.preset", label="preset", choices=("tuned", "paper")),
+    Tunable(name="filter.sigma_arcsec", label="σ", unit="″", low=0.05, high=600.0),
+    Tunable(name="filter.q_arcsec2_s3", label="q", unit=" ″²/s³", factor=2.0, low=1e-9, high=1e3),
+    Tunable(name="filter.q_multiplier", label="Q ×", factor=1.5, low=1e-6, high=1e6),
+    Tunable(name="filter.r_multiplier", label="R ×", low=1e-3, high=1e6),
+    Tunable(name="filter.gate_nis", label="gate NIS", low=1.0, high=1e6),
+    Tunable(name="filter.max_coast_s", label="lost after", unit=" s", low=10.0, high=86400.0),
+)
+NAMES = tuple(tunable.name for tunable in TUNABLES)
+
+
+@dataclass(slots=True)
+class Tuning:
+    """What is in force, what is tried, and what was in force before that was applied."""
+
+    present: dict[str, Value | None] = field(default_factory=dict)
+    tried: dict[str, Value] = field(default_factory=dict)
+    before: dict[str, Value] = field(default_factory=dict)
+    steps: dict[str, int] = field(default_factory=dict)
+    """How many each is away from what is in force."""
+    row: int = 0
+
+    def see(self, present: Mapping[str, Value | None]) -> None:
+        """What is in force now; what is tried and has become so is no trial any more."""
+        self.present = dict(present)
+        self.tried = {n: v for n, v in self.tried.items() if self.present.get(n) != v}
+        self.steps = {n: k for n, k in self.steps.items() if n in self.tried}
+
+    def step(self, by: int) -> None:
+        """Change the chosen one."""
+        tunable = TUNABLES[self.row]
+        present = self.present.get(tunable.name)
+        if present is None:
+            return
+        steps = self.steps.get(tunable.name, 0) + by
+        stepped = tunable.stepped(present, steps)
+        if steps == 0 or stepped == present:
+            self.tried.pop(tunable.name, None)
+            self.steps.pop(tunable.name, None)
+        else:
+            self.tried[tunable.name], self.steps[tunable.name] = stepped, steps
+
+    def apply(self) -> dict[str, Value]:
+        """What is to be set; it can be undone."""
+        wanted = dict(self.tried)
+        for name in wanted:
+            value = self.present.get(name)
+            if value is not None:
+                self.before[name] = value
+        return wanted
+
+    def undo(self) -> dict[str, Value]:
+        """What is to be set so that it is as it was before the last application."""
+        wanted, self.before = self.before, {}
+        self.tried.clear()
+        self.steps.clear()
+        return wanted
+
+
+class TunePane(LinesPane, can_focus=False):
+    """Shows a tuning; its keys change it, and say what is wanted. Open, it may have the focus."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "row(-1)", "Setting above"),
+        Binding("down", "row(1)", "Setting below"),
+        Binding("left", "step(-1)", "Less"),
+        Binding("right", "step(1)", "More"),
+        Binding("enter", "say('apply')", "Apply"),
+        Binding("u", "say('undo')", "Undo"),
+        Binding("w", "say('save')", "Save as preset"),
+        Binding("o", "say('load')", "Load a preset"),
+        Binding("t,escape", "say('close')", "Close"),
+    ]
+    DEFAULT_CSS = """
+    TunePane { background: $surface; border: none; }
+    """
+
+    class Wanted(Message):
+        """Something is to be done with the tuning."""
+
+        def __init__(self, what: Literal["apply", "undo", "save", "load", "close", "try"]) -> None:
+            super().__init__()
+            self.what = what
+
+    tuning: Tuning | None = None
+
+    def action_row(self, by: int) -> None:
+        """Another setting."""
+        if self.tuning is not None:
+            self.tuning.row = (self.tuning.row + by) % len(TUNABLES)
+            self.post_message(self.Wanted("try"))
+
+    def action_step(self, by: int) -> None:
+        """More or less of it."""
+        if self.tuning is not None:
+            self.tuning.step(by)
+            self.post_message(self.Wanted("try"))
+
+    def action_say(self, what: Literal["apply", "undo", "save", "load", "close"]) -> None:
+        """What is wanted."""
+        self.post_message(self.Wanted(what))
+
+
+def tune_lines(
+    tuning: Tuning, now: "TrackFigures | None", then: "TrackFigures | None"
+) -> Callable[[int, int], list[Line]]:
+    """What builds the pane's lines: settings, then figures now and with what is tried."""
+
+    def build(width: int, height: int) -> list[Line]:
+        changed = f"{len(tuning.tried)} tried" if tuning.tried else "as it is"
+        lines: list[Line] = [_rule(f"tune · {changed}", width)]
+        for number, tunable in enumerate(TUNABLES):
+            lines.append(_setting(tuning, number, tunable))
+        lines.append([("", "")])
+        lines += _figures(now, then)
+        keys = "↑↓ ←→  enter apply  u undo  w save  o load"
+        room = max(height - len(lines) - 1, 0)
+        lines += [[("", "")]] * room
+        last: Line = [(f" {keys}", "dim")]
+        return [clipped(line, width) for line in (*lines[: max(height - 1, 0)], last)][:height]
+
+    return build
+
+
+def _setting(tuning: Tuning, number: int, tunable: Tunable) -> Line:
+    present = tunable.words(tuning.present.get(tunable.name))
+    is_chosen = number == tuning.row
+    sign = "▸" if is_chosen else " "
+    line: Line = [
+        (f" {sign} {tunable.label:<{LABEL_COLUMNS - 4}}", "title" if is_chosen else ""),
+        (f"{present:>{VALUE_COLUMNS}}", "dim" if tunable.name in tuning.tried else ""),
+    ]
+    if tunable.name in tuning.tried:
+        line.append((f"  → {tunable.words(tuning.tried[tunable.name])}", "warn"))
+    return line
+
+
+def _figures(now: "TrackFigures | None", then: "TrackFigures | None") -> list[Line]:
+    head = f" last {LAST_FRAMES} frames".ljust(LABEL_COLUMNS + 4)
+    lines: list[Line] = [
+        [(f"{head}{'as it was':>{VALUE_COLUMNS}}{'if tried':>{VALUE_COLUMNS}}", "dim")]
+    ]
+    rows: tuple[tuple[str, Callable[[TrackFigures], tuple[str, Ink]]], ...] = (
+        ("residual rms", lambda f: (_text(f.residual_rms_arcsec, ".2f", "″"), "")),
+        ("NIS mean (2)", _nis),
+        ("3σ holds", lambda f: (_percent(f.inside_3sigma), "")),
+        ("misses", lambda f: (f"{f.misses}", "")),
+        ("state", lambda f: (f.state or "-", "")),
+    )
+    for label, words in rows:
+        line: Line = [(f"  {label:<{LABEL_COLUMNS + 2}}", "")]
+        for figures in (now, then):
+            text, ink = ("…", "dim") if figures is None else words(figures)
+            line.append((f"{text:>{VALUE_COLUMNS}}", ink))  # type: ignore[arg-type]
+        lines.append(line)
+    return lines
+
+
+def _nis(figures: "TrackFigures") -> tuple[str, Ink]:
+    sound = figures.is_nis_sound
+    sign = {True: " ✓", False: " ✗", None: ""}[sound]
+    ink: Ink = {True: "good", False: "warn", None: ""}[sound]  # type: ignore[assignment]
+    return f"{_text(figures.nis_mean, '.2f')}{sign}", ink
+
+
+def _text(value: float | None, form: str, unit: str = "") -> str:
+    return "-" if value is None else f"{value:{form}}{unit}"
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0%}"
+
+
+def _rule(words: str, width: int) -> Line:
+    return [("─ ", "dim"), (words, "title"), (" " + "─" * max(width - len(words) - 3, 0), "dim")]

@@ -1,0 +1,160 @@
+"""Tuning, from the key that opens the pane to the settings that the engine is sent."""
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from rsoconsole.config import default_config_path
+from rsoconsole.console.ask import LineDialog
+from rsoconsole.console.messages import WhatIfSeen
+from rsoconsole.console.presets import load_presets, save_preset
+from rsoconsole.console.seat import Seat
+from rsoconsole.console.tune import NAMES, TunePane, Tuning, Value, tune_lines
+from rsoconsole.console.what_if_watch import WhatIfWatch
+from rsoconsole.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.what_if import TrackFigures
+
+PRESETS = "presets.toml"
+
+
+class TuneActions(Seat):
+    """Try, see what it would have done, apply, undo, keep."""
+
+    is_tune_open = False
+    _figures: "tuple[TrackFigures | None, TrackFigures | None]" = (None, None)
+    _tuning: Tuning | None = None
+    _watch: WhatIfWatch | None = None
+
+    def place_panes(self) -> None:
+        """Lay the panes out again; the screen that has them does."""
+
+    @property
+    def tuning(self) -> Tuning:
+        """What is in force and what is tried."""
+        if self._tuning is None:
+            self._tuning = Tuning()
+        return self._tuning
+
+    def action_tune(self) -> None:
+        """Open the pane, or give it the keys; once more: close it."""
+        pane = self.query_one("#tune", TunePane)
+        if self.is_tune_open and pane.has_focus:
+            self._close()
+            return
+        self.is_tune_open = True
+        pane.tuning = self.tuning
+        self.place_panes()
+        pane.can_focus = True
+        self.set_focus(pane)
+        self.show_tuning()
+        self._reckon()
+
+    def _close(self) -> None:
+        self.is_tune_open = False
+        self.query_one("#tune", TunePane).can_focus = False
+        self.set_focus(None)
+        self.place_panes()
+
+    def show_tuning(self) -> None:
+        """Draw the pane; what is in force comes from the record."""
+        self.tuning.see({name: self.night.setting(name) for name in NAMES})
+        self.query_one("#tune", TunePane).show(tune_lines(self.tuning, *self._figures))
+
+    def _reckon(self) -> None:
+        if self.night.folder is None or self.night.config is None:
+            return
+        if self._watch is None:
+            self._watch = WhatIfWatch(lambda *figures: self.post_from_thread(WhatIfSeen(*figures)))
+        self._watch.ask(self.night.folder, self.night.config, self.tuning.tried)
+
+    def on_what_if_seen(self, message: WhatIfSeen) -> None:
+        """Figures now and with what is tried."""
+        if message.fault:
+            self.say(message.fault, "warn")
+            return
+        self._figures = (message.now, message.then)
+        self.show_tuning()
+
+    def on_unmount(self) -> None:
+        """Nobody asks any more."""
+        if self._watch is not None:
+            self._watch.close()
+
+    def on_tune_pane_wanted(self, message: TunePane.Wanted) -> None:
+        """One of the pane's keys."""
+        message.stop()
+        {
+            "try": self._try,
+            "apply": self._apply,
+            "undo": self._undo,
+            "save": self._save,
+            "load": self._load,
+            "close": self._close,
+        }[message.what]()
+
+    def _try(self) -> None:
+        self._figures = (self._figures[0], None)
+        self.show_tuning()
+        self._reckon()
+
+    def _apply(self) -> None:
+        if not self.may_act():
+            return
+        wanted = self.tuning.apply()
+        self._set(wanted)
+        if not wanted:
+            self.say("nothing is tried: ←→ changes the chosen setting")
+
+    def _undo(self) -> None:
+        if not self.may_act():
+            return
+        wanted = self.tuning.undo()
+        self._set(wanted)
+        if not wanted:
+            self.say("nothing to undo")
+        self._try()
+
+    def _set(self, wanted: dict[str, Value]) -> None:
+        for name, value in wanted.items():
+            self.send("set", name=name, value=value)
+
+    def _save(self) -> None:
+        present = self.tuning.present | self.tuning.tried
+        path = default_config_path().with_name(PRESETS)
+
+        def decided(name: str | None) -> None:
+            if not name:
+                return
+            try:
+                save_preset(path, name, present)
+                self.say(f"preset {name!r} is kept", "good")
+            except ConfigError as error:
+                self.say(str(error), "warn")
+
+        self.app.push_screen(LineDialog("save as a preset", "a name"), decided)
+
+    def _load(self) -> None:
+        try:
+            presets = load_presets(default_config_path().with_name(PRESETS))
+        except ConfigError as error:
+            self.say(str(error), "warn")
+            return
+        if not presets:
+            self.say("no preset has been kept: w keeps one")
+            return
+        decided = partial(self._take_preset, presets)
+        words = f"one of {', '.join(presets)}"
+        self.app.push_screen(LineDialog("load a preset", words), decided)
+
+    def _take_preset(self, presets: dict[str, dict[str, Value]], name: str | None) -> None:
+        if not name:
+            return
+        if name not in presets:
+            self.say(f"no preset is called {name!r}: there are {', '.join(presets)}", "warn")
+            return
+        present = self.tuning.present
+        self.tuning.tried = {
+            key: value for key, value in presets[name].items() if present.get(key) != value
+        }
+        self._try()

@@ -1,0 +1,81 @@
+"""Reckons on a thread of its own what the night would have been with what is being tried."""
+
+import logging
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rsoconsole.config import Config
+from rsoconsole.console.tune import LAST_FRAMES, Value
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.session.reader import SessionReader
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.what_if import TrackFigures
+
+log = logging.getLogger(__name__)
+
+
+class WhatIfWatch:
+    """Takes the newest question only; an older one that is still being reckoned is dropped."""
+
+    def __init__(
+        self, on_seen: Callable[["TrackFigures | None", "TrackFigures | None", str], None]
+    ) -> None:
+        """``on_seen``: hears the figures as recorded, those with what is tried, and a fault."""
+        self._on_seen = on_seen
+        self._asked: tuple[Path, Config, dict[str, Value]] | None = None
+        self._wake = threading.Event()
+        self._is_closing = False
+        self._folder: Path | None = None
+        self._records: list[Any] = []
+        self._seq = 0
+        self._thread: threading.Thread | None = None
+
+    def ask(self, folder: Path, config: Config, tried: Mapping[str, Value]) -> None:
+        """Reckon with these settings tried (any thread)."""
+        self._asked = (folder, config, dict(tried))
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="console-what-if", daemon=True)
+            self._thread.start()
+        self._wake.set()
+
+    def close(self) -> None:
+        """End."""
+        self._is_closing = True
+        self._wake.set()
+
+    def _run(self) -> None:
+        while True:
+            self._wake.wait()
+            self._wake.clear()
+            if self._is_closing:
+                return
+            asked, self._asked = self._asked, None
+            if asked is None:
+                continue
+            try:
+                self._answer(*asked)
+            except RsoconsoleError as error:
+                self._on_seen(None, None, str(error))
+            except Exception as error:  # the seat must hear of it, whatever it is
+                log.exception("the effect cannot be reckoned")
+                self._on_seen(None, None, f"the effect cannot be reckoned: {error}")
+
+    def _answer(self, folder: Path, config: Config, tried: Mapping[str, Value]) -> None:
+        from rsoconsole.pipeline.what_if import what_if
+
+        self._read(folder)
+        now = what_if(self._records, config, {}, LAST_FRAMES)
+        then = what_if(self._records, config, tried, LAST_FRAMES) if tried else None
+        if self._asked is None and not self._is_closing:
+            self._on_seen(now, then, "")
+
+    def _read(self, folder: Path) -> None:
+        """What has been recorded since the last question."""
+        if folder != self._folder:
+            self._folder, self._records, self._seq = folder, [], 0
+        for seq, _, record in SessionReader(folder).records(since_seq=self._seq):
+            self._records.append(record)
+            self._seq = seq

@@ -1,0 +1,225 @@
+"""Tuning: what is tried, what it would have done to the night, and what the engine is told."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from textual.pilot import Pilot
+
+from rsoconsole.config import Config, with_setting
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.fold import THREE_COLUMNS, fold, tune_box
+from rsoconsole.console.presets import load_presets, save_preset
+from rsoconsole.console.tune import NAMES, TUNABLES, TunePane, Tuning, tune_lines
+from rsoconsole.engine.intentions import TUNABLE
+from rsoconsole.errors import ConfigError
+from rsoconsole.pipeline.what_if import figures_of, what_if
+from rsoconsole.records import Miss, TrackState
+from rsoconsole.session.codec import decode, encode
+from tests.engine_rig import rig
+from tests.seat_rig import FakeWire, pane, play, screen_text, until
+
+CONFIG = Config.model_validate({"search": {"recentre": "every"}})
+PRESENT = {
+    name: getattr(getattr(Config(), name.split(".")[0]), name.split(".")[1]) for name in NAMES
+}
+
+
+@pytest.fixture(scope="module")
+def night() -> list:
+    """Forty frames with three misses, as a session would give them back."""
+    r = rig(set(range(1, 41)) - {12, 20, 21}, CONFIG)
+    r.engine.arm()
+    r.engine.run(frames=40)
+    return [decode(*encode(record)[::2]) for record in r.memory.records]
+
+
+# -- what is tried ----------------------------------------------------------------------------
+
+
+def test_every_setting_of_the_pane_may_be_set_on_a_running_engine():
+    assert set(NAMES) <= TUNABLE
+    for tunable in TUNABLES:
+        value = PRESENT[tunable.name]
+        for by in (-1, 1):
+            with_setting(Config(), tunable.name, tunable.stepped(value, by))
+
+
+@given(st.sampled_from(TUNABLES), st.integers(-60, 60))
+def test_steps_stay_within_what_the_configuration_takes(tunable, by):
+    with_setting(Config(), tunable.name, tunable.stepped(PRESENT[tunable.name], by))
+
+
+def test_a_step_there_and_back_is_no_trial():
+    tuning = Tuning()
+    tuning.see(PRESENT)
+    for row in range(len(TUNABLES)):
+        tuning.row = row
+        tuning.step(1)
+        assert set(tuning.tried) == {TUNABLES[row].name}
+        tuning.step(-1)
+        assert tuning.tried == {}
+
+
+def test_what_was_applied_can_be_undone_once():
+    tuning = Tuning()
+    tuning.see(PRESENT)
+    tuning.step(1)
+    wanted = tuning.apply()
+    tuning.see(PRESENT | wanted)
+    assert tuning.tried == {}
+    assert tuning.undo() == {"detector.tau": PRESENT["detector.tau"]}
+    assert tuning.undo() == {}
+
+
+# -- what it would have done ------------------------------------------------------------------
+
+
+def test_with_nothing_tried_the_figures_are_those_of_the_record(night):
+    figures = what_if(night, CONFIG, {})
+    updates = [r for r in night if isinstance(r, TrackState) and r.kind == "updated"]
+    assert figures.updates == len(updates)
+    assert figures.misses == len([r for r in night if isinstance(r, Miss)]) == 3
+    assert figures.nis_mean == pytest.approx(sum(u.nis for u in updates) / len(updates))
+    squares = [e**2 + n**2 for e, n in (u.innovation_arcsec for u in updates)]
+    assert figures.residual_rms_arcsec == pytest.approx((sum(squares) / len(squares)) ** 0.5)
+    assert figures.frames == 40
+    assert figures.state == "TRACK"
+
+
+def test_a_larger_r_makes_the_nis_smaller_and_the_bounds_hold_as_often(night):
+    now, then = what_if(night, CONFIG, {}), what_if(night, CONFIG, {"filter.r_multiplier": 4.0})
+    assert then.nis_mean < 0.5 * now.nis_mean
+    assert then.inside_3sigma >= now.inside_3sigma
+
+
+def test_only_the_last_frames_are_looked_at_where_that_is_asked(night):
+    assert what_if(night, CONFIG, {}, last=10).frames == 10
+    assert what_if(night, CONFIG, {}, last=10).misses == 0
+    assert figures_of([]).frames == 0
+    assert figures_of([]).residual_rms_arcsec is None
+    assert figures_of([]).is_nis_sound is None
+
+
+# -- kept by name -----------------------------------------------------------------------------
+
+
+def test_a_preset_is_kept_and_read_again(tmp_path: Path):
+    path = tmp_path / "deep" / "presets.toml"
+    assert load_presets(path) == {}
+    save_preset(path, "thin cloud", {"detector.tau": 0.05, "filter.preset": "tuned"})
+    save_preset(path, "bright", PRESENT)
+    save_preset(path, "thin cloud", {"detector.tau": 0.04, "filter.sigma_arcsec": None})
+    assert load_presets(path) == {"thin cloud": {"detector.tau": 0.04}, "bright": PRESENT}
+
+
+@pytest.mark.parametrize("name", ["", "a\nb", '"', "x" * 60])
+def test_a_name_that_cannot_be_is_refused(tmp_path: Path, name: str):
+    with pytest.raises(ConfigError, match="no name for a preset"):
+        save_preset(tmp_path / "presets.toml", name, PRESENT)
+
+
+@pytest.mark.parametrize("text", ["[a", '[a]\n"site.latitude_deg" = 3', "a = 3"])
+def test_a_file_that_is_none_is_refused(tmp_path: Path, text: str):
+    path = tmp_path / "presets.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"presets\.toml"):
+        load_presets(path)
+
+
+# -- the pane ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60), (60, 16), (40, 12)])
+def test_the_pane_has_a_place_in_every_terminal_and_leaves_state_keys_and_picture(size):
+    box, boxes = tune_box(*size), fold(*size)
+    assert box.x + box.width <= size[0]
+    assert box.y >= boxes["top"].height
+    assert box.y + box.height <= size[1] - 1
+    if size[0] >= 80:
+        assert box.x >= boxes["frame"].width
+    if size[0] >= THREE_COLUMNS[0]:
+        assert box.y + box.height <= boxes["log"].y
+
+
+def test_the_pane_says_what_is_in_force_and_what_is_tried():
+    tuning = Tuning()
+    tuning.see(PRESENT)
+    tuning.step(1)
+    lines = tune_lines(tuning, None, None)(46, 17)
+    text = "\n".join("".join(part for part, _ in line) for line in lines)
+    assert len(lines) == 17
+    assert "▸ τ" in text
+    assert "→ 0.125" in text
+    assert "1 tried" in text
+    for tunable in TUNABLES:
+        assert tunable.label in text
+
+
+def test_what_is_tried_is_shown_then_applied_then_undone(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("t")
+        await until(pilot, lambda: "as it was" in pane(app, "tune"))
+        await pilot.press("right", "right")
+        assert "→ 0.156" in pane(app, "tune")
+        await until(pilot, lambda: "…" not in pane(app, "tune"))
+        assert "misses" in pane(app, "tune")
+        assert wire.verbs == []
+        await pilot.press("enter")
+        await until(pilot, lambda: wire.verbs == ["set"])
+        assert wire.sent[0][1] == {"name": "detector.tau", "value": 0.156}
+        await pilot.press("u")
+        await until(pilot, lambda: wire.verbs == ["set", "set"])
+        assert wire.sent[1][1] == {"name": "detector.tau", "value": 0.1}
+        await pilot.press("escape")
+        await pilot.pause()
+        assert not app.live.query_one("#tune", TunePane).display
+        assert "residual" in screen_text(app)
+
+    play(wire, scene)
+
+
+def test_stop_works_while_one_tunes_and_arrows_do_not_nudge(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("t", "down", "left", "up")
+        assert wire.verbs == []
+        await pilot.press("x")
+        await until(pilot, lambda: wire.verbs == ["stop"])
+
+    play(wire, scene)
+
+
+def test_a_preset_is_saved_and_loaded_from_the_pane(
+    wire: FakeWire, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("RSOCONSOLE_CONFIG", str(tmp_path / "config.toml"))
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("t", "o")
+        assert "no preset" in pane(app, "keys")
+        await pilot.press("down", "right", "w")
+        await until(pilot, lambda: app.screen is not app.live)
+        await pilot.press(*"bad", "enter")
+        await until(pilot, lambda: app.screen is app.live)
+        assert "preset 'bad' is kept" in pane(app, "keys")
+        assert load_presets(tmp_path / "presets.toml")["bad"]["filter.preset"] == "paper"
+        await pilot.press("left", "o")
+        await until(pilot, lambda: app.screen is not app.live)
+        await pilot.press(*"bad", "enter")
+        await until(pilot, lambda: "→ paper" in pane(app, "tune"))
+
+    play(wire, scene)
+
+
+def test_a_seat_that_only_looks_may_try_and_not_apply(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("t", "right", "enter")
+        await until(pilot, lambda: "only looks" in pane(app, "keys"))
+        assert wire.verbs == []
+
+    play(wire, scene, read_only=True)
