@@ -479,8 +479,8 @@ def test_in_a_narrow_terminal_the_weighty_keys_stay_and_a_notice_leaves_what_it_
     assert "^p More" in said(110)
     assert "h Resume" in said(80, is_held=True)
     in_force = "hold: in force from the next cycle"
-    assert said(120, in_force).rstrip().endswith(f"^p More  {in_force}")
-    assert "h Hold  q Leave  F1 Help" in said(80, in_force)
+    assert said(160, in_force).rstrip().endswith(f"^p More  {in_force}")
+    assert "a Disarm  h Hold" in said(80, in_force)
     assert said(80, in_force).rstrip().endswith(in_force)
     assert said(60, in_force).split()[:8] == said(40).split()
     assert said(40, "hold: done").split() == ["x", "STOP", "hold:", "done"]

@@ -18,6 +18,7 @@ HOUR = 3600 * NS
 SKY = Outlook(
     t_utc_ns=NOW,
     sun_altitude_deg=-31.0,
+    sun_azimuth_deg=10.0,
     dark_utc_ns=(NOW - 2 * HOUR, NOW + 5 * HOUR),
     moon_altitude_deg=12.0,
     moon_azimuth_deg=90.0,

@@ -15,7 +15,7 @@ LARGE = (112, 36)
 THREE_COLUMNS = (180, 50)
 WITH_PICTURE = (60, 16)
 ONE_LINE_TOP_COLUMNS = 74
-TUNE_ROWS = 17
+TUNE_ROWS, SKY_ROWS = 17, 20
 BANNER_ROWS = {"wide": 3, "narrow": 5}
 WIDE_BANNER_COLUMNS = 72
 
@@ -29,6 +29,7 @@ Name = Literal[
     "north",
     "nis",
     "facts",
+    "sky",
     "log",
     "keys",
 ]
@@ -112,8 +113,8 @@ def tune_box(width: int, height: int, *, has_alert: bool = False, aspect: float 
     room = max(height - 1 - y0, 1)
     frame = boxes.get("frame")
     if has_tune_of_its_own(width, height):
-        facts = boxes["facts"]
-        return Box(x=facts.x, y=facts.y + facts.height, width=facts.width, height=TUNE_ROWS)
+        sky = boxes["sky"]
+        return Box(x=sky.x, y=sky.y + sky.height, width=sky.width, height=TUNE_ROWS)
     x = 0 if frame is None or width < FULL[0] else frame.width + 1
     return Box(x=x, y=y0, width=width - x, height=min(TUNE_ROWS, room))
 
@@ -174,7 +175,7 @@ def _three_columns(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
     _stacked(boxes, Box(x=left + 1, y=all_.y, width=middle, height=all_.height), plots)
     x = left + middle + 2
     third = Box(x=x, y=all_.y, width=all_.width - x, height=all_.height)
-    y = _stacked(boxes, third, {"facts": 14}) + TUNE_ROWS
+    y = _stacked(boxes, third, {"facts": 14, "sky": SKY_ROWS}) + TUNE_ROWS
     _put(boxes, "log", Box(x=x, y=y, width=third.width, height=all_.y + all_.height - y))
 
 

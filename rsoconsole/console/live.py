@@ -18,6 +18,7 @@ from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.messages import EngineSeen, NightSeen, OutlookSeen
 from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBanner
 from rsoconsole.console.picture import STRETCHES, Drawing, Picture
+from rsoconsole.console.sky_view import sky_lines
 from rsoconsole.console.stop import StopNews
 from rsoconsole.console.streak_actions import StreakActions
 from rsoconsole.console.telescope_actions import TelescopeActions
@@ -53,7 +54,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         yield LinesPane(id="alert")
         yield FramePane(self._picture_words, id="frame")
         yield FramePane(self._picture_words, id="closeup")
-        for name in ("confidence", "east", "north", "nis", "facts"):
+        for name in ("confidence", "east", "north", "nis", "facts", "sky"):
             yield LinesPane(id=name)
         yield LogPane(id="log")
         yield LinesPane(id="keys")
@@ -98,6 +99,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
     def on_outlook_seen(self, message: OutlookSeen) -> None:
         """What the next hours bring."""
         self.outlook = message.outlook
+        self._pane("sky").show(partial(sky_lines, self.night.config, self.outlook))
         self._show_engine()
 
     def _show_night(self) -> None:
@@ -164,7 +166,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         )
         names: tuple[Name, ...] = (
             *("top", "alert", "frame", "closeup", "confidence", "east"),
-            *("north", "nis", "facts", "log", "keys"),
+            *("north", "nis", "facts", "sky", "log", "keys"),
         )
         for name in names:
             widget, box = self.query_one(f"#{name}"), boxes.get(name)

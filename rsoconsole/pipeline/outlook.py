@@ -2,22 +2,29 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.absence import direction_at, is_geostationary_like, next_eclipse_utc_ns
-from rsoconsole.records import TrackState
-from rsoconsole.sky.angles import separation_deg
+from rsoconsole.records import Site, TrackState
+from rsoconsole.sky.angles import separation_deg, wrap_180
+from rsoconsole.sky.belt import slot_direction
 from rsoconsole.sky.darkness import night_span
-from rsoconsole.sky.frames import icrs_to_altaz
+from rsoconsole.sky.frames import altaz_of_hour_angle, icrs_to_altaz
 from rsoconsole.sky.limits import Limits, Pose
 from rsoconsole.sky.moon import moon_icrs, moon_lit_fraction
 from rsoconsole.sky.refusals import LimitName, Refusal
-from rsoconsole.sky.sun import sun_altitude_deg
+from rsoconsole.sky.sun import sun_icrs
 from rsoconsole.sky.times import NS_PER_S
 
 AHEAD_S = 12 * 3600
 _STEP_S = 600
 _TO_S = 5
+WAY_STEPS = 12
+SEEN_DEG = 82.0
+"""No slot further off in longitude is above anybody's horizon."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,6 +33,7 @@ class Outlook:
 
     t_utc_ns: int
     sun_altitude_deg: float
+    sun_azimuth_deg: float
     dark_utc_ns: tuple[int, int] | None
     """The present dark time or the next, dusk and dawn; None where it does not get dark."""
     moon_altitude_deg: float
@@ -40,6 +48,12 @@ class Outlook:
     """When what is followed meets a limit, and which; None when not before dawn."""
     eclipse_utc_ns: int | None = None
     """When what is followed next loses some of the Sun, if it is geostationary."""
+    here_altaz_deg: tuple[float, float] | None = None
+    """Where the telescope looks."""
+    way_altaz_deg: tuple[tuple[float, float], ...] = ()
+    """Where what is followed will be, now and every ten minutes for two hours."""
+    belt_altaz_deg: tuple[tuple[float, float], ...] = ()
+    """The geostationary belt above the horizon, slot by slot."""
 
 
 def outlook(
@@ -63,10 +77,13 @@ def outlook(
     ahead_s = AHEAD_S
     if dark_utc_ns is not None:
         ahead_s = min(ahead_s, max(dark_utc_ns[1] - t_utc_ns, 0) // NS_PER_S)
+    sun = icrs_to_altaz(site, *sun_icrs(t_utc_ns), t_utc_ns)
+    here = direction_icrs_deg
     is_geo = track is not None and is_geostationary_like(track)
     return Outlook(
         t_utc_ns=t_utc_ns,
-        sun_altitude_deg=sun_altitude_deg(site, t_utc_ns),
+        sun_altitude_deg=sun[0],
+        sun_azimuth_deg=sun[1],
         dark_utc_ns=dark_utc_ns,
         moon_altitude_deg=moon_altitude_deg,
         moon_azimuth_deg=moon_azimuth_deg,
@@ -75,6 +92,9 @@ def outlook(
             None if direction_icrs_deg is None else separation_deg(*moon, *direction_icrs_deg)
         ),
         margins_deg=tuple(margin for margin in margins if math.isfinite(margin[1])),
+        here_altaz_deg=None if here is None else icrs_to_altaz(site, *here, t_utc_ns),
+        way_altaz_deg=() if track is None else _way_of(track, site, t_utc_ns),
+        belt_altaz_deg=_belt_places(site),
         target_limit=None if track is None else _limit_of(track, limits, t_utc_ns, ahead_s),
         eclipse_utc_ns=(
             next_eclipse_utc_ns(direction_at(track, t_utc_ns), site, t_utc_ns)
@@ -82,6 +102,25 @@ def outlook(
             else None
         ),
     )
+
+
+def _way_of(track: TrackState, site: Site, t_utc_ns: int) -> tuple[tuple[float, float], ...]:
+    instants = (t_utc_ns + step * _STEP_S * NS_PER_S for step in range(WAY_STEPS + 1))
+    return tuple(icrs_to_altaz(site, *direction_at(track, at), at) for at in instants)
+
+
+@lru_cache(maxsize=4)
+def _belt_places(site: Site) -> tuple[tuple[float, float], ...]:
+    """Altitude and azimuth of every fifth degree of the belt; they stand still over the site."""
+    places: list[tuple[float, float]] = []
+    for slot in range(-180, 180, 5):
+        hour_angle_deg, dec_deg = slot_direction(site, float(slot))
+        altitude_deg, azimuth_deg = altaz_of_hour_angle(
+            site, np.array([hour_angle_deg]), np.array([dec_deg])
+        )
+        if float(altitude_deg[0]) > 0.0 and abs(wrap_180(slot - site.longitude_deg)) < SEEN_DEG:
+            places.append((float(altitude_deg[0]), float(azimuth_deg[0])))
+    return tuple(places)
 
 
 def _limit_of(
