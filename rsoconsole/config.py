@@ -255,6 +255,20 @@ class CatalogueConfig(_Section):
     tle_files: tuple[Path, ...] = Field((), description="two-line element sets, as published")
 
 
+Alert = Literal["acquisition", "loss", "limit", "fault"]
+
+
+class ConsoleConfig(_Section):
+    """What the console does to be noticed."""
+
+    bell: tuple[Alert, ...] = Field(
+        ("loss", "limit", "fault"), description="what the terminal's bell is rung for"
+    )
+    notify: tuple[Alert, ...] = Field(
+        (), description="what the terminal is asked to show a notification for (OSC 9)"
+    )
+
+
 class SessionConfig(_Section):
     """Where sessions are kept and what of the frames."""
 
@@ -278,6 +292,7 @@ class Config(_Section):
     aim: AimConfig = AimConfig()
     catalogue: CatalogueConfig = CatalogueConfig()
     session: SessionConfig = SessionConfig()
+    console: ConsoleConfig = ConsoleConfig()
 
 
 def default_config_path() -> Path:

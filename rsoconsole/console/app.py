@@ -12,7 +12,8 @@ from textual.binding import Binding, BindingType
 from textual.screen import Screen
 from textual.widgets import Input, TextArea
 
-from rsoconsole.config import IndiConfig
+from rsoconsole.config import ConsoleConfig, IndiConfig
+from rsoconsole.console.alerts import alerts_between, notification
 from rsoconsole.console.colours import COLOURS, NIGHT_CSS, THEMES
 from rsoconsole.console.commands import COMMANDS, bindings
 from rsoconsole.console.dialogs import HelpDialog
@@ -52,9 +53,12 @@ class ConsoleApp(App[str]):
         owns_engine: bool = False,
         stop_directly: StopDirectly | None = None,
         keymap: Mapping[str, str] | None = None,
+        settings: ConsoleConfig | None = None,
     ) -> None:
         """``keymap``: other keys for commands, by name."""
         super().__init__()
+        self._settings = settings or ConsoleConfig()
+        self._last: tuple[NightView, EngineView] = (NightView(), EngineView())
         self._own_keys = dict(keymap or {})
         self._loop_of_app: asyncio.AbstractEventLoop | None = None
         self._is_recorded = session is not None
@@ -75,7 +79,7 @@ class ConsoleApp(App[str]):
             owns_engine=owns_engine,
             ask_now=self._engine_watch.ask_now,
             from_thread=self._from_thread,
-            on_known=self._outlook_watch.tell,
+            on_known=self._known,
         )
 
     def on_mount(self) -> None:
@@ -143,6 +147,19 @@ class ConsoleApp(App[str]):
         """As the screen has it."""
         if self.screen is self.live:
             self.live.action_leave()
+
+    def take_notice(self, night: NightView, engine: EngineView) -> None:
+        """Ring or notify for what has come to pass since the last look."""
+        before, self._last = self._last, (night, engine)
+        for alert, words in alerts_between(before, self._last):
+            if alert in self._settings.bell:
+                self.bell()
+            if alert in self._settings.notify and self._driver is not None:
+                self._driver.write(notification(words))
+
+    def _known(self, night: NightView, engine: EngineView) -> None:
+        self._outlook_watch.tell(night, engine)
+        self.take_notice(night, engine)
 
     def _outlook_seen(self, outlook: "Outlook") -> None:
         self._from_thread(self.live.post_message, OutlookSeen(outlook))

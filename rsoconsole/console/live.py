@@ -87,6 +87,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
             self.place_panes()
         self._show_night()
         self._show_engine()
+        self.reckon_now_and_then()
 
     def on_engine_seen(self, message: EngineSeen) -> None:
         """The engine's word."""

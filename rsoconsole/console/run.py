@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rsoconsole.config import default_config_path
+from rsoconsole.config import default_config_path, load_config
 from rsoconsole.control import ControlClient
 from rsoconsole.errors import ControlError, RsoconsoleError
 from rsoconsole.session.reader import SessionReader
@@ -36,6 +36,7 @@ def run_console(
     """
     from rsoconsole.console.commands import load_keymap
 
+    settings = load_config().console
     keymap = load_keymap(default_config_path().with_name("keymap.toml"))
     if session is not None:
         SessionReader(session)
@@ -54,6 +55,7 @@ def run_console(
         owns_engine=owns_engine,
         stop_directly=stop_directly,
         keymap=keymap,
+        settings=settings,
     )
     # Under nohup it would be ignored, and a console without a terminal would stay for ever.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)

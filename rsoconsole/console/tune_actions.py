@@ -1,5 +1,6 @@
 """Tuning, from the key that opens the pane to the settings that the engine is sent."""
 
+import time
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline.what_if import TrackFigures
 
 PRESETS = "presets.toml"
+EVERY_S = 20.0
+"""How often an open pane's figures are reckoned anew."""
 
 
 class TuneActions(Seat):
@@ -25,6 +28,7 @@ class TuneActions(Seat):
     _figures: "tuple[TrackFigures | None, TrackFigures | None]" = (None, None)
     _tuning: Tuning | None = None
     _watch: WhatIfWatch | None = None
+    _reckoned_s = 0.0
 
     def place_panes(self) -> None:
         """Lay the panes out again; the screen that has them does."""
@@ -64,9 +68,16 @@ class TuneActions(Seat):
     def _reckon(self) -> None:
         if self.night.folder is None or self.night.config is None:
             return
+        self._reckoned_s = time.monotonic()
         if self._watch is None:
             self._watch = WhatIfWatch(lambda *figures: self.post_from_thread(WhatIfSeen(*figures)))
         self._watch.ask(self.night.folder, self.night.config, self.tuning.tried)
+
+    def reckon_now_and_then(self) -> None:
+        """Where the pane is always seen, its figures follow the night."""
+        is_due = time.monotonic() - self._reckoned_s >= EVERY_S
+        if self.query_one("#tune", TunePane).display and is_due:
+            self._reckon()
 
     def on_what_if_seen(self, message: WhatIfSeen) -> None:
         """Figures now and with what is tried."""

@@ -1,0 +1,87 @@
+"""When the terminal rings: for what has just come to pass, and for nothing else."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from rsoconsole.config import Config, ConsoleConfig
+from rsoconsole.console.alerts import alerts_between, notification
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.log_lines import LogLine
+from rsoconsole.console.night import NightView
+from rsoconsole.records import StateChange
+from rsoconsole.session.writer import SessionWriter
+from tests import made_up_night as night
+from tests.seat_rig import FRAMES, FakeWire, play, until
+
+HERE = NightView(folder=Path("night"), state="TRACK")
+ATTACHED = EngineView(reach="attached")
+
+
+def alerts(before: NightView, after: NightView, engine: EngineView = ATTACHED) -> list[str]:
+    return [alert for alert, _ in alerts_between((before, ATTACHED), (after, engine))]
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "said"),
+    [
+        ("ACQUIRE", "TRACK", ["acquisition"]),
+        ("COAST", "TRACK", []),
+        ("TRACK", "COAST", []),
+        ("COAST", "LOST", ["loss"]),
+        ("TRACK", "SEARCH", ["loss"]),
+        ("LOST", "SEARCH", []),
+        ("TRACK", "FAULT", ["fault"]),
+        ("FAULT", "FAULT", []),
+        ("TRACK", "MANUAL", []),
+    ],
+)
+def test_states_ring_when_they_are_entered(was, now, said):
+    before, after = (dataclasses.replace(HERE, state=state) for state in (was, now))
+    assert alerts(before, after) == said
+
+
+def test_a_limit_rings_once_and_history_never():
+    line = LogLine(t_utc_ns=1, level="alarm", text="limit: altitude 14.9 deg", frame_id=1)
+    after = dataclasses.replace(HERE, log=(line,))
+    assert alerts(HERE, after) == ["limit"]
+    assert alerts(after, after) == []
+    assert alerts(NightView(), dataclasses.replace(after, state="FAULT")) == []
+    other = dataclasses.replace(after, folder=Path("another"))
+    assert alerts(HERE, other) == []
+
+
+def test_an_engine_that_is_gone_rings():
+    assert alerts(HERE, HERE, EngineView(reach="gone")) == ["fault"]
+
+
+def test_a_notification_holds_no_control_characters():
+    assert notification("lost\x1b[2J\n") == "\x1b]9;rsoconsole: lost[2J\x1b\\"
+
+
+def test_each_may_be_switched_off():
+    config = Config.model_validate({"console": {"bell": [], "notify": ["loss"]}})
+    assert config.console.bell == ()
+    with pytest.raises(ValueError, match="acquisition"):
+        Config.model_validate({"console": {"bell": ["everything"]}})
+
+
+@pytest.mark.parametrize("is_wanted", [True, False])
+def test_the_seat_rings_for_a_loss_where_that_is_wanted(
+    wire: FakeWire, writer: SessionWriter, monkeypatch: pytest.MonkeyPatch, is_wanted: bool
+):
+    rung: list[str] = []
+    monkeypatch.setattr(ConsoleApp, "bell", lambda _self: rung.append("bell"))
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        assert rung == []
+        change = StateChange(frame_id=FRAMES, before="TRACK", after="LOST", reason="coasted")
+        writer.append(change, night.t_of(FRAMES))
+        assert writer.flush()
+        await until(pilot, lambda: app.live.night.state == "LOST")
+        assert rung == (["bell"] if is_wanted else [])
+
+    play(wire, scene, settings=ConsoleConfig(bell=("loss",) if is_wanted else ()))
