@@ -259,7 +259,11 @@ Alert = Literal["acquisition", "loss", "limit", "fault"]
 
 
 class ConsoleConfig(_Section):
-    """What the console does to be noticed."""
+    """How the console looks, and what it does to be noticed."""
+
+    ascii: bool | None = Field(
+        None, description="letters only; null: where the terminal's encoding is not UTF-8"
+    )
 
     bell: tuple[Alert, ...] = Field(
         ("loss", "limit", "fault"), description="what the terminal's bell is rung for"

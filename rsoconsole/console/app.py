@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import locale
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -24,6 +25,7 @@ from rsoconsole.console.night import NightView
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.outlook_watch import OutlookWatch
 from rsoconsole.console.picture import Picture
+from rsoconsole.console.plain import PlainFilter
 from rsoconsole.console.watch import EngineWatch, SessionWatch, Wire
 
 if TYPE_CHECKING:
@@ -31,6 +33,11 @@ if TYPE_CHECKING:
 
 StopDirectly = Callable[[IndiConfig | None], tuple[bool, str]]
 """Stops the mount past the engine: (it stands, how or what is wrong)."""
+
+
+def is_utf8() -> bool:
+    """Whether the terminal takes more than letters, by the locale's word."""
+    return locale.getpreferredencoding(do_setlocale=False).upper().replace("-", "") == "UTF8"
 
 
 class ConsoleApp(App[str]):
@@ -84,6 +91,11 @@ class ConsoleApp(App[str]):
 
     def on_mount(self) -> None:
         """The screen first, the watches after it."""
+        wants_ascii = self._settings.ascii
+        if wants_ascii is None:
+            wants_ascii = not is_utf8()
+        if wants_ascii:
+            self._filters.append(PlainFilter())
         self._loop_of_app = asyncio.get_running_loop()
         for theme in THEMES:
             self.register_theme(theme)
