@@ -61,8 +61,9 @@ class ConsoleApp(App[str]):
         stop_directly: StopDirectly | None = None,
         keymap: Mapping[str, str] | None = None,
         settings: ConsoleConfig | None = None,
+        seat_name: str = "",
     ) -> None:
-        """``keymap``: other keys for commands, by name."""
+        """``keymap``: other keys for commands, by name; ``seat_name``: for the engine."""
         super().__init__()
         self._settings = settings or ConsoleConfig()
         self._last: tuple[NightView, EngineView] = (NightView(), EngineView())
@@ -87,6 +88,7 @@ class ConsoleApp(App[str]):
             ask_now=self._engine_watch.ask_now,
             from_thread=self._from_thread,
             on_known=self._known,
+            seat_name=seat_name,
         )
 
     def on_mount(self) -> None:

@@ -47,6 +47,9 @@ class EngineView:
     mount_dec_icrs_deg: float | None = None
     is_slewing: bool = False
     is_tracking: bool = False
+    seat: str | None = None
+    """The console that may act; None while none has."""
+    seat_asked_by: str | None = None
     waits_for_sky: bool = False
     """The hold ends by itself when the stars are back."""
     temporary: Mapping[str, int] = field(default_factory=dict)
@@ -90,6 +93,8 @@ def engine_view(data: Mapping[str, Any]) -> EngineView:
         mount_dec_icrs_deg=_number(data.get("mount_dec")),
         is_slewing=data.get("is_slewing") is True,
         is_tracking=data.get("is_tracking") is True,
+        seat=_text(data.get("seat")),
+        seat_asked_by=_text(data.get("seat_asked_by")),
         waits_for_sky=data.get("resumes_when_clear") is True,
         temporary=_counts(data.get("temporary")),
         pier_side=_text(data.get("pier_side")),

@@ -213,7 +213,11 @@ def _cycle_items(night: NightView, engine: EngineView) -> list[Item]:
 def _health_items(night: NightView, engine: EngineView) -> list[Item]:
     """Focus, then machine and instruments; what is not well is inked."""
     items = _focus_items(night)
+    if engine.is_attached and engine.waits_for_sky:
+        items.append(("held until the stars are back", "warn"))
     if engine.is_attached:
+        lent = engine.temporary.items()
+        items += [(f"{name} for {n} more frame{'s' if n > 1 else ''}", "warn") for name, n in lent]
         items += [(f"{each.name} {each.text}", "" if each.ok else "warn") for each in engine.health]
     return items
 

@@ -95,6 +95,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
             # Whatever was said of it is done, or undone: the first line has it now.
             self.forget_notice()
         self.engine = message.engine
+        self.answer_for_seat()
         self._show_engine()
 
     def on_outlook_seen(self, message: OutlookSeen) -> None:

@@ -1,5 +1,7 @@
 """How a console is opened: over the running engine, or over one session."""
 
+import getpass
+import os
 import signal
 import sys
 from pathlib import Path
@@ -48,18 +50,33 @@ def run_console(
         )
     from rsoconsole.console.app import ConsoleApp
 
+    name = _seat_name()
     app = ConsoleApp(
-        lambda: ControlClient(socket, by="console"),
+        lambda: ControlClient(socket, by=f"console {name}"),
         session=session,
         read_only=read_only,
         owns_engine=owns_engine,
         stop_directly=stop_directly,
         keymap=keymap,
         settings=settings,
+        seat_name=name,
     )
     # Under nohup it would be ignored, and a console without a terminal would stay for ever.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     return app.run() or "quit"
+
+
+def _seat_name() -> str:
+    """Who sits where, as another console shall read it."""
+    try:
+        terminal = os.ttyname(sys.stdin.fileno()).removeprefix("/dev/")
+    except OSError:
+        terminal = str(os.getpid())
+    try:
+        user = getpass.getuser()
+    except (KeyError, OSError):
+        user = str(os.getuid())
+    return f"{user}@{terminal}"
 
 
 def _expect_engine(socket: Path | None) -> None:

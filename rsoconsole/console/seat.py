@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from textual.message import Message
 from textual.screen import Screen
 
-from rsoconsole.console.dialogs import ArmDialog, MessageDialog
+from rsoconsole.console.dialogs import ArmDialog, ConfirmDialog, MessageDialog
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.messages import OutcomeCame, StopNewsCame
 from rsoconsole.console.night import NightView
@@ -38,8 +38,12 @@ class Seat(Screen[None]):
         ask_now: Callable[[], None],
         from_thread: Callable[..., None],
         on_known: Callable[[NightView, EngineView], None],
+        seat_name: str = "",
     ) -> None:
+        """``seat_name``: by which the engine knows this console."""
         super().__init__()
+        self.seat_name = seat_name
+        self._is_asked_for_seat = False
         self.night = NightView()
         self.engine = EngineView()
         self.picture: Picture | None = None
@@ -117,10 +121,40 @@ class Seat(Screen[None]):
                 self.show_stop(None)
             elif verb == "shutdown":
                 self.app.exit("stop engine")
+        elif outcome.data.get("seat"):
+            self._ask_for_seat(str(outcome.data["seat"]))
         elif verb == "arm":
             self._ask_to_override(outcome)
         else:
             self.app.push_screen(MessageDialog(f"{verb}: not done", outcome.message))
+
+    def _ask_for_seat(self, holder: str) -> None:
+        def decided(is_wanted: bool | None) -> None:
+            if is_wanted:
+                self.send("ask_seat")
+
+        text = f"{holder} has the seat. Who is asked and says nothing for 30 s gives it up."
+        self.app.push_screen(
+            ConfirmDialog("another console acts", text, yes="Ask for it", letter="y"), decided
+        )
+
+    def answer_for_seat(self) -> None:
+        """Whoever asks for this seat gets an answer, where its holder gives one."""
+        asked_by = self.engine.seat_asked_by
+        is_ours = bool(self.seat_name) and self.engine.seat == self.seat_name
+        if asked_by is None or not is_ours:
+            self._is_asked_for_seat = False
+            return
+        if self._is_asked_for_seat:
+            return
+        self._is_asked_for_seat = True
+
+        def decided(gives: bool | None) -> None:
+            if self._is_asked_for_seat:
+                self.send("answer_seat", gives=gives is True)
+
+        text = f"{asked_by} asks for the seat, and has it in 30 s unless you keep it."
+        self.app.push_screen(ConfirmDialog("the seat", text, yes="Give it", letter="y"), decided)
 
     def _ask_to_override(self, outcome: Outcome) -> None:
         given = outcome.data.get("checks")

@@ -11,6 +11,7 @@ from rsoconsole.engine.arming import arming_checks, gather_facts, refusal_text
 from rsoconsole.engine.health import HealthMeter
 from rsoconsole.engine.intentions import Intentions, Wish, action_record, changed
 from rsoconsole.engine.loop import Engine
+from rsoconsole.engine.seats import Seats, name_of
 from rsoconsole.engine.states import Stopped
 from rsoconsole.engine.temporary import MOST_FRAMES
 from rsoconsole.engine.verdicts import VERBS
@@ -47,6 +48,7 @@ class Desk:
         self._session = session
         self._record_faults = record_faults
         self._flush = flush
+        self._seats = Seats()
         self._health = HealthMeter(lambda: engine.config, self._instruments.clock, session)
 
     def handle(self, intention: Intention) -> Outcome:
@@ -69,8 +71,14 @@ class Desk:
             "set": self._set,
             "shutdown": self._shutdown,
             "note": self._note,
+            "ask_seat": self._ask_seat,
+            "answer_seat": self._answer_seat,
             **dict.fromkeys(VERBS, self._judge),
         }
+        refused = self._seats.refusal(intention.by, intention.verb)
+        if refused is not None:
+            holder = name_of(self._seats.view().holder)
+            return Outcome(ok=False, message=refused, data={"seat": holder})
         handler = handlers.get(intention.verb)
         if handler is None:
             known = ", ".join(handlers)
@@ -105,6 +113,9 @@ class Desk:
         report = self._engine.watch.last_report
         data["health"] = [dataclasses.asdict(each) for each in self._health.read(report)]
         data["alt"] = data["az"] = None
+        seat = self._seats.view()
+        data["seat"] = None if seat.holder is None else name_of(seat.holder)
+        data["seat_asked_by"] = None if seat.asked_by is None else name_of(seat.asked_by)
         data["temporary"] = self._engine.temporary.left()
         data["session"] = str(self._session.absolute())
         data["pid"] = os.getpid()
@@ -171,6 +182,13 @@ class Desk:
         """A word on a frame's streaks: refused at once where it can be seen that it must be."""
         self._engine.check_ruling(intention.verb, intention.arguments)
         return self._accept(intention, "in force before the next frame is followed")
+
+    def _ask_seat(self, intention: Intention) -> Outcome:
+        return Outcome(ok=True, message=self._seats.ask(intention.by))
+
+    def _answer_seat(self, intention: Intention) -> Outcome:
+        gives = intention.arguments.get("gives") is True
+        return Outcome(ok=True, message=self._seats.answer(intention.by, gives=gives))
 
     def _note(self, intention: Intention) -> Outcome:
         """The operator's remark, on record at once."""

@@ -1,0 +1,101 @@
+"""Which of several consoles may act: the first that does, until it gives that away or is gone.
+
+Every console sees; STOP is everybody's. Commands from a shell are not asked.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+CONSOLE = "console "
+"""How a console's name begins on the wire."""
+FREE_VERBS = frozenset(("stop", "status", "preview", "note", "ask_seat", "answer_seat"))
+GONE_S = 10.0
+"""A console that has not been heard of for so long has left its seat."""
+ASKED_S = 30.0
+"""Who is asked and says nothing for so long gives the seat up."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeatView:
+    """Who may act, and who wants to."""
+
+    holder: str | None
+    """None while nobody has acted, or who did has left."""
+    asked_by: str | None
+
+
+class Seats:
+    """Heard on the wire's threads."""
+
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = now_s
+        self._lock = threading.Lock()
+        self._holder: str | None = None
+        self._asked_by: str | None = None
+        self._asked_s = 0.0
+        self._heard_s: dict[str, float] = {}
+
+    def refusal(self, who: str, verb: str) -> str | None:
+        """Why this one may not do that now; None where it may. Whoever may and acts takes it."""
+        if not who.startswith(CONSOLE):
+            return None
+        with self._lock:
+            self._hear(who)
+            if verb in FREE_VERBS:
+                return None
+            if self._holder in {None, who}:
+                self._holder = who
+                return None
+            return f"{name_of(self._holder)} has the seat: ask for it"
+
+    def ask(self, who: str) -> str:
+        """Somebody wants the seat; says how that stands."""
+        with self._lock:
+            self._hear(who)
+            if self._holder in {None, who}:
+                self._holder = who
+                return "the seat is yours"
+            if self._asked_by not in {None, who}:
+                return f"{name_of(self._asked_by)} has asked already"
+            if self._asked_by is None:
+                self._asked_by, self._asked_s = who, self._now_s()
+            return f"{name_of(self._holder)} is asked; yours in {ASKED_S:.0f} s at the latest"
+
+    def answer(self, who: str, *, gives: bool) -> str:
+        """The holder gives the seat, or keeps it. Raises ValueError where nobody asked for it."""
+        with self._lock:
+            self._hear(who)
+            if who != self._holder or self._asked_by is None:
+                raise ValueError("nobody asks you for the seat")
+            asked_by, self._asked_by = self._asked_by, None
+            if gives:
+                self._holder = asked_by
+                return f"{name_of(asked_by)} has the seat now"
+            return "you keep the seat"
+
+    def view(self) -> SeatView:
+        """How it stands."""
+        with self._lock:
+            self._tidy()
+            return SeatView(holder=self._holder, asked_by=self._asked_by)
+
+    def _hear(self, who: str) -> None:
+        self._heard_s[who] = self._now_s()
+        self._tidy()
+
+    def _tidy(self) -> None:
+        """Who has gone has no seat and no wish; who was asked and was silent gives it up."""
+        now_s = self._now_s()
+        self._heard_s = {w: s for w, s in self._heard_s.items() if now_s - s < GONE_S}
+        if self._asked_by is not None and self._asked_by not in self._heard_s:
+            self._asked_by = None
+        is_silent = self._asked_by is not None and now_s - self._asked_s >= ASKED_S
+        if (self._holder is not None and self._holder not in self._heard_s) or is_silent:
+            self._holder, self._asked_by = self._asked_by, None
+
+
+def name_of(who: str | None) -> str:
+    """A console's name without the word for what it is."""
+    return (who or "nobody").removeprefix(CONSOLE)

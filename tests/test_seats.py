@@ -1,0 +1,155 @@
+"""Two consoles on one engine: both see, one acts, the other may ask."""
+
+import dataclasses
+
+import pytest
+from textual.pilot import Pilot
+
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.control import Intention, Outcome
+from rsoconsole.engine.seats import ASKED_S, GONE_S, Seats, SeatView
+from tests.engine_rig import desk_of, rig
+from tests.seat_rig import FakeWire, play, until
+
+ANA, BOB = "console ana@pts/1", "console bob@pts/2"
+
+
+@dataclasses.dataclass
+class Watch:
+    """A clock that a test turns."""
+
+    t_s: float = 0.0
+
+    def __call__(self) -> float:
+        return self.t_s
+
+
+@pytest.fixture
+def clock() -> Watch:
+    return Watch()
+
+
+@pytest.fixture
+def seats(clock: Watch) -> Seats:
+    return Seats(clock)
+
+
+def test_the_first_console_that_acts_has_the_seat_and_others_are_refused(seats: Seats):
+    assert seats.view() == SeatView(holder=None, asked_by=None)
+    assert seats.refusal(BOB, "status") is None
+    assert seats.view().holder is None
+    assert seats.refusal(ANA, "hold") is None
+    assert seats.refusal(BOB, "arm") == "ana@pts/1 has the seat: ask for it"
+    assert seats.refusal(ANA, "arm") is None
+
+
+@pytest.mark.parametrize("verb", ["stop", "status", "preview", "note"])
+def test_what_moves_nothing_and_stop_are_everybodys(seats: Seats, verb: str):
+    seats.refusal(ANA, "hold")
+    assert seats.refusal(BOB, verb) is None
+    assert seats.view().holder == ANA
+
+
+def test_a_shell_is_never_refused(seats: Seats):
+    seats.refusal(ANA, "hold")
+    assert seats.refusal("operator", "disarm") is None
+    assert seats.view().holder == ANA
+
+
+def test_who_is_asked_gives_or_keeps(seats: Seats):
+    seats.refusal(ANA, "hold")
+    assert "is asked" in seats.ask(BOB)
+    assert seats.view().asked_by == BOB
+    assert "keep" in seats.answer(ANA, gives=False)
+    assert seats.view() == SeatView(holder=ANA, asked_by=None)
+    seats.ask(BOB)
+    assert "bob@pts/2 has the seat now" in seats.answer(ANA, gives=True)
+    assert seats.refusal(BOB, "arm") is None
+    assert seats.refusal(ANA, "arm") is not None
+    with pytest.raises(ValueError, match="nobody asks you"):
+        seats.answer(ANA, gives=True)
+
+
+def test_who_says_nothing_gives_it_up(seats: Seats, clock: Watch):
+    seats.refusal(ANA, "hold")
+    seats.ask(BOB)
+    while clock.t_s < ASKED_S - 1.0:
+        clock.t_s += 1.0
+        seats.refusal(ANA, "status")
+        seats.refusal(BOB, "status")
+        assert seats.view().holder == ANA
+    clock.t_s += 1.5
+    seats.refusal(BOB, "status")
+    assert seats.view() == SeatView(holder=BOB, asked_by=None)
+
+
+def test_who_has_gone_has_no_seat(seats: Seats, clock: Watch):
+    seats.refusal(ANA, "hold")
+    clock.t_s = GONE_S + 0.1
+    assert seats.refusal(BOB, "arm") is None
+    assert seats.view().holder == BOB
+
+
+def test_who_asked_and_left_does_not_get_it(seats: Seats, clock: Watch):
+    seats.refusal(ANA, "hold")
+    seats.ask(BOB)
+    for clock.t_s in range(1, 40):
+        seats.refusal(ANA, "status")
+    assert seats.view() == SeatView(holder=ANA, asked_by=None)
+
+
+def test_the_desk_refuses_the_second_console_and_tells_everybody_who_has_the_seat():
+    desk = desk_of(rig(set()))
+    assert desk.handle(Intention(verb="disarm", by=ANA)).ok
+    refused = desk.handle(Intention(verb="disarm", by=BOB))
+    assert not refused.ok
+    assert refused.data["seat"] == "ana@pts/1"
+    assert desk.handle(Intention(verb="stop", by=BOB)).ok
+    assert desk.handle(Intention(verb="ask_seat", by=BOB)).ok
+    data = desk.handle(Intention(verb="status", by=ANA)).data
+    assert (data["seat"], data["seat_asked_by"]) == ("ana@pts/1", "bob@pts/2")
+    assert desk.handle(Intention(verb="answer_seat", by=ANA, arguments={"gives": True})).ok
+    assert desk.handle(Intention(verb="disarm", by=BOB)).ok
+    assert not desk.handle(Intention(verb="answer_seat", by=ANA)).ok
+
+
+# -- on the console -------------------------------------------------------------------------------
+
+
+def test_a_refused_console_may_ask_for_the_seat(wire: FakeWire):
+    wire.outcomes["hold"] = Outcome(ok=False, message="taken", data={"seat": "bob@pts/2"})
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.holder == "autonomy")
+        await pilot.press("h")
+        await until(pilot, lambda: app.screen is not app.live)
+        await pilot.press("y")
+        await until(pilot, lambda: wire.verbs == ["hold", "ask_seat"])
+
+    play(wire, scene, seat_name="ana@pts/1")
+
+
+@pytest.mark.parametrize(("key", "gives"), [("y", True), ("escape", False)])
+def test_the_holder_is_asked_once_and_answers(wire: FakeWire, key: str, gives: bool):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        wire.status |= {"seat": "ana@pts/1", "seat_asked_by": "bob@pts/2"}
+        await until(pilot, lambda: app.screen is not app.live)
+        await pilot.press(key)
+        await until(pilot, lambda: wire.verbs == ["answer_seat"])
+        assert wire.sent[0][1] == {"gives": gives}
+        await pilot.pause(0.2)
+        assert app.screen is app.live
+
+    play(wire, scene, seat_name="ana@pts/1")
+
+
+def test_others_are_not_asked(wire: FakeWire):
+    wire.status |= {"seat": "carl@pts/9", "seat_asked_by": "bob@pts/2"}
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.seat == "carl@pts/9")
+        await pilot.pause(0.1)
+        assert app.screen is app.live
+
+    play(wire, scene, seat_name="ana@pts/1")
