@@ -70,6 +70,10 @@ class Terminal:
         text = self.text
         return all(word in text for word in words)
 
+    def press(self, keys: str) -> None:
+        """Type these."""
+        os.write(self._master, keys.encode())
+
     def kill(self) -> None:
         """kill -9 of the program alone."""
         with contextlib.suppress(ProcessLookupError):

@@ -1,0 +1,155 @@
+"""How quick and how frugal the console is, in a real pseudo-terminal.
+
+    python -m tests.bench.bench_console [--frames 5000] [--seconds 40] [--write]
+
+Run from the project's root. A made-up session of so many frames is written; the console is opened on
+it as an operator opens it, and timed from the command to its first line and to its last frame. Then
+frames come in, one each 2 s: how long a key takes until its effect is on the terminal, what share
+of a core the program takes, idle and at work, and how many bytes a second it writes. Prints;
+``--write`` keeps the figures in ``results/console.json``.
+"""
+
+import argparse
+import json
+import os
+import platform
+import re
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from rsoconsole.session.writer import SessionWriter
+from tests import made_up_night as night
+from tests.terminal import Terminal
+
+RESULTS = Path(__file__).parent / "results" / "console.json"
+COMMAND = [sys.executable, "-c", "from rsoconsole.cli import main; main()", "console", "--session"]
+SIZE = (120, 40)
+PATIENCE_S = 60.0
+KEYS = 24
+TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
+
+
+def write_session(folder: Path, frames: int) -> SessionWriter:
+    """A night of so many frames, with pictures of the last ones; still open."""
+    writer = night.begin(folder)
+    night.armed(writer)
+    for first in range(1, frames + 1, 250):
+        night.add_frames(writer, range(first, min(first + 250, frames + 1)))
+    night.add_previews(writer, range(max(frames - 2, 1), frames + 1))
+    return writer
+
+
+def cpu_s(pid: int) -> float:
+    """Seconds of a core that a process has taken."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / TICKS_A_SECOND
+
+
+def wait(is_so: Callable[[], bool]) -> float:
+    """Seconds until it is."""
+    began = time.monotonic()
+    while not is_so():
+        if time.monotonic() - began > PATIENCE_S:
+            raise TimeoutError("it never came to be")
+        time.sleep(0.001)
+    return time.monotonic() - began
+
+
+def first_paint(folder: Path, frames: int) -> dict[str, float]:
+    """From the command to the first line, and to the session's end."""
+    with Terminal([*COMMAND, str(folder)], os.environ, SIZE) as terminal:
+        wait(lambda: terminal.shows("STOP"))
+        first_s = time.monotonic() - terminal.begun_s
+        wait(lambda: terminal.shows(f"frame {frames:04d}", f"of {frames}"))
+        return {"first": first_s, "all": time.monotonic() - terminal.begun_s}
+
+
+def at_work(folder: Path, writer: SessionWriter, frames: int, seconds: float) -> dict[str, float]:
+    """Keys, processor and bytes while frames come each 2 s, and while none does."""
+    with Terminal([*COMMAND, str(folder)], os.environ, SIZE) as terminal:
+        wait(lambda: terminal.shows(f"frame {frames:04d}", f"of {frames}"))
+        time.sleep(2.0)
+        pid = terminal.process.pid
+        idle_share = _share(pid, seconds / 2.0)
+        is_over = threading.Event()
+
+        def take_frames() -> None:
+            number = frames
+            while not is_over.wait(2.0):
+                number += 1
+                night.add_frames(writer, range(number, number + 1))
+                night.add_previews(writer, range(number, number + 1))
+
+        taker = threading.Thread(target=take_frames, daemon=True)
+        taker.start()
+        bytes_before, began = len(terminal._written.encode()), time.monotonic()
+        busy_share = _share(pid, seconds)
+        a_second = (len(terminal._written.encode()) - bytes_before) / (time.monotonic() - began)
+        latencies = [_key_s(terminal, turn) for turn in range(KEYS)]
+        is_over.set()
+        taker.join()
+    return {
+        "key_ms": median(latencies) * 1e3,
+        "key_largest_ms": max(latencies) * 1e3,
+        "idle_percent": idle_share * 100.0,
+        "busy_percent": busy_share * 100.0,
+        "bytes_a_second_at_2_s": a_second,
+    }
+
+
+def _share(pid: int, seconds: float) -> float:
+    before, began = cpu_s(pid), time.monotonic()
+    time.sleep(seconds)
+    return (cpu_s(pid) - before) / (time.monotonic() - began)
+
+
+def _key_s(terminal: Terminal, turn: int) -> float:
+    """From a key to its word on the terminal."""
+    word = ("close-up", "full resolution", "field")[turn % 3]
+    known = len(re.findall(f"picture: {word}", terminal.text))
+    began = time.monotonic()
+    terminal.press("z")
+    wait(lambda: len(re.findall(f"picture: {word}", terminal.text)) > known)
+    taken_s = time.monotonic() - began
+    time.sleep(0.15 + 0.05 * (turn % 5))
+    return taken_s
+
+
+def main() -> None:
+    """Measure, print, and write when asked to."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--frames", type=int, default=5000)
+    parser.add_argument("--seconds", type=float, default=40.0)
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--write", action="store_true")
+    options = parser.parse_args()
+    figures: dict[str, Any] = {
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+        "load_before": round(os.getloadavg()[0], 1),
+        "frames": options.frames,
+        "terminal": f"{SIZE[0]}x{SIZE[1]}",
+    }
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "night"
+        writer = write_session(folder, options.frames)
+        starts = [first_paint(folder, options.frames) for _ in range(options.repeats)]
+        figures["first_paint_s"] = round(median(each["first"] for each in starts), 3)
+        figures["whole_night_s"] = round(median(each["all"] for each in starts), 3)
+        worked = at_work(folder, writer, options.frames, options.seconds)
+        figures |= {name: round(value, 2) for name, value in worked.items()}
+        writer.close()
+    figures["load_after"] = round(os.getloadavg()[0], 1)
+    for name, value in figures.items():
+        print(f"{name:24s} {value}")
+    if options.write:
+        RESULTS.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
