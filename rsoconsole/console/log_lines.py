@@ -132,6 +132,8 @@ def _(record: Event) -> tuple[Level, str]:
 
 @_words.register
 def _(record: OperatorAction) -> tuple[Level, str]:
+    if record.verb == "note":
+        return "good", f"NOTE: {record.arguments.get('text', '')}"
     details = _details(record.arguments)
     level: Level = "alarm" if record.verb == "stop" else "info"
     verb = "STOP" if record.verb == "stop" else record.verb
