@@ -3,10 +3,10 @@
     python -m tests.bench.bench_console [--frames 5000] [--seconds 40] [--write]
 
 Run from the project's root. A made-up session of so many frames is written; the console is opened
-on it as an operator opens it, and timed from the command to its first line and to its last frame. Then
-frames come in, one each 2 s: how long a key takes until its effect is on the terminal, what share
-of a core the program takes, idle and at work, and how many bytes a second it writes. Prints;
-``--write`` keeps the figures in ``results/console.json``.
+on it as an operator opens it, and timed from the command to its first line and to its last frame.
+Then frames come in, one each 2 s: how long a key takes until its effect is on the terminal, what
+share of a core the program takes, idle and at work, and how many bytes a second it writes.
+Prints; ``--write`` keeps the figures in ``results/console.json``.
 """
 
 import argparse
