@@ -80,7 +80,14 @@ def written(folder: Path) -> SessionWriter:
     return writer
 
 
-def play(wire: FakeWire, scene: Play, size: tuple[int, int] = FULL, **settings: Any) -> str | None:
+def play(
+    wire: FakeWire,
+    scene: Play,
+    size: tuple[int, int] = FULL,
+    *,
+    frames: int = FRAMES,
+    **settings: Any,
+) -> str | None:
     """Open the seat, wait until it shows the night, play the scene; what the seat gave back."""
 
     async def run() -> str | None:
@@ -89,7 +96,7 @@ def play(wire: FakeWire, scene: Play, size: tuple[int, int] = FULL, **settings: 
             if not wire.is_gone or settings.get("session"):
                 await until(
                     pilot,
-                    lambda: len(app.live.night.rows) >= FRAMES and app.live.picture is not None,
+                    lambda: len(app.live.night.rows) >= frames and app.live.picture is not None,
                 )
             await scene(app, pilot)
         return app.return_value

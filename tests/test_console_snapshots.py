@@ -1,0 +1,106 @@
+"""Every screen in every state, as pictures that somebody has looked at.
+
+``RSOCONSOLE_WRITE_SNAPSHOTS=1`` writes them anew; look at them then, in a browser.
+"""
+
+import gzip
+import os
+import re
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.control import Outcome
+from rsoconsole.records import StateChange
+from tests import made_up_night as night
+from tests.seat_rig import FakeWire, play, until
+
+SNAPSHOTS = Path(__file__).parent / "snapshots"
+SIZES = ((80, 24), (120, 40), (200, 60))
+FAILED = {"name": "network", "ok": False, "detail": "damaged", "remedy": "install it again"}
+Act = Callable[[ConsoleApp, Pilot[str]], Awaitable[None]]
+
+
+def told(folder: Path, frames: int, *, after: str = "") -> Path:
+    """A night of so many frames, closed; ``after``: a state it ends in."""
+    writer = night.begin(folder)
+    night.armed(writer)
+    night.add_frames(writer, range(1, frames + 1))
+    night.add_previews(writer, range(frames, frames + 1))
+    if after:
+        change = StateChange(frame_id=frames, before="COAST", after=after, reason="3 sigma of 40′")
+        writer.append(change, night.t_of(frames))
+    writer.close()
+    return folder
+
+
+async def nothing(app: ConsoleApp, pilot: Pilot[str]) -> None:
+    await until(pilot, lambda: app.live.engine.is_attached)
+
+
+def keys(*names: str) -> Act:
+    async def press(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await nothing(app, pilot)
+        await pilot.press(*names)
+
+    return press
+
+
+async def dead(app: ConsoleApp, pilot: Pilot[str]) -> None:
+    await until(pilot, lambda: app.live.engine.reach == "gone")
+
+
+STATES: dict[str, tuple[int, str, dict, Act]] = {
+    "live": (20, "", {}, nothing),
+    "searching": (2, "", {"state": "SEARCH", "ra": None, "dec": None}, nothing),
+    "coasting": (night.MISSED, "", {"state": "COAST"}, nothing),
+    "lost": (night.MISSED, "LOST", {"state": "LOST", "ra": None, "dec": None}, nothing),
+    "engine-dead": (20, "", {}, dead),
+    "read-only": (20, "", {}, keys("a")),
+    "help": (20, "", {}, keys("f1")),
+    "not-armed": (20, "", {"state": "IDLE", "holder": "nobody"}, keys("a")),
+    "go-to": (20, "", {}, keys("g")),
+    "tune": (20, "", {}, keys("t", "down", "right")),
+    "mark": (20, "", {}, keys("z", "m", "left", "enter", "right", "right")),
+    "log": (20, "", {}, keys("l")),
+}
+
+
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
+@pytest.mark.parametrize("state", STATES)
+def test_the_screen_looks_as_it_was_agreed(
+    tmp_path: Path, impatient_seat: None, state: str, size: tuple[int, int]
+):
+    frames, after, status, act = STATES[state]
+    wire = FakeWire(told(tmp_path / "night", frames, after=after))
+    wire.status |= {**status, "frame": frames, "now_utc_ns": night.t_of(frames) + 7 * 10**9}
+    wire.status["exposing_until_utc_ns"] = night.t_of(frames) + 9 * 10**9
+    wire.outcomes["arm"] = Outcome(ok=False, message="not yet", data={"checks": [FAILED]})
+    seen = ""
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        nonlocal seen
+        await until(pilot, lambda: app.live.outlook is not None)
+        if state == "engine-dead":
+            wire.is_gone = True
+        await act(app, pilot)
+        if state == "not-armed":
+            await until(pilot, lambda: app.screen is not app.live)
+        if state == "tune":
+            await until(pilot, lambda: app.live._figures[1] is not None)
+        await pilot.pause(0.05)
+        seen = _plain(app.export_screenshot(title="rsoconsole"))
+
+    play(wire, scene, size, frames=frames, read_only=state == "read-only")
+    agreed = SNAPSHOTS / f"{state}_{size[0]}x{size[1]}.svg.gz"
+    if "RSOCONSOLE_WRITE_SNAPSHOTS" in os.environ:
+        agreed.write_bytes(gzip.compress(seen.encode(), mtime=0))
+    assert seen == gzip.decompress(agreed.read_bytes()).decode()
+
+
+def _plain(svg: str) -> str:
+    """Without what differs from run to run: the picture's own random name."""
+    return re.sub(r"terminal-\d+-", "terminal-", svg)
