@@ -226,9 +226,9 @@ class FramePane(Widget):
             ]
         window = drawing.window
         marks = overlay((*picture.marks, *self._marks), window, has_rejected=self._sight != "field")
-        blank = Strip.blank(width)
+        blank = Strip.blank(width, self.rich_style)
         return [
-            self._row(runs(drawing.greys, marks, row)).adjust_cell_length(width)
+            self._row(runs(drawing.greys, marks, row)).adjust_cell_length(width, self.rich_style)
             for row in range(window.rows)
         ] + [blank] * (rows - window.rows)
 

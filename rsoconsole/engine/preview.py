@@ -8,13 +8,15 @@ from rsoconsole.records import PixelArray, Solution
 from rsoconsole.sky.wcs import sky_to_pixel
 from rsoconsole.tracking.follow import Following
 
-LONG_SIDE_PX = 582
+LONG_SIDE_PX = 466
+STEPS = 0xF8
+"""Of 256: a third of the noise's sigma each, a third of the disk."""
 CLOSEUP_PX = (256, 192)
 """Columns and rows of a close-up: a geostationary streak of 10 s, and sky about it."""
 
 
 def preview_of(pixels: PixelArray) -> npt.NDArray[np.uint8]:
-    """Area-averaged to at most 582 px and stretched by asinh about the median; (h, w) uint8."""
+    """Area-averaged to at most 466 px and stretched by asinh about the median; (h, w) uint8."""
     import cv2
 
     height, width = pixels.shape
@@ -64,4 +66,5 @@ def _stretched(pixels: PixelArray) -> npt.NDArray[np.uint8]:
     noise = 1.4826 * float(np.median(np.abs(sample - median))) or 1.0
     stretched = np.arcsinh((small - median) / (2.0 * noise))
     low, high = -1.0, 4.0
-    return np.asarray(np.clip((stretched - low) * (255.0 / (high - low)), 0, 255), dtype=np.uint8)
+    codes = np.clip((stretched - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
+    return np.asarray(codes & np.uint8(STEPS))
