@@ -20,10 +20,12 @@ from astropy.io import fits
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import SessionError
 from rsoconsole.records import (
+    Closeup,
     CycleTiming,
     Detection,
     Detections,
     Event,
+    FollowedAgain,
     Frame,
     FrameTaken,
     Measurement,
@@ -33,6 +35,7 @@ from rsoconsole.records import (
     OperatorAction,
     ParameterChange,
     Rejection,
+    Ruling,
     SlewCommand,
     Solution,
     StateChange,
@@ -140,6 +143,9 @@ NIGHT = (
     OperatorAction(verb="slew", arguments={"ra": 1.5}, outcome="done", by="console"),
     CycleTiming(frame_id=1, stage_ms={"detect": 30.0, "solve": 40.0}),
     Event(level="alarm", text="the dome is closed"),
+    Closeup(frame_id=1, x0_px=1872, y0_px=1405, width_px=256, height_px=192),
+    Ruling(frame_id=1, taken=MEASUREMENT, refused=(MEASUREMENT,), by="operator"),
+    FollowedAgain(frame_id=1),
 )
 
 
@@ -192,7 +198,7 @@ def test_a_night_is_read_back_record_for_record_in_order(
     assert list(reader.records()) == expected
     assert reader.last_seq() == len(NIGHT)
     assert [record for _, _, record in reader.records(kinds=(Measurement,))] == [MEASUREMENT]
-    assert [seq for seq, _, _ in reader.records(since_seq=12)] == [13, 14]
+    assert [seq for seq, _, _ in reader.records(since_seq=12)] == [13, 14, 15, 16, 17]
     writer.close()
     assert list(reader.records()) == expected
     assert writer.faults == ()
@@ -267,6 +273,7 @@ def test_a_closed_session_is_one_database_file_that_a_read_only_place_can_hold(
     writer.close()
     writer.close()
     assert sorted(p.name for p in folder.iterdir()) == [
+        "closeups",
         "config.toml",
         "frames",
         "previews",
