@@ -49,6 +49,7 @@ class Terminal:
         )
         os.close(slave)
         self._written = ""
+        self.has_typed = False
         self._is_over = False
         self._thread = threading.Thread(target=self._read, daemon=True)
         self._thread.start()
@@ -72,6 +73,7 @@ class Terminal:
 
     def press(self, keys: str) -> None:
         """Type these."""
+        self.has_typed = True
         os.write(self._master, keys.encode())
 
     def kill(self) -> None:

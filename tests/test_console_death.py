@@ -49,9 +49,13 @@ def console(engine: WholeEngine, before: Sequence[str] = ()) -> Terminal:
 
 
 def shows_past(terminal: Terminal, frame_id: int) -> bool:
-    """The night's first words, and a frame as late as this one."""
+    """A frame as late as this one, and the night's first words, where need be in the whole log."""
     shown = [int(number) for number in re.findall(r"frame (\d{4})", terminal.text)]
-    return terminal.shows(FIRST_WORDS) and max(shown, default=0) >= frame_id
+    if max(shown, default=0) < frame_id:
+        return False
+    if not terminal.shows(FIRST_WORDS) and not terminal.has_typed:
+        terminal.press("l")
+    return terminal.shows(FIRST_WORDS)
 
 
 def frames_without_a_gap(session: Path) -> int:
