@@ -185,10 +185,19 @@ class FilterConfig(_Section):
     preset: Literal["tuned", "paper"] = "tuned"
     sigma_arcsec: float = Field(4.0, gt=0, le=600)
     q_arcsec2_s3: float = Field(1e-5, gt=0, le=1e3, description="white-noise acceleration")
-    q_multiplier: float = Field(1.0, gt=0, le=1e6)
-    r_multiplier: float = Field(1.0, gt=0, le=1e6)
+    q_multiplier: float = Field(1.0, gt=0, le=1e6, description="of all of Q")
+    q_ra_multiplier: float = Field(1.0, gt=0, le=1e6, description="of Q's term of RA alone")
+    q_ra_rate_multiplier: float = Field(1.0, gt=0, le=1e6)
+    q_dec_multiplier: float = Field(1.0, gt=0, le=1e6)
+    q_dec_rate_multiplier: float = Field(1.0, gt=0, le=1e6)
+    r_multiplier: float = Field(1.0, gt=0, le=1e6, description="of all of R")
+    r_ra_multiplier: float = Field(1.0, gt=0, le=1e6, description="of R's term of RA alone")
+    r_dec_multiplier: float = Field(1.0, gt=0, le=1e6)
     gate_nis: float = Field(11.83, gt=0, le=1e9)
-    max_coast_s: float = Field(3600.0, gt=0, le=86400)
+    max_coast_s: float = Field(3600.0, gt=0, le=86400, description="coasted longer, it is lost")
+    max_3sigma_arcmin: float = Field(
+        600.0, gt=0, le=600, description="less sure, it is lost; never beyond half the field"
+    )
 
 
 class TargetConfig(_Section):

@@ -48,7 +48,8 @@ class Terminal:
             start_new_session=True,
         )
         os.close(slave)
-        self._written = ""
+        self._plain, self._half = "", ""
+        self.bytes_written = 0
         self.has_typed = False
         self._is_over = False
         self._thread = threading.Thread(target=self._read, daemon=True)
@@ -64,12 +65,12 @@ class Terminal:
     @property
     def text(self) -> str:
         """Everything written so far, without what only moves and paints."""
-        return _ESCAPES.sub("", self._written)
+        return self._plain
 
-    def shows(self, *words: str) -> bool:
-        """Whether all of these have been written."""
-        text = self.text
-        return all(word in text for word in words)
+    def shows(self, *words: str, since: int = 0) -> bool:
+        """Whether all of these have been written, from a length of the text on."""
+        text = self._plain
+        return all(text.find(word, since) >= 0 for word in words)
 
     def press(self, keys: str) -> None:
         """Type these."""
@@ -101,7 +102,15 @@ class Terminal:
                 # Nobody holds the other end any more.
                 time.sleep(EVERY_S)
                 continue
+            self.bytes_written += len(chunk)
             decoded += chunk
             with contextlib.suppress(UnicodeDecodeError):
-                self._written += decoded.decode()
+                self._take(decoded.decode())
                 decoded = b""
+
+    def _take(self, written: str) -> None:
+        """Add what was written to the text; a sequence cut in two waits for its other half."""
+        plain = _ESCAPES.sub("", self._half + written)
+        at = plain.rfind("\x1b")
+        self._half = plain[at:] if at >= 0 else ""
+        self._plain += plain[:at] if at >= 0 else plain

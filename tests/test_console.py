@@ -195,18 +195,21 @@ def _asked(outcome: str, verb: str = "goto", **arguments: Any) -> LogLine:
 def test_the_log_says_what_came_of_a_wish_first_and_leaves_out_what_says_nothing() -> None:
     direction = {"ra_icrs_deg": 285.0, "dec_icrs_deg": -5.5}
     plain = _asked("on its way", **direction, override=[])
-    assert plain.text == "console: goto: on its way (α 19:00:00.0 δ -05:30:00)"
+    assert plain.text == "console: go to α 19:00:00.0 δ -05:30:00: on its way"
     lifted = _asked("on its way", **direction, override=["sun", "wall"])
-    assert lifted.text.endswith("δ -05:30:00, override sun, wall)")
-    assert _asked("done", "hold", override=[]).text == "console: hold: done"
-    assert _asked("done", "set", name="detector.tau", value=0).text.endswith("value 0)")
+    assert lifted.text.endswith("δ -05:30:00, overriding sun, wall: on its way")
+    assert _asked("done", "hold", override=[]).text == "console: hold"
+    assert _asked("done", "hold", until="clear").text == "console: hold until it clears"
+    assert _asked("done", "set", name="detector.tau", value=0).text == "console: detector.tau 0"
+    lent = _asked("done", "set", name="detector.tau", value=0.05, frames=5)
+    assert lent.text == "console: detector.tau 0.05 for 5 frames"
+    nudged = _asked("on its way", "nudge", east_arcmin=-0.029663, north_arcmin=-0.99956)
+    assert nudged.text == "console: nudge 1′ south: on its way"
+    assert _asked("done", "nudge", east_arcmin=0.0).text == "console: nudge, east_arcmin 0.0"
     log: list[LogLine] = []
     for line in (_asked("accepted", **direction), _asked("accepted", "hold"), plain):
         append_line(log, line)
-    assert [line.text.split(" (")[0] for line in log] == [
-        "console: hold: accepted",
-        "console: goto: on its way",
-    ]
+    assert [line.text for line in log] == ["console: hold: accepted", plain.text]
 
 
 def test_a_long_line_of_the_log_goes_on_below_and_keeps_every_word() -> None:

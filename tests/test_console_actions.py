@@ -71,9 +71,9 @@ def test_no_key_does_two_things_and_none_needs_a_chord_that_terminals_lack():
 
 def test_a_keymap_gives_commands_other_keys(wire: FakeWire, tmp_path: Path):
     path = tmp_path / "keymap.toml"
-    path.write_text('hold_or_resume = "f2"\nnote = "ctrl+n, i"\n', encoding="utf-8")
+    path.write_text('hold_or_resume = "f2"\nnote = "ctrl+n, f3"\n', encoding="utf-8")
     keymap = load_keymap(path)
-    assert keymap == {"hold_or_resume": "f2", "note": "ctrl+n,i"}
+    assert keymap == {"hold_or_resume": "f2", "note": "ctrl+n,f3"}
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
@@ -248,7 +248,7 @@ def test_exposure_and_cadence_are_taken_where_they_differ(wire: FakeWire):
         assert float(field.value) == Config().exposure.exposure_s
         field.value = "ten"
         await pilot.press("enter")
-        assert "is no number" in str(app.screen.query_one("#wrong", Static).render())
+        assert "is no number" in str(app.screen.query_one("#told", Static).render())
         field.value = "7.5"
         await pilot.press("enter")
         await until(pilot, lambda: wire.verbs == ["set"])

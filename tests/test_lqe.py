@@ -230,6 +230,25 @@ def test_multipliers_scale_q_and_r_of_both_presets():
         assert lqe.measurement_noise(m, more) == pytest.approx(3 * lqe.measurement_noise(m, one))
 
 
+@pytest.mark.parametrize("preset", ["paper", "tuned"])
+def test_a_term_of_the_diagonal_is_scaled_alone_and_leaves_correlations(preset):
+    m = straight(1)[0]
+    one = FilterConfig(preset=preset)
+    names = ("q_ra", "q_ra_rate", "q_dec", "q_dec_rate")
+    before = lqe.process_noise(30.0, 10.0, one)
+    for term, name in enumerate(names):
+        more = one.model_copy(update={f"{name}_multiplier": 4.0})
+        after = lqe.process_noise(30.0, 10.0, more)
+        expected = np.ones(4)
+        expected[term] = 4.0
+        assert np.diag(after) == pytest.approx(np.diag(before) * expected)
+        assert np.linalg.eigvalsh(after).min() >= -1e-12 * np.trace(after)
+        assert after == pytest.approx(after.T)
+    wide = one.model_copy(update={"r_dec_multiplier": 9.0})
+    ratio = np.diag(lqe.measurement_noise(m, wide)) / np.diag(lqe.measurement_noise(m, one))
+    assert ratio == pytest.approx([1.0, 9.0])
+
+
 def test_no_measurement_is_trusted_beyond_the_floor():
     R = lqe.measurement_noise(measurement(0, 10.0, 0.0, sigma_arcsec=0.01), TUNED)
     assert np.sqrt(np.diag(R)) * 3600 == pytest.approx([0.10, 0.10])

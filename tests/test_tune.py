@@ -56,9 +56,9 @@ def test_a_step_there_and_back_is_no_trial():
     tuning.see(PRESENT)
     for row in range(len(TUNABLES)):
         tuning.row = row
-        tuning.step(1)
-        assert set(tuning.tried) == {TUNABLES[row].name}
         tuning.step(-1)
+        assert set(tuning.tried) == {TUNABLES[row].name}
+        tuning.step(1)
         assert tuning.tried == {}
 
 
@@ -147,14 +147,30 @@ def test_the_pane_says_what_is_in_force_and_what_is_tried():
     tuning = Tuning()
     tuning.see(PRESENT)
     tuning.step(1)
-    lines = tune_lines(tuning, None, None)(46, 17)
+    lines = tune_lines(tuning, None, None)(46, 24)
     text = "\n".join("".join(part for part, _ in line) for line in lines)
-    assert len(lines) == 17
+    assert len(lines) == 24
     assert "▸ τ" in text
     assert "→ 0.125" in text
     assert "1 tried" in text
     for tunable in TUNABLES:
         assert tunable.label in text
+
+
+@pytest.mark.parametrize("height", [12, 17, 21])
+def test_in_a_lower_pane_the_settings_move_so_that_the_chosen_one_is_seen(height: int):
+    tuning = Tuning()
+    tuning.see(PRESENT)
+    for row, tunable in enumerate(TUNABLES):
+        tuning.row = row
+        lines = tune_lines(tuning, None, None)(41, height)
+        texts = ["".join(part for part, _ in line) for line in lines]
+        assert len(texts) == height
+        assert [text for text in texts if "▸" in text and tunable.label in text]
+        assert any(text.startswith("▲") for text in texts) or row < height // 2
+        assert any(text.startswith("▼") for text in texts) or row > 2
+        assert "state" in texts[-2]
+
 
 
 def test_what_is_tried_is_shown_then_applied_then_undone(wire: FakeWire):

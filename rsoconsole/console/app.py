@@ -89,6 +89,7 @@ class ConsoleApp(App[str]):
             from_thread=self._from_thread,
             on_known=self._known,
             seat_name=seat_name,
+            keymap=self._own_keys,
         )
 
     def on_mount(self) -> None:
@@ -128,6 +129,8 @@ class ConsoleApp(App[str]):
         """Every command by name."""
         for command in COMMANDS:
             if command.name in {"stop_by_letter", "put_away"}:
+                continue
+            if command.acts and self.live.read_only:
                 continue
             owner = self if command.is_everywhere else self.live
             action = getattr(owner, f"action_{command.name}")

@@ -21,6 +21,8 @@ from rsoconsole.sky.angles import format_dec, format_ra
 
 GOTO_EXAMPLES = "05 32 11 -4 52 10 · 83.05 -4.87 of date · alt 47 az 201 · SES-10 · Rigel"
 
+GOES = "enter goes there; you have the mount then"
+
 
 class FieldDialog(Dialog[Result], Generic[Result]):
     """A dialog in which one types at once."""
@@ -113,8 +115,8 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         self.query_one("#understood", Static).update(text)
 
 
-def preview_lines(data: Mapping[str, Any]) -> list[str]:
-    """The engine's preview of a move, in lines."""
+def preview_lines(data: Mapping[str, Any], ending: str = GOES) -> list[str]:
+    """The engine's preview of a move, in lines; ``ending``: what enter does where it may be."""
     date = format_ra(data["ra_date_deg"], 1), format_dec(data["dec_date_deg"], 0)
     icrs = format_ra(data["ra_icrs_deg"], 1), format_dec(data["dec_icrs_deg"], 0)
     after = data.get("pier_side_after")
@@ -129,17 +131,16 @@ def preview_lines(data: Mapping[str, Any]) -> list[str]:
     refused = data.get("refused")
     return [
         *lines,
-        f"REFUSED  {refused}" if refused else "enter goes there; you have the mount then",
+        f"REFUSED  {refused}" if refused else ending,
     ]
 
 
-class ExposureDialog(FieldDialog[dict[str, float] | None]):
-    """Exposure and cadence. Gives what has been changed, by the setting's name."""
+class SettingsDialog(FieldDialog[dict[str, float] | None]):
+    """A field for each of a few numbers. Gives what has been changed, by the setting's name."""
 
-    NAMES: ClassVar[dict[str, str]] = {
-        "exposure.exposure_s": "exposure, s",
-        "exposure.cadence_s": "cadence, s",
-    }
+    HEAD: ClassVar[str]
+    NAMES: ClassVar[dict[str, str]]
+    """Setting -> what it is, in words."""
 
     def __init__(self, present: Mapping[str, Any]) -> None:
         super().__init__()
@@ -148,27 +149,86 @@ class ExposureDialog(FieldDialog[dict[str, float] | None]):
     def compose(self) -> ComposeResult:
         """A field each."""
         with VerticalScroll() as box:
-            box.border_title = "exposure and cadence"
-            box.border_subtitle = "enter takes both · tab the next field · esc back"
+            box.border_title = self.HEAD
+            box.border_subtitle = "enter takes them · tab the next field · esc back"
             for name, words in self.NAMES.items():
                 yield Static(words, markup=False)
                 yield Input(f"{self._present.get(name, '')}", id=name.replace(".", "-"))
-            yield Static("", id="wrong", markup=False)
+            yield Static("", id="told", markup=False)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Take what differs."""
         event.stop()
+        wanted = self._wanted()
+        if wanted is not None:
+            self.dismiss({n: v for n, v in wanted.items() if v != self._present.get(n)})
+
+    def _wanted(self) -> dict[str, float] | None:
+        """What the fields say; None, and a word about it, where one holds no number."""
         wanted: dict[str, float] = {}
         for name, words in self.NAMES.items():
             text = self.query_one(f"#{name.replace('.', '-')}", Input).value.strip()
             try:
-                value = float(text)
+                wanted[name] = float(text.replace("−", "-"))
             except ValueError:
-                self.query_one("#wrong", Static).update(f"{words}: {text!r} is no number")
-                return
-            if value != self._present.get(name):
-                wanted[name] = value
-        self.dismiss(wanted)
+                self._tell(f"{words}: {text!r} is no number")
+                return None
+        return wanted
+
+    def _tell(self, text: str) -> None:
+        self.query_one("#told", Static).update(text)
+
+
+class ExposureDialog(SettingsDialog):
+    """Exposure and cadence."""
+
+    HEAD = "exposure and cadence"
+    NAMES: ClassVar[dict[str, str]] = {
+        "exposure.exposure_s": "exposure, s",
+        "exposure.cadence_s": "cadence, s",
+    }
+
+
+class AimDialog(SettingsDialog):
+    """Where to look beside the prediction; where that is and what it meets, as one types."""
+
+    HEAD = "aim beside the prediction"
+    NAMES: ClassVar[dict[str, str]] = {
+        "aim.lead_s": "ahead in time, s; below 0 behind it",
+        "aim.along_arcmin": "along the motion, arcmin",
+        "aim.across_arcmin": "across it to the left, seen on the sky, arcmin",
+    }
+
+    def __init__(self, present: Mapping[str, Any], orders: Orders) -> None:
+        super().__init__(present)
+        self._orders = orders
+        self._asked = 0
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Ask the engine what it would mean."""
+        event.stop()
+        self._asked += 1
+        wanted = self._wanted()
+        if wanted is None:
+            return
+        number, app = self._asked, self.app
+
+        def came(outcome: Outcome) -> None:
+            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
+                app.call_from_thread(self.post_message, Previewed(number, "", outcome))
+
+        aim = {name.partition(".")[2]: value for name, value in wanted.items()}
+        self._orders.send("preview", came, **aim)
+
+    def on_previewed(self, message: Previewed) -> None:
+        """What the engine says of the last thing typed."""
+        if message.number != self._asked:
+            return
+        if not message.outcome.ok:
+            self._tell(message.outcome.message)
+            return
+        ending = "enter looks there from the next exposure on"
+        self._tell("\n".join(preview_lines(message.outcome.data, ending)))
 
 
 class LineDialog(FieldDialog[str | None]):

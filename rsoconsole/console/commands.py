@@ -35,7 +35,7 @@ class Command:
     help: str
     group: Group
     acts: bool = False
-    """Whether it needs an engine, and a seat that may act."""
+    """Whether it needs an engine, and a seat that may act; others are not offered it."""
     priority: bool = False
     """Whether it works over dialogs and inside fields too."""
     is_everywhere: bool = False
@@ -133,6 +133,14 @@ COMMANDS: tuple[Command, ...] = (
     ),
     _command("larger_step", "right_square_bracket", "Larger step", "of the nudges", "telescope"),
     _command(
+        "aim",
+        "i",
+        "Aim beside",
+        "ahead of or behind the prediction in time, along or across its motion",
+        "telescope",
+        acts=True,
+    ),
+    _command(
         "exposure",
         "e",
         "Exposure and cadence",
@@ -166,6 +174,13 @@ COMMANDS: tuple[Command, ...] = (
         "sidereal tracking on and off, while nobody else has the mount",
         "telescope",
         acts=True,
+    ),
+    _command(
+        "verdicts",
+        "v",
+        "Verdicts",
+        "every streak of the frame, what became of it and why",
+        "streaks",
     ),
     _command(
         "follow_next",
@@ -286,6 +301,11 @@ def bindings(*, is_everywhere: bool) -> list[Binding]:
 def key_words(keys: str) -> str:
     """Keys as a person writes them."""
     return " ".join(KEY_WORDS.get(key, key.replace("ctrl+", "^")) for key in keys.split(","))
+
+
+def first_key(name: str, keymap: Mapping[str, str] | None = None) -> str:
+    """The key that a command is shown with, as a person writes it."""
+    return key_words((keymap or {}).get(name, BY_NAME[name].keys)).split()[0]
 
 
 def load_keymap(path: Path) -> dict[str, str]:

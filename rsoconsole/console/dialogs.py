@@ -13,6 +13,7 @@ from textual.widgets import Button, Static
 
 from rsoconsole.console.commands import COMMANDS, GROUPS, key_words
 
+HELP_COLUMNS = 70
 Leave = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
 
@@ -37,7 +38,7 @@ def help_text(keymap: Mapping[str, str] | None = None) -> str:
                 shown = f"x {key_words(keys)}" if command.name == "stop" else key_words(keys)
                 words = f"{command.title}: {command.help}"
                 lines += textwrap.wrap(
-                    words, 74, initial_indent=f"  {shown:<9}", subsequent_indent=" " * 11
+                    words, HELP_COLUMNS, initial_indent=f"  {shown:<9}", subsequent_indent=" " * 11
                 )
         lines.append("")
     return "\n".join([*lines, f"  {'^p':<9}every command by name", "", SIGNS])

@@ -15,7 +15,7 @@ LARGE = (112, 36)
 THREE_COLUMNS = (180, 50)
 WITH_PICTURE = (60, 16)
 ONE_LINE_TOP_COLUMNS = 74
-TUNE_ROWS, SKY_ROWS = 17, 20
+TUNE_ROWS, OWN_TUNE_ROWS, SKY_ROWS = 24, 17, 20
 BANNER_ROWS = {"wide": 3, "narrow": 5}
 WIDE_BANNER_COLUMNS = 72
 
@@ -114,7 +114,7 @@ def tune_box(width: int, height: int, *, has_alert: bool = False, aspect: float 
     frame = boxes.get("frame")
     if has_tune_of_its_own(width, height):
         sky = boxes["sky"]
-        return Box(x=sky.x, y=sky.y + sky.height, width=sky.width, height=TUNE_ROWS)
+        return Box(x=sky.x, y=sky.y + sky.height, width=sky.width, height=OWN_TUNE_ROWS)
     x = 0 if frame is None or width < FULL[0] else frame.width + 1
     return Box(x=x, y=y0, width=width - x, height=min(TUNE_ROWS, room))
 
@@ -175,7 +175,7 @@ def _three_columns(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
     _stacked(boxes, Box(x=left + 1, y=all_.y, width=middle, height=all_.height), plots)
     x = left + middle + 2
     third = Box(x=x, y=all_.y, width=all_.width - x, height=all_.height)
-    y = _stacked(boxes, third, {"facts": 14, "sky": SKY_ROWS}) + TUNE_ROWS
+    y = _stacked(boxes, third, {"facts": 14, "sky": SKY_ROWS}) + OWN_TUNE_ROWS
     _put(boxes, "log", Box(x=x, y=y, width=third.width, height=all_.y + all_.height - y))
 
 

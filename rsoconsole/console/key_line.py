@@ -1,30 +1,83 @@
 """The last line: the keys that matter now, and a word about what was just done."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Literal, NamedTuple
 
+from rsoconsole.console.commands import first_key
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.words import clipped
 
-Key = tuple[str, str]
+Mode = Literal["live", "mark", "tune", "log"]
+"""What the keys are for at this moment."""
+
+
+class Key(NamedTuple):
+    """A key, what it does in a word, and whether it stays while there is any room."""
+
+    key: str
+    name: str
+    is_weighty: bool = False
+
 
 _GAP = "  "
-_ALWAYS = ("x", "a", "q", "F1")
-"""These stay while there is any room; the first of them to the last."""
 _LEAST_NOTICE_COLUMNS = 24
+_OF_MODES: dict[Mode, tuple[Key, ...]] = {
+    "live": (),
+    "mark": (
+        Key("↑↓←→", "Move", is_weighty=True),
+        Key("enter", "Set", is_weighty=True),
+        Key("shift", "Far"),
+        Key("esc", "Leave off", is_weighty=True),
+    ),
+    "tune": (
+        Key("↑↓", "Choose", is_weighty=True),
+        Key("←→", "Change", is_weighty=True),
+        Key("enter", "Apply", is_weighty=True),
+        Key("f", "For frames"),
+        Key("u", "Undo"),
+        Key("w", "Save"),
+        Key("o", "Load"),
+        Key("esc", "Close", is_weighty=True),
+    ),
+    "log": (
+        Key("↑↓", "Scroll", is_weighty=True),
+        Key("/", "Filter", is_weighty=True),
+        Key("esc", "Back", is_weighty=True),
+    ),
+}
 
 
-def keys_for(engine: EngineView, *, can_act: bool, is_marking: bool = False) -> list[Key]:
+def keys_for(
+    engine: EngineView,
+    *,
+    can_act: bool,
+    mode: Mode = "live",
+    keymap: Mapping[str, str] | None = None,
+) -> list[Key]:
     """The keys in their order on the line; which of them act depends on who has the mount."""
-    keys: list[Key] = [("x", "STOP")]
-    if is_marking:
-        return [*keys, ("↑↓←→", "Move"), ("enter", "Set"), ("esc", "Leave off"), ("F1", "Help")]
+
+    def key(command: str, name: str, *, is_weighty: bool = False) -> Key:
+        return Key(first_key(command, keymap), name, is_weighty)
+
+    keys = [key("stop_by_letter", "STOP", is_weighty=True)]
+    if mode != "live":
+        return [*keys, *_OF_MODES[mode], key("help", "Help")]
     if can_act:
-        keys.append(("a", "Disarm" if engine.holder == "autonomy" else "Arm"))
+        arm = "Disarm" if engine.holder == "autonomy" else "Arm"
+        keys.append(key("arm_or_disarm", arm, is_weighty=True))
         if engine.holder in {"autonomy", "operator"}:
-            keys.append(("h", "Resume" if engine.wants_resuming else "Hold"))
-        keys += [("g", "Go to"), ("m", "Mark"), ("t", "Tune"), ("n", "Note"), ("p", "Park")]
-    return [*keys, ("q", "Leave"), ("l", "Log"), ("z", "Zoom"), ("F1", "Help"), ("^p", "More")]
+            keys.append(key("hold_or_resume", "Resume" if engine.wants_resuming else "Hold"))
+        named = {"goto": "Go to", "mark": "Mark", "tune": "Tune", "note": "Note", "park": "Park"}
+        keys += [key(command, name) for command, name in named.items()]
+    return [
+        *keys,
+        key("leave", "Leave", is_weighty=True),
+        key("log", "Log"),
+        key("zoom", "Zoom"),
+        key("help", "Help", is_weighty=True),
+        Key("^p", "More"),
+    ]
 
 
 def key_line(
@@ -39,7 +92,7 @@ def key_line(
     def build(width: int, _height: int) -> list[Line]:
         if not notice[0]:
             return [_line(_fitting(keys, width), width)]
-        weighty = [key for key in keys if key[0] in _ALWAYS]
+        weighty = [key for key in keys if key.is_weighty]
         kept = _fitting(keys, max(width - len(_GAP) - len(notice[0]), 0))
         if not set(weighty) <= set(kept):
             kept = _fitting(weighty, max(width - _LEAST_NOTICE_COLUMNS, 0))
@@ -54,10 +107,10 @@ def key_line(
 
 def _fitting(keys: list[Key], width: int) -> list[Key]:
     """The first and the most important ones that fit, in their order on the line."""
-    by_weight = sorted(keys, key=lambda key: key[0] not in _ALWAYS)
+    by_weight = sorted(keys, key=lambda key: not key.is_weighty)
     room, fitting = width - 1 + len(_GAP), keys[:1]
     for key in by_weight:
-        columns = len(" ".join(key)) + len(_GAP)
+        columns = len(f"{key.key} {key.name}{_GAP}")
         if columns > room:
             break
         room -= columns
@@ -67,7 +120,7 @@ def _fitting(keys: list[Key], width: int) -> list[Key]:
 
 def _line(keys: list[Key], width: int) -> Line:
     line: Line = [(" ", "")]
-    for key, name in keys:
+    for key, name, _ in keys:
         ink: Ink = "alarm" if name == "STOP" else "title"
         line += [(key, ink), (f" {name}{_GAP}", ink if name == "STOP" else "")]
     spare = sum(len(text) for text, _ in line) - width

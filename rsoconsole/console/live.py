@@ -13,7 +13,7 @@ from rsoconsole.console.commands import bindings
 from rsoconsole.console.dialogs import LeaveDialog
 from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.fold import Name, banner_box, fold, has_tune_of_its_own, tune_box
-from rsoconsole.console.key_line import key_line, keys_for
+from rsoconsole.console.key_line import Mode, key_line, keys_for
 from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.messages import EngineSeen, NightSeen, OutlookSeen
 from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBanner
@@ -122,20 +122,16 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         self.query_one("#frame", FramePane).show(self.picture, large, stretch, told, marks)
         self.query_one("#closeup", FramePane).show(self.picture, small, stretch, told, marks)
 
-    def large_pane(self) -> FramePane:
-        """The pane that marks are made in."""
-        return self.query_one("#frame", FramePane)
-
     def _picture_words(
         self, picture: Picture | None, sight: Sight, drawing: Drawing | None
-    ) -> tuple[str, str]:
+    ) -> tuple[list[str], list[str]]:
         stretch = STRETCHES[self._stretch]
         if sight == "field":
             title, caption = words.frame_title(self.night, picture), words.frame_caption(picture)
         else:
             title = words.closeup_title(picture, drawing)
             caption = words.closeup_caption(picture)
-        return title if stretch == "streaks" else f"{title} · {stretch}", caption
+        return title if stretch == "streaks" else [*title, stretch], caption
 
     def _show_engine(self) -> None:
         night, engine = self.night, self.engine
@@ -150,8 +146,17 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
 
     def show_keys(self) -> None:
         """The keys that matter now, and a word about what was just done."""
-        keys = keys_for(self.engine, can_act=self.can_act, is_marking=self.marking is not None)
+        keys = keys_for(self.engine, can_act=self.can_act, mode=self._mode, keymap=self.keymap)
         self._pane("keys").show(key_line(keys, self.notice))
+
+    @property
+    def _mode(self) -> Mode:
+        """What the keys are for."""
+        if self.marking is not None:
+            return "mark"
+        if self._is_log_open:
+            return "log"
+        return "tune" if isinstance(self.focused, TunePane) else "live"
 
     # -- where it lies ----------------------------------------------------------------------
 
@@ -247,6 +252,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         else:
             self.set_focus(None)
             log.scroll_home(animate=False)
+        self.show_keys()
 
     def action_put_away(self) -> None:
         """The mark first, then the log, then what came of a STOP, then a notice."""

@@ -1,11 +1,10 @@
 """The log in the operator's words: one line for what happened, none for what is routine."""
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import singledispatch
 from typing import Any, Literal
 
+from rsoconsole.console.wish_words import wish_words, without_console
 from rsoconsole.records import (
     Event,
     Miss,
@@ -15,11 +14,10 @@ from rsoconsole.records import (
     ParameterChange,
     StateChange,
 )
-from rsoconsole.sky.angles import format_dec, format_ra
 
 Level = Literal["info", "good", "warning", "alarm"]
 
-ACCEPTED = "accepted"
+ACCEPTED, DONE = "accepted", "done"
 LOOK_BACK_LINES = 6
 
 
@@ -93,7 +91,7 @@ def line_of(record: Any, t_utc_ns: int) -> LogLine | None:
         level=words[0],
         text=words[1],
         kind=type(record).__name__,
-        asked=f"{record.by} {record.verb} {_details(record.arguments)}" if is_action else "",
+        asked=f"{record.by} {wish_words(record.verb, record.arguments)}" if is_action else "",
         is_accepted=is_action and record.outcome == ACCEPTED,
     )
 
@@ -106,7 +104,9 @@ def _(record: StateChange) -> tuple[Level, str]:
         "LOST": "warning",
         "FAULT": "alarm",
     }
-    return levels.get(record.after, "info"), f"{record.before} → {record.after}: {record.reason}"
+    return levels.get(record.after, "info"), (
+        f"{record.before} → {record.after}: {without_console(record.reason)}"
+    )
 
 
 @_words.register
@@ -134,36 +134,16 @@ def _(record: Event) -> tuple[Level, str]:
 def _(record: OperatorAction) -> tuple[Level, str]:
     if record.verb == "note":
         return "good", f"NOTE: {record.arguments.get('text', '')}"
-    details = _details(record.arguments)
-    level: Level = "alarm" if record.verb == "stop" else "info"
-    verb = "STOP" if record.verb == "stop" else record.verb
-    return level, f"{record.by}: {verb}: {record.outcome}{f' ({details})' if details else ''}"
+    by = without_console(record.by)
+    if record.verb == "stop":
+        return "alarm", f"{by}: STOP: {record.outcome}"
+    wanted = wish_words(record.verb, record.arguments)
+    refused = record.outcome.startswith("refused")
+    outcome = "" if record.outcome == DONE else f": {record.outcome}"
+    return "warning" if refused else "info", f"{by}: {wanted}{outcome}"
 
 
 @_words.register
 def _(record: ParameterChange) -> tuple[Level, str]:
-    return "info", f"{record.by}: {record.name} {record.before} → {record.after}"
-
-
-def _details(arguments: Mapping[str, Any]) -> str:
-    """What was asked for, a direction first and in sexagesimal; empty arguments say nothing."""
-    rest = dict(arguments)
-    parts: list[str] = []
-    ra, dec = rest.get("ra_icrs_deg"), rest.get("dec_icrs_deg")
-    if _is_number(ra) and _is_number(dec):
-        parts.append(f"α {format_ra(rest.pop('ra_icrs_deg'), 1)}")
-        parts[-1] += f" δ {format_dec(rest.pop('dec_icrs_deg'), 0)}"
-    parts += [f"{key} {_plain(value)}" for key, value in rest.items() if value not in _EMPTY]
-    return ", ".join(parts)
-
-
-_EMPTY: tuple[Any, ...] = (None, "", [], (), {})
-
-
-def _is_number(value: Any) -> bool:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and math.isfinite(value)
-
-
-def _plain(value: Any) -> str:
-    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+    by = without_console(record.by)
+    return "info", f"{by}: {record.name} {record.before} → {record.after}"

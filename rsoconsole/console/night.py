@@ -41,6 +41,10 @@ class FrameRow:
     confidence: float | None = None
     """Of the best detection above tau; None without one."""
     miss: str | None = None
+    refused: tuple[float, str] | None = None
+    """The likeliest streak that was not taken: its confidence, and why; None without one."""
+    is_followed: bool = False
+    """Whether the track took something of it."""
     residual_arcsec: tuple[float, float] | None = None
     """(d alpha cos delta, d delta), measured minus predicted; None when nothing was taken."""
     sigma_arcsec: tuple[float, float] | None = None
@@ -137,6 +141,8 @@ class Night:
         self._rows: dict[int, FrameRow] = {}
         self._details: dict[int, FrameDetail] = {}
         self._log: list[LogLine] = []
+        self._set_aside: TrackState | None = None
+        """What was followed when the operator took the mount."""
 
     def view(self) -> NightView:
         """What has been taken so far."""
@@ -184,7 +190,15 @@ class Night:
     @_fold.register
     def _(self, record: Detections, _t_utc_ns: int) -> None:
         best = max((d.confidence for d in record.detections), default=None)
-        self._change(record.frame_id, confidence=best, is_reduced=True, fwhm_px=record.star_fwhm_px)
+        rejected = max(record.rejected, key=lambda r: r.detection.confidence, default=None)
+        refused = None if rejected is None else (rejected.detection.confidence, rejected.reason)
+        self._change(
+            record.frame_id,
+            confidence=best,
+            is_reduced=True,
+            refused=refused,
+            fwhm_px=record.star_fwhm_px,
+        )
         self._detail(record.frame_id, detections=record)
 
     @_fold.register
@@ -206,6 +220,10 @@ class Night:
 
     @_fold.register
     def _(self, record: NotFollowed, _t_utc_ns: int) -> None:
+        row = self._rows.get(record.frame_id)
+        confidence = record.measurement.confidence
+        if row is not None and (row.refused is None or row.refused[0] < confidence):
+            self._change(record.frame_id, refused=(confidence, record.reason))
         if record.frame_id in self._details:
             before = self._details[record.frame_id].not_followed
             self._detail(record.frame_id, not_followed=(*before, record))
@@ -213,7 +231,7 @@ class Night:
     @_fold.register
     def _(self, record: FollowedAgain, _t_utc_ns: int) -> None:
         blank = {"miss": None, "residual_arcsec": None, "sigma_arcsec": None, "nis": None}
-        self._change(record.frame_id, **blank)
+        self._change(record.frame_id, is_followed=False, **blank)
         self._detail(record.frame_id, predicted=None, updated=None, not_followed=())
 
     @_fold.register
@@ -228,6 +246,7 @@ class Night:
             self._detail(record.frame_id, predicted=record)
             return
         self._detail(record.frame_id, updated=record)
+        self._change(record.frame_id, is_followed=True)
         if record.innovation_arcsec is not None:
             self._change(
                 record.frame_id,
@@ -242,12 +261,15 @@ class Night:
 
     @_fold.register
     def _(self, record: StateChange, t_utc_ns: int) -> None:
-        is_tracked = record.after in {"TRACK", "COAST"}
+        if record.after in {"TRACK", "COAST"}:
+            # What was followed before the operator took the mount is followed again.
+            track = self._view.track or self._set_aside
+            self._set_aside = None
+        else:
+            self._set_aside = self._view.track if record.after == "MANUAL" else None
+            track = None
         self._view = replace(
-            self._view,
-            state=record.after,
-            state_since_utc_ns=t_utc_ns,
-            track=self._view.track if is_tracked else None,
+            self._view, state=record.after, state_since_utc_ns=t_utc_ns, track=track
         )
 
     @_fold.register

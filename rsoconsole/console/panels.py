@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 
+from rsoconsole.console.marks import SHOWN_REJECTED
 from rsoconsole.console.night import FrameRow, NightView
 from rsoconsole.console.plot import (
+    REFUSED,
     Column,
     Ink,
     Line,
@@ -26,16 +28,15 @@ AXIS_NAMES = {"east": "RA·cosδ", "north": "δ"}
 
 def confidence_lines(night: NightView, width: int, height: int) -> list[Line]:
     """Each frame's best detection, misses at 0 under their own sign, tau as a line."""
-    columns = [
-        Column(value=row.confidence, mark=MISS if row.is_reduced and row.confidence is None else "")
-        for row in night.rows
-    ]
+    columns = [_confidence_column(row) for row in night.rows]
     last = next((row for row in reversed(night.rows) if row.is_reduced), None)
     now = _confidence_words(last)
     if height <= 1:
         label = f" conf {now} τ {_share(night.tau)}"
         return [_strip(label, width, confidence_strip(columns, night.tau, _strip_room(width)))]
-    title = rule(f"confidence {now}", f"{MISS} miss  τ {_share(night.tau)}", width)
+    title = rule(
+        f"confidence {now}", f"{MISS} miss {REFUSED} refused  τ {_share(night.tau)}", width
+    )
     return [title, *confidence_plot(columns, night.tau, width, height - 1)]
 
 
@@ -74,7 +75,8 @@ def nis_lines(night: NightView, width: int, height: int) -> list[Line]:
         Column(value=row.nis, mark=MISS if row.miss is not None and row.sigma_arcsec else "")
         for row in night.rows
     ]
-    title = rule(mean, f"95% {NIS_BAND[0]:.2f}-{NIS_BAND[1]:.1f}", width)
+    band = f"95% {NIS_BAND[0]:.2f}-{NIS_BAND[1]:.1f}"
+    title = rule(f"{mean} · {frames}", band, width)
     ink: Ink = "" if judged.verdict in {"sound", "too few"} else "warn"
     said = clipped([(f" {judged.words}", ink or "dim")], width)
     return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]
@@ -103,9 +105,28 @@ def _column(row: FrameRow, axis: int) -> Column:
     return Column(bound=bound, mark=MISS if row.miss is not None and bound is not None else "")
 
 
+def _confidence_column(row: FrameRow) -> Column:
+    refused = _refused(row)
+    value = row.confidence if refused is None else None
+    is_miss = row.is_reduced and value is None
+    return Column(
+        value=value, mark=MISS if is_miss else "", refused=None if refused is None else refused[0]
+    )
+
+
+def _refused(row: FrameRow) -> tuple[float, str] | None:
+    """The likeliest streak where it was not taken, and the reason; None where one was."""
+    if row.is_followed or row.refused is None or row.refused[0] < SHOWN_REJECTED:
+        return None
+    return row.refused if row.refused[0] >= (row.confidence or 0.0) else None
+
+
 def _confidence_words(row: FrameRow | None) -> str:
     if row is None:
         return ""
+    refused = _refused(row)
+    if refused is not None:
+        return f"{REFUSED} {_share(refused[0])} {refused[1]}"
     if row.confidence is not None:
         return _share(row.confidence)
     return "no detection"

@@ -23,6 +23,7 @@ from rsoconsole.console.picture import (
     runs,
 )
 from rsoconsole.console.plot import Line
+from rsoconsole.console.words import fitted
 
 Build = Callable[[int, int], list[Line]]
 """(width, height) -> the lines to show."""
@@ -80,8 +81,8 @@ class LinesPane(Widget):
 Sight = Literal["field", "close-up", "full resolution"]
 """What of a frame is shown: all, the followed streak's surroundings, those pixel by pixel."""
 SIGHTS: tuple[Sight, ...] = ("field", "close-up", "full resolution")
-Words = Callable[[Picture | None, Sight, Drawing | None], tuple[str, str]]
-"""What makes a pane's title and caption of what it shows."""
+Words = Callable[[Picture | None, Sight, Drawing | None], tuple[list[str], list[str]]]
+"""What makes a pane's title and caption of what it shows: the parts, most important first."""
 
 
 class FramePane(Widget):
@@ -198,9 +199,11 @@ class FramePane(Widget):
         drawing = self._drawn = self._drawing(width, rows)
         title, caption = self._words(self._picture, self._sight, drawing)
         return [
-            self._text(f"─ {title} ".ljust(width, "─")[:width], "frame--title"),
+            self._text(f"─ {fitted(title, width - 4)} ".ljust(width, "─")[:width], "frame--title"),
             *self._picture_strips(drawing, width, rows),
-            self._text(f" {caption}".ljust(width)[:width], "frame--caption"),
+            self._text(
+                f" {fitted(caption, width - 1, ' ')}".ljust(width)[:width], "frame--caption"
+            ),
         ]
 
     def _drawing(self, width: int, rows: int) -> Drawing | None:

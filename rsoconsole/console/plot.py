@@ -15,6 +15,7 @@ Line = list[tuple[str, Ink]]
 AXIS_COLUMNS = 6
 NIS_HEADROOM = 1.6
 """How far the axis goes beyond the upper bound of the band."""
+REFUSED = "×"
 MAX_SPREAD = 3
 """Cells an exposure takes at most, while there are few."""
 _BRAILLE = 0x2800
@@ -32,6 +33,8 @@ class Column:
     """Half width of the expected band about 0."""
     mark: str = ""
     """Shown instead of a value: a miss, a coasted frame."""
+    refused: float | None = None
+    """Of something that was seen and not taken."""
 
 
 @dataclass(slots=True)
@@ -198,6 +201,10 @@ def _draw_confidences(canvas: Canvas, shown: Sequence[Column], tau: float) -> No
             canvas.point(at, min(what.value, 1.0), "good" if what.value >= tau else "warn")
         if what.mark:
             canvas.glyph(at, canvas.rows - 1, what.mark, "warn")
+        if what.refused is not None:
+            row = canvas.row_of(what.refused)
+            if row < canvas.rows - 1 or not what.mark:
+                canvas.glyph(at, row, REFUSED, "warn")
 
 
 def _placed(canvas: Canvas, shown: Sequence[Column]) -> list[tuple[int, int, Column]]:

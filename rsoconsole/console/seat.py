@@ -39,9 +39,11 @@ class Seat(Screen[None]):
         from_thread: Callable[..., None],
         on_known: Callable[[NightView, EngineView], None],
         seat_name: str = "",
+        keymap: Mapping[str, str] | None = None,
     ) -> None:
-        """``seat_name``: by which the engine knows this console."""
+        """``seat_name``: by which the engine knows this console; ``keymap``: keys of its own."""
         super().__init__()
+        self.keymap = dict(keymap or {})
         self.seat_name = seat_name
         self._is_asked_for_seat = False
         self.night = NightView()

@@ -5,6 +5,7 @@ from rsoconsole.console.marks import Mark
 from rsoconsole.console.messages import Pointed
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.seat import Seat
+from rsoconsole.console.verdicts import VerdictsDialog
 from rsoconsole.records import Detection
 
 CLICK_PX = 60.0
@@ -20,10 +21,6 @@ class StreakActions(Seat):
 
     def show_picture(self) -> None:
         """Draw the picture again; the screen that has it does."""
-
-    def large_pane(self) -> FramePane:
-        """The pane that marks are made in."""
-        raise NotImplementedError
 
     def action_follow_next(self) -> None:
         """Go through the frame's streaks, the likeliest first."""
@@ -56,6 +53,13 @@ class StreakActions(Seat):
         if self.may_act():
             self.send("reject")
 
+    def action_verdicts(self) -> None:
+        """Every streak of the shown frame, and what became of it."""
+        if self.picture is None:
+            self.say("no frame has been shown yet", "warn")
+            return
+        self.app.push_screen(VerdictsDialog(self.picture.detail, self.night.tau))
+
     def action_seek(self) -> None:
         """Look for it again."""
         if self.may_act():
@@ -70,12 +74,11 @@ class StreakActions(Seat):
             return
         if not self.may_act():
             return
-        drawing = self.large_pane().drawing
+        drawing = self.query_one("#frame", FramePane).drawing
         if self.picture is None or drawing is None:
             self.say("there is no picture to mark in", "warn")
             return
         self.marking = Marking.begin(self.picture.frame_id, drawing)
-        self.app.check_bindings = True  # type: ignore[attr-defined]
         self._show_mark()
 
     def end_mark(self) -> None:
@@ -131,7 +134,7 @@ class StreakActions(Seat):
     def _show_mark(self) -> None:
         assert self.marking is not None
         which = "first" if self.marking.first_px is None else "second"
-        self.say(f"mark: arrows to the {which} end, enter; shift: 5 squares; esc leaves off")
+        self.say(f"mark the {which} end")
         self.show_picture()
 
     def mark_marks(self) -> tuple[Mark, ...]:

@@ -1,6 +1,9 @@
 """What the operator does with the telescope itself: each key is one intention, or one question."""
 
-from rsoconsole.console.ask import ExposureDialog, GotoDialog
+from collections.abc import Iterable
+from typing import Any
+
+from rsoconsole.console.ask import AimDialog, ExposureDialog, GotoDialog, SettingsDialog
 from rsoconsole.console.dialogs import ConfirmDialog
 from rsoconsole.console.seat import Seat
 from rsoconsole.records import Solution
@@ -75,15 +78,23 @@ class TelescopeActions(Seat):
 
     def action_exposure(self) -> None:
         """Ask for another exposure and cadence."""
-        if not self.may_act():
-            return
+        if self.may_act():
+            self._ask_settings(ExposureDialog(self._settings(ExposureDialog.NAMES)))
 
+    def action_aim(self) -> None:
+        """Ask where to look beside the prediction; shows what that means first."""
+        if self.may_act():
+            self._ask_settings(AimDialog(self._settings(AimDialog.NAMES), self.orders))
+
+    def _settings(self, names: Iterable[str]) -> dict[str, Any]:
+        return {name: self.night.setting(name) for name in names}
+
+    def _ask_settings(self, dialog: SettingsDialog) -> None:
         def decided(wanted: dict[str, float] | None) -> None:
             for name, value in (wanted or {}).items():
                 self.send("set", name=name, value=value)
 
-        present = {name: self.night.setting(name) for name in ExposureDialog.NAMES}
-        self.app.push_screen(ExposureDialog(present), decided)
+        self.app.push_screen(dialog, decided)
 
     # -- by hand ------------------------------------------------------------------------------
 

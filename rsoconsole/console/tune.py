@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline.what_if import TrackFigures
 
 Value = float | int | str
+Wanting = Literal["apply", "lend", "undo", "save", "load", "close", "try"]
 LAST_FRAMES = 40
 LABEL_COLUMNS, VALUE_COLUMNS = 16, 12
 
@@ -48,15 +49,27 @@ class Tunable:
         return f"{value:.4g}{self.unit}" if isinstance(value, float | int) else value
 
 
+def _multiplier(of: str, label: str) -> Tunable:
+    factor = 1.5 if of.startswith("q") else 1.25
+    return Tunable(name=f"filter.{of}_multiplier", label=label, factor=factor, low=1e-6, high=1e6)
+
+
 TUNABLES = (
     Tunable(name="detector.tau", label="τ", low=0.01, high=0.99),
     Tunable(name="filter.preset", label="preset", choices=("tuned", "paper")),
     Tunable(name="filter.sigma_arcsec", label="σ", unit="″", low=0.05, high=600.0),
     Tunable(name="filter.q_arcsec2_s3", label="q", unit=" ″²/s³", factor=2.0, low=1e-9, high=1e3),
-    Tunable(name="filter.q_multiplier", label="Q ×", factor=1.5, low=1e-6, high=1e6),
-    Tunable(name="filter.r_multiplier", label="R ×", low=1e-3, high=1e6),
+    _multiplier("q", "Q ×"),
+    _multiplier("q_ra", "Q α ×"),
+    _multiplier("q_ra_rate", "Q α rate ×"),
+    _multiplier("q_dec", "Q δ ×"),
+    _multiplier("q_dec_rate", "Q δ rate ×"),
+    _multiplier("r", "R ×"),
+    _multiplier("r_ra", "R α ×"),
+    _multiplier("r_dec", "R δ ×"),
     Tunable(name="filter.gate_nis", label="gate NIS", low=1.0, high=1e6),
     Tunable(name="filter.max_coast_s", label="lost after", unit=" s", low=10.0, high=86400.0),
+    Tunable(name="filter.max_3sigma_arcmin", label="lost at 3σ", unit="′", low=0.1, high=600.0),
 )
 NAMES = tuple(tunable.name for tunable in TUNABLES)
 
@@ -118,6 +131,7 @@ class TunePane(LinesPane, can_focus=False):
         Binding("left", "step(-1)", "Less"),
         Binding("right", "step(1)", "More"),
         Binding("enter", "say('apply')", "Apply"),
+        Binding("f", "say('lend')", "Apply for so many frames"),
         Binding("u", "say('undo')", "Undo"),
         Binding("w", "say('save')", "Save as preset"),
         Binding("o", "say('load')", "Load a preset"),
@@ -130,7 +144,7 @@ class TunePane(LinesPane, can_focus=False):
     class Wanted(Message):
         """Something is to be done with the tuning."""
 
-        def __init__(self, what: Literal["apply", "undo", "save", "load", "close", "try"]) -> None:
+        def __init__(self, what: Wanting) -> None:
             super().__init__()
             self.what = what
 
@@ -148,7 +162,7 @@ class TunePane(LinesPane, can_focus=False):
             self.tuning.step(by)
             self.post_message(self.Wanted("try"))
 
-    def action_say(self, what: Literal["apply", "undo", "save", "load", "close"]) -> None:
+    def action_say(self, what: Wanting) -> None:
         """What is wanted."""
         self.post_message(self.Wanted(what))
 
@@ -161,17 +175,28 @@ def tune_lines(
     def build(width: int, height: int) -> list[Line]:
         changed = f"{len(tuning.tried)} tried" if tuning.tried else "as it is"
         lines: list[Line] = [_rule(f"tune · {changed}", width)]
-        for number, tunable in enumerate(TUNABLES):
-            lines.append(_setting(tuning, number, tunable))
-        lines.append([("", "")])
-        lines += _figures(now, then)
-        keys = "↑↓ ←→  enter apply  u undo  w save  o load"
-        room = max(height - len(lines) - 1, 0)
-        lines += [[("", "")]] * room
-        last: Line = [(f" {keys}", "dim")]
-        return [clipped(line, width) for line in (*lines[: max(height - 1, 0)], last)][:height]
+        figures = _figures(now, then)
+        keys: Line = [(" enter apply  u undo  w save  o load", "dim")]
+        room = max(height - 2 - len(figures), 1)
+        lines += _settings(tuning, room)
+        spare = max(height - len(lines) - len(figures) - 1, 0)
+        lines += [[("", "")]] * spare
+        lines += figures
+        return [clipped(line, width) for line in (*lines[: max(height - 1, 0)], keys)][:height]
 
     return build
+
+
+def _settings(tuning: Tuning, room: int) -> list[Line]:
+    """As many as there is room for, the chosen one among them; a sign where there are more."""
+    first = min(max(tuning.row - room // 2, 0), max(len(TUNABLES) - room, 0))
+    shown = range(first, min(first + room, len(TUNABLES)))
+    lines = [_setting(tuning, number, TUNABLES[number]) for number in shown]
+    if lines and first > 0:
+        lines[0] = [("▲", "dim"), (lines[0][0][0][1:], lines[0][0][1]), *lines[0][1:]]
+    if lines and shown.stop < len(TUNABLES):
+        lines[-1] = [("▼", "dim"), (lines[-1][0][0][1:], lines[-1][0][1]), *lines[-1][1:]]
+    return lines
 
 
 def _setting(tuning: Tuning, number: int, tunable: Tunable) -> Line:

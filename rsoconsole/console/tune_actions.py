@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline.what_if import TrackFigures
 
 PRESETS = "presets.toml"
+USUAL_FRAMES, MOST_FRAMES = 5, 1000
 EVERY_S = 20.0
 """How often an open pane's figures are reckoned anew."""
 
@@ -52,6 +53,7 @@ class TuneActions(Seat):
         pane.can_focus = True
         self.set_focus(pane)
         self.show_tuning()
+        self.show_keys()
         self._reckon()
 
     def _close(self) -> None:
@@ -59,6 +61,7 @@ class TuneActions(Seat):
         self.query_one("#tune", TunePane).can_focus = False
         self.set_focus(None)
         self.place_panes()
+        self.show_keys()
 
     def show_tuning(self) -> None:
         """Draw the pane; what is in force comes from the record."""
@@ -98,6 +101,7 @@ class TuneActions(Seat):
         {
             "try": self._try,
             "apply": self._apply,
+            "lend": self._lend,
             "undo": self._undo,
             "save": self._save,
             "load": self._load,
@@ -116,6 +120,26 @@ class TuneActions(Seat):
         self._set(wanted)
         if not wanted:
             self.say("nothing is tried: ←→ changes the chosen setting")
+
+    def _lend(self) -> None:
+        """For some frames only: the engine sets it back by itself."""
+        if not self.may_act():
+            return
+        if not self.tuning.tried:
+            self.say("nothing is tried: ←→ changes the chosen setting")
+            return
+
+        def decided(text: str | None) -> None:
+            if text is None:
+                return
+            if not (text.isdecimal() and 1 <= int(text) <= MOST_FRAMES):
+                self.say(f"{text!r} is no number of frames from 1 to {MOST_FRAMES}", "warn")
+                return
+            for name, value in self.tuning.tried.items():
+                self.send("set", name=name, value=value, frames=int(text))
+
+        dialog = LineDialog("apply for so many frames", "how many", f"{USUAL_FRAMES}")
+        self.app.push_screen(dialog, decided)
 
     def _undo(self) -> None:
         if not self.may_act():

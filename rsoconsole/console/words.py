@@ -2,6 +2,7 @@
 
 import math
 import textwrap
+from collections.abc import Sequence
 
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.night import NightView
@@ -122,42 +123,53 @@ def short(value: float) -> str:
     return f"{value:.2f}".removeprefix("0")
 
 
-def frame_title(night: NightView, picture: Picture | None) -> str:
+def fitted(parts: Sequence[str], width: int, gap: str = " · ") -> str:
+    """As many of the parts as fit, the first ones first; the first is cut where it must be."""
+    kept = ""
+    for part in parts:
+        longer = f"{kept}{gap}{part}" if kept else part
+        if kept and len(longer) > width:
+            break
+        kept = longer
+    return kept[: max(width, 0)]
+
+
+def frame_title(night: NightView, picture: Picture | None) -> list[str]:
     """What is in the picture: which frame, how long, whether it was solved."""
     if picture is None:
         frame = night.frame
-        return "no frame yet" if frame is None else f"frame {frame.frame_id:04d}, picture to come"
+        return ["no frame yet" if frame is None else f"frame {frame.frame_id:04d}, picture to come"]
     parts = [f"frame {picture.frame_id:04d}"]
     taken = picture.detail.taken
     if taken is not None and taken.exposure_s is not None:
         parts.append(f"{taken.exposure_s:g} s")
     if isinstance(picture.detail.solution, NotSolved):
         parts.append("not solved")
-    return " · ".join(parts)
+    return parts
 
 
-def closeup_title(picture: Picture | None, drawing: Drawing | None) -> str:
+def closeup_title(picture: Picture | None, drawing: Drawing | None) -> list[str]:
     """At which scale, and what is known of the streak in its middle."""
     if picture is None or drawing is None:
-        return "close-up"
+        return ["close-up"]
     n = round(drawing.px_per_square)
     scale = "pixel by pixel" if n == 1 else f"1:{n}"
-    parts = [f"close-up {picture.frame_id:04d} · {scale}"]
+    parts = [f"close-up {picture.frame_id:04d}", scale]
     found = _followed_detection(picture)
     if found is not None:
         parts.append(f"SNR {found.snr:.0f}")
         parts.append(f"{found.length_px:.0f}×{found.width_px:.1f} px")
-    return " · ".join(parts)
+    return parts
 
 
-def closeup_caption(picture: Picture | None) -> str:
+def closeup_caption(picture: Picture | None) -> list[str]:
     """Where the followed streak is and how well that is known."""
     followed = picture.detail.followed if picture is not None else None
     if followed is None:
-        return ""
+        return []
     east, _, north = followed.cov_sky_arcsec2
     place = f"α {format_ra(followed.ra_icrs_deg, 2)} δ {format_dec(followed.dec_icrs_deg, 1)}"
-    return f"{place} ±{short(math.sqrt(east))}″ ±{short(math.sqrt(north))}″"
+    return [place, f"±{short(math.sqrt(east))}″ ±{short(math.sqrt(north))}″"]
 
 
 def _followed_detection(picture: Picture) -> Detection | None:
@@ -174,15 +186,15 @@ def _followed_detection(picture: Picture) -> Detection | None:
     )
 
 
-def frame_caption(picture: Picture | None) -> str:
+def frame_caption(picture: Picture | None) -> list[str]:
     """Where north is, how wide the field, how many stars, from the frame's plate."""
     frame = picture.detail.taken if picture is not None else None
     solution = picture.detail.solution if picture is not None else None
     if frame is None or not isinstance(solution, Solution):
-        return ""
+        return []
     wide, high = (n * solution.scale_arcsec_px / 60 for n in (frame.width_px, frame.height_px))
-    stars = f"{solution.matched} stars σ {short(solution.rms_arcsec)}″"
-    return f"N{_north_arrow(solution)}E{_east_arrow(solution)} {wide:.0f}′×{high:.0f}′ {stars}"
+    compass = f"N{_north_arrow(solution)}E{_east_arrow(solution)} {wide:.0f}′×{high:.0f}′"
+    return [compass, f"{solution.matched} stars", f"σ {short(solution.rms_arcsec)}″"]
 
 
 def _north_arrow(solution: Solution) -> str:

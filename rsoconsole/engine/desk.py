@@ -16,6 +16,7 @@ from rsoconsole.engine.states import Stopped
 from rsoconsole.engine.temporary import MOST_FRAMES
 from rsoconsole.engine.verdicts import VERBS
 from rsoconsole.engine.wishes import (
+    AIMS,
     overridden,
     preview_of_move,
     refuse_by_hand,
@@ -174,14 +175,15 @@ class Desk:
 
     def _preview(self, intention: Intention) -> Outcome:
         """Where a move by hand would lead, how long it takes and what stands against it."""
-        verb = "nudge" if "east_arcmin" in intention.arguments else "goto"
+        names = set(intention.arguments)
+        verb = "nudge" if "east_arcmin" in names else "aim" if names & set(AIMS) else "goto"
         wish = Wish(verb=verb, arguments=intention.arguments, by=intention.by)
         return Outcome(ok=True, data=preview_of_move(self._engine, wish))
 
     def _judge(self, intention: Intention) -> Outcome:
         """A word on a frame's streaks: refused at once where it can be seen that it must be."""
         self._engine.check_ruling(intention.verb, intention.arguments)
-        return self._accept(intention, "in force before the next frame is followed")
+        return self._accept(intention, "taken up with the next frame")
 
     def _ask_seat(self, intention: Intention) -> Outcome:
         return Outcome(ok=True, message=self._seats.ask(intention.by))

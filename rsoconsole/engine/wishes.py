@@ -5,12 +5,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rsoconsole.config import AimConfig
 from rsoconsole.engine import verdicts
 from rsoconsole.engine.hands import NS
 from rsoconsole.engine.intentions import Wish, change_record, changed
 from rsoconsole.engine.states import Disarmed, Held, Resumed, Taken
 from rsoconsole.engine.watch import LIFTS
-from rsoconsole.pipeline.aim import slew_to
+from rsoconsole.pipeline.aim import follow_direction, slew_to
 from rsoconsole.sky.angles import separation_deg, wrap_360
 from rsoconsole.sky.frames import icrs_to_altaz, icrs_to_jnow
 from rsoconsole.sky.limits import Pose
@@ -32,6 +33,8 @@ class HandMove:
 
 
 LARGEST_NUDGE_ARCMIN = 600.0
+AIMS = tuple(AimConfig.model_fields)
+"""By which an intention to look beside the prediction is known."""
 
 
 def grant(engine: "Engine", wish: Wish) -> str:
@@ -70,7 +73,7 @@ def overridden(arguments: Mapping[str, Any]) -> frozenset[str]:
 
 
 def wanted_direction(engine: "Engine", wish: Wish) -> tuple[float, float]:
-    """Where a goto or a nudge wants the telescope, ICRS degrees.
+    """Where a goto, a nudge or an aim beside the prediction wants the telescope, ICRS degrees.
 
     Raises ValueError when it names no direction, InstrumentError when the mount is silent.
     """
@@ -80,6 +83,8 @@ def wanted_direction(engine: "Engine", wish: Wish) -> tuple[float, float]:
         if not -90.0 <= dec_deg <= 90.0:
             raise ValueError(f"declination {dec_deg:g} is outside -90 to 90")
         return float(wrap_360(ra_deg)), dec_deg
+    if wish.verb == "aim":
+        return _beside(engine, wish.arguments)
     east = verdicts.number(wish.arguments, "east_arcmin")
     north = verdicts.number(wish.arguments, "north_arcmin")
     if math.hypot(east, north) > LARGEST_NUDGE_ARCMIN:
@@ -88,6 +93,18 @@ def wanted_direction(engine: "Engine", wish: Wish) -> tuple[float, float]:
     dec_after_deg = min(max(dec_deg + north / 60.0, -90.0), 90.0)
     cos_dec = max(math.cos(math.radians(dec_after_deg)), 1e-3)
     return float(wrap_360(ra_deg + east / 60.0 / cos_dec)), dec_after_deg
+
+
+def _beside(engine: "Engine", arguments: Mapping[str, Any]) -> tuple[float, float]:
+    """Beside what is followed, as it is at this moment."""
+    track = engine.following.track
+    if track is None:
+        raise ValueError("nothing is followed: there is no prediction to look beside")
+    given = {name: verdicts.number(arguments, name) for name in AIMS if name in arguments}
+    config = engine.config
+    for name, value in given.items():
+        config = changed(config, f"aim.{name}", value)
+    return follow_direction(track, engine.hands.now_utc_ns(), config.filter, config.aim)
 
 
 def preview_of_move(engine: "Engine", wish: Wish) -> dict[str, Any]:

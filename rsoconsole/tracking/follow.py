@@ -351,8 +351,10 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     lost: str | None = None
     # The paper's bounds are wider than any field from the first prediction on and say nothing.
     bound_deg = three_sigma_deg(predicted)
-    if settings.filter.preset == "tuned" and bound_deg > settings.half_field_deg:
-        lost = f"3 sigma of {bound_deg * 60:.0f} arcmin no longer fits the field"
+    most_deg = settings.filter.max_3sigma_arcmin / 60.0
+    if settings.filter.preset == "tuned" and bound_deg > min(settings.half_field_deg, most_deg):
+        limit = "no longer fits the field" if most_deg >= settings.half_field_deg else "is too wide"
+        lost = f"3 sigma of {bound_deg * 60:.0f} arcmin {limit}"
     elif coasted_s > settings.filter.max_coast_s:
         lost = f"coasted for {coasted_s / 60:.0f} min"
     if lost is not None:

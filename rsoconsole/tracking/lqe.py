@@ -5,7 +5,9 @@ innovations are wrapped, so RA 0h is no place of its own. Presets: ``paper`` has
 Jordan et al. (arXiv 2304.06227) with sigma in degrees, fixed whatever the time between frames;
 ``tuned`` takes Q from the true time step (white-noise acceleration on the sky), R from each
 measurement's own covariance and P0 from the two points. The operator's multipliers scale the Q
-and R of either. Source of the filter: Bar-Shalom, Li & Kirubarajan 2001, chapters 5 and 6.
+and R of either, as a whole and by the terms of their diagonals; what lies beside a diagonal goes
+with the root of both of its terms, so that correlations stay. Source of the filter: Bar-Shalom,
+Li & Kirubarajan 2001, chapters 5 and 6.
 """
 
 import math
@@ -69,7 +71,8 @@ def _first_scale(measurement: Measurement, settings: FilterConfig) -> float:
     if settings.preset == "paper":
         return 1.0
     ee, _, nn = measurement.cov_sky_arcsec2
-    variance = max((ee + nn) / 2.0, SIGMA_FLOOR_ARCSEC**2) * settings.r_multiplier
+    terms = (settings.r_ra_multiplier + settings.r_dec_multiplier) / 2.0
+    variance = max((ee + nn) / 2.0, SIGMA_FLOOR_ARCSEC**2) * settings.r_multiplier * terms
     return min(max(variance / _SAFE_FOR_ARCSEC**2, _SMALLEST_START), 1.0)
 
 
@@ -202,28 +205,44 @@ def process_noise(dt_s: float, dec_deg: float, settings: FilterConfig) -> FloatA
     if settings.preset == "paper":
         sigma = settings.sigma_arcsec / ARCSEC_PER_DEG
         diagonal = np.array([500.0 * sigma, sigma / 100.0, sigma / 5.0, sigma / 100.0])
-        return np.asarray(np.diag(diagonal) * settings.q_multiplier)
+        return _scaled(np.diag(diagonal) * settings.q_multiplier, _q_terms(settings))
     q = settings.q_arcsec2_s3 * settings.q_multiplier / ARCSEC_PER_DEG**2
     span = abs(dt_s)
     block = q * np.array([[span**3 / 3.0, dt_s * span / 2.0], [dt_s * span / 2.0, span]])
     Q = np.zeros((4, 4))
     Q[:2, :2] = block / _cos_dec(dec_deg) ** 2
     Q[2:, 2:] = block
-    return Q
+    return _scaled(Q, _q_terms(settings))
+
+
+def _q_terms(settings: FilterConfig) -> tuple[float, ...]:
+    return (
+        settings.q_ra_multiplier,
+        settings.q_ra_rate_multiplier,
+        settings.q_dec_multiplier,
+        settings.q_dec_rate_multiplier,
+    )
+
+
+def _scaled(covariance: FloatArray, terms: tuple[float, ...]) -> FloatArray:
+    """Each term of the diagonal so many times; correlations stay as they are."""
+    roots = np.sqrt(np.array(terms))
+    return np.asarray(covariance * np.outer(roots, roots))
 
 
 def measurement_noise(measurement: Measurement, settings: FilterConfig) -> FloatArray:
     """R (2, 2) of (alpha, delta) in deg^2; the coordinate alpha widens towards the pole."""
+    terms = settings.r_ra_multiplier, settings.r_dec_multiplier
     if settings.preset == "paper":
         sigma = settings.sigma_arcsec / ARCSEC_PER_DEG
-        return np.diag([2.0 * sigma**2, sigma**2]) * settings.r_multiplier
+        return _scaled(np.diag([2.0 * sigma**2, sigma**2]) * settings.r_multiplier, terms)
     east, cross, north = measurement.cov_sky_arcsec2
     floor = SIGMA_FLOOR_ARCSEC**2
     on_sky = np.array([[max(east, floor), cross], [cross, max(north, floor)]])
     if not math.hypot(east, north) < SIGMA_CEILING_ARCSEC**2:
         on_sky = np.eye(2) * SIGMA_CEILING_ARCSEC**2
     to_deg = np.array([1.0 / _cos_dec(measurement.dec_icrs_deg), 1.0]) / ARCSEC_PER_DEG
-    return np.asarray(on_sky * np.outer(to_deg, to_deg) * settings.r_multiplier)
+    return _scaled(on_sky * np.outer(to_deg, to_deg) * settings.r_multiplier, terms)
 
 
 def _initial_covariance(

@@ -1,0 +1,88 @@
+"""Every streak of a frame, what became of it, and the reason."""
+
+import textwrap
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import VerticalScroll
+from textual.widgets import Static
+
+from rsoconsole.console.dialogs import Dialog
+from rsoconsole.console.night import FrameDetail
+from rsoconsole.console.words import short
+from rsoconsole.records import Detection
+
+COLUMNS = 70
+MOST_REJECTED = 12
+"""The likeliest ones: of the others nobody will ask."""
+
+
+class VerdictsDialog(Dialog[None]):
+    """The streaks of one frame, the likeliest first."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("v,q", "put_away", "Back", show=False)]
+
+    def __init__(self, detail: FrameDetail, tau: float) -> None:
+        super().__init__()
+        self._detail, self._tau = detail, tau
+
+    def compose(self) -> ComposeResult:
+        """One page of text."""
+        taken = self._detail.taken
+        with VerticalScroll() as box:
+            number = "" if taken is None else f" of frame {taken.frame_id:04d}"
+            box.border_title = f"streaks{number}"
+            box.border_subtitle = "esc back"
+            yield Static("\n".join(verdict_lines(self._detail, self._tau)), markup=False)
+
+
+def verdict_lines(detail: FrameDetail, tau: float) -> list[str]:
+    """One line a streak and one for the reason."""
+    found = detail.detections
+    if found is None:
+        return ["It is not known yet what the frame shows."]
+    lines: list[str] = []
+    for each in sorted(found.detections, key=lambda d: -d.confidence):
+        lines += _lines(each, *_fate(each, detail))
+    rejected = sorted(found.rejected, key=lambda r: -r.detection.confidence)
+    for one in rejected[:MOST_REJECTED]:
+        lines += _lines(one.detection, "rejected", one.reason)
+    by_hand = [m for m in detail.measurements if m.source == "operator"]
+    lines += [f"  by your hand, at {m.x_px:.0f}, {m.y_px:.0f}" for m in by_hand]
+    if not lines:
+        lines = ["  None: the network proposed nothing."]
+    left = len(rejected) - MOST_REJECTED
+    if left > 0:
+        lines.append(f"  and {left} less likely ones, rejected")
+    head = f"confidence against τ {short(tau)}; x, y in pixels of the frame"
+    return [head, "", *lines, "", "d follows the next one, y takes the likeliest, j rejects"]
+
+
+def _fate(streak: Detection, detail: FrameDetail) -> tuple[str, str]:
+    """What became of a detection above tau, and why where it was not followed."""
+    followed = detail.followed
+    if followed is not None and _is_at(streak, followed.x_px, followed.y_px):
+        nis = detail.updated.nis if detail.updated is not None else None
+        return "followed", "" if nis is None else f"NIS {nis:.1f}"
+    for refused in detail.not_followed:
+        if _is_at(streak, refused.measurement.x_px, refused.measurement.y_px):
+            return "not taken", refused.reason
+    if any(_is_at(streak, m.x_px, m.y_px) for m in detail.measurements):
+        return "measured", ""
+    return "not measured", "the frame has no place on the sky"
+
+
+def _is_at(streak: Detection, x_px: float, y_px: float) -> bool:
+    return abs(streak.x_px - x_px) < 1.0 and abs(streak.y_px - y_px) < 1.0
+
+
+def _lines(streak: Detection, fate: str, reason: str) -> list[str]:
+    size = f"{streak.length_px:.0f}×{streak.width_px:.1f} px" if streak.length_px else ""
+    place = f"at {streak.x_px:.0f}, {streak.y_px:.0f}"
+    snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
+    head = f"  {short(streak.confidence):>4}  {fate:<12}  {place:<14}  {snr:<8}  {size}".rstrip()
+    return [
+        head,
+        *textwrap.wrap(reason, COLUMNS, initial_indent=" " * 8, subsequent_indent=" " * 8),
+    ]
