@@ -184,6 +184,14 @@ def test_a_hold_ends_with_resume_and_with_arming_after_a_stop():
     assert not step(stopped, Armed(by=YOU)).charge.is_held
 
 
+def test_a_limit_leaves_a_hold_a_hold():
+    """Else autonomy would slew away from where the operator has stopped it."""
+    charge = step(charge_in("TRACK"), Held(by="operator", until_clear=True)).charge
+    after = step(charge, LimitMet(words="pier by 0.1 deg")).charge
+    assert (after.state, after.is_held, after.resumes_when_clear) == ("SEARCH", True, True)
+    assert not step(after, Resumed(by="operator")).charge.is_held
+
+
 def test_the_holder_is_named():
     assert {state: charge_in(state).holder for state in ALL} == {
         **dict.fromkeys(AUTONOMOUS, "autonomy"),

@@ -7,7 +7,7 @@ May touch config and errors below; never instruments or a session.
 from rsoconsole.control.client import ControlClient
 from rsoconsole.control.place import EngineLock, default_socket_path
 from rsoconsole.control.server import FAST_VERBS, ControlServer, Handler
-from rsoconsole.control.wire import Intention, Outcome
+from rsoconsole.control.wire import Intention, Outcome, printable
 
 __all__ = [
     "FAST_VERBS",
@@ -18,4 +18,5 @@ __all__ = [
     "Intention",
     "Outcome",
     "default_socket_path",
+    "printable",
 ]

@@ -11,6 +11,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from rsoconsole.control.place import EngineLock, address_of, remove_socket
@@ -40,8 +41,17 @@ class ControlServer:
     outcome that is not ok.
     """
 
-    def __init__(self, path: Path, handler: Handler, *, lock: EngineLock | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        handler: Handler,
+        *,
+        lock: EngineLock | None = None,
+        stamp: Callable[[], int] | None = None,
+    ) -> None:
+        """``stamp``: how many STOPs there have been; each intention carries it from its reading."""
         self._handler = handler
+        self._stamp = stamp
         self._address = address_of(path)
         self._own_lock = EngineLock(path) if lock is None else None
         self._waiting: queue.Queue[Order | None] = queue.Queue(MAX_WAITING)
@@ -147,11 +157,13 @@ class ControlServer:
             self._drop(connection)
 
     def _take(self, connection: "Connection", line: bytes) -> None:
+        stamp = None if self._stamp is None else self._stamp()
         try:
             order = read_order(connection, line)
         except ControlError as error:
             connection.answer(None, Outcome(ok=False, message=str(error)))
             return
+        order = replace(order, intention=replace(order.intention, stamp=stamp))
         if order.intention.verb in FAST_VERBS:
             connection.answer(order.id, self._carry_out(order.intention))
             return

@@ -26,6 +26,8 @@ class Intention:
     arguments: Mapping[str, Any] = field(default_factory=dict)
     by: str = "operator"
     """Who asks: the console, a command, a script."""
+    stamp: int | None = None
+    """How many STOPs had been given when it was read; None: not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,13 +154,17 @@ def receive_line(wire: socket.socket, deadline: float) -> bytes:
     return bytes(received.partition(b"\n")[0])
 
 
+def printable(text: str) -> str:
+    """The same without what would be a command to a terminal, whoever wrote it."""
+    return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
+
+
 def read_outcome(reply: bytes) -> Outcome:
     """The outcome in a reply. Raises ControlError when it is none."""
     try:
         message = json.loads(reply)
-        return Outcome(
-            ok=bool(message["ok"]), message=str(message["message"]), data=dict(message["data"])
-        )
+        text = printable(str(message["message"]))
+        return Outcome(ok=bool(message["ok"]), message=text, data=dict(message["data"]))
     except (ValueError, KeyError, TypeError) as error:
         raise ControlError(f"the engine's answer cannot be read: {error}") from error
 

@@ -1,15 +1,16 @@
 """Answers the operator's wire: STOP and status at once, the rest through the loop."""
 
 import dataclasses
+import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.control import Intention, Outcome
+from rsoconsole.control import Intention, Outcome, printable
 from rsoconsole.engine.arming import arming_checks, gather_facts, refusal_text
 from rsoconsole.engine.health import HealthMeter
-from rsoconsole.engine.intentions import Intentions, Wish, action_record, changed
+from rsoconsole.engine.intentions import Intentions, OvertakenError, Wish, action_record, changed
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.seats import Seats, name_of
 from rsoconsole.engine.states import Stopped
@@ -27,6 +28,7 @@ from rsoconsole.records import OperatorAction
 from rsoconsole.sky.frames import icrs_to_altaz
 
 LONGEST_NOTE = 2000
+LARGEST_WHOLE = 2**53
 SOON = "in force from the next cycle"
 FLUSH_S = 0.5
 
@@ -66,8 +68,8 @@ class Desk:
             "park": self._queue,
             "unpark": self._queue,
             "abort": self._queue,
-            "track": self._queue,
-            "seek": self._queue,
+            "track": self._track,
+            "seek": self._seek,
             "preview": self._preview,
             "set": self._set,
             "shutdown": self._shutdown,
@@ -87,6 +89,7 @@ class Desk:
                 ok=False, message=f"the engine knows no '{intention.verb}'; it knows {known}"
             )
         try:
+            _expect_plain(intention.arguments)
             return handler(intention)
         except (ValueError, RsoconsoleError) as error:
             return Outcome(ok=False, message=str(error))
@@ -182,22 +185,36 @@ class Desk:
 
     def _judge(self, intention: Intention) -> Outcome:
         """A word on a frame's streaks: refused at once where it can be seen that it must be."""
-        self._engine.check_ruling(intention.verb, intention.arguments)
-        return self._accept(intention, "taken up with the next frame")
+        ruling = self._engine.check_ruling(intention.verb, intention.arguments)
+        # The frame it was said of: another may be there before the loop comes to it.
+        said = {**intention.arguments, "frame": ruling.frame_id}
+        pinned = dataclasses.replace(intention, arguments=said)
+        return self._accept(pinned, "taken up with the next frame")
+
+    def _track(self, intention: Intention) -> Outcome:
+        if not isinstance(intention.arguments.get("on", True), bool):
+            return Outcome(ok=False, message="track: on is true or false")
+        return self._accept(intention, SOON)
+
+    def _seek(self, intention: Intention) -> Outcome:
+        self._engine.check_seek()
+        return self._accept(intention, SOON)
 
     def _ask_seat(self, intention: Intention) -> Outcome:
         return Outcome(ok=True, message=self._seats.ask(intention.by))
 
     def _answer_seat(self, intention: Intention) -> Outcome:
         gives = intention.arguments.get("gives") is True
-        return Outcome(ok=True, message=self._seats.answer(intention.by, gives=gives))
+        to = intention.arguments.get("to")
+        named = to if isinstance(to, str) else None
+        return Outcome(ok=True, message=self._seats.answer(intention.by, gives=gives, to=named))
 
     def _note(self, intention: Intention) -> Outcome:
         """The operator's remark, on record at once."""
         text = intention.arguments.get("text")
         if not isinstance(text, str) or not text.strip():
             return Outcome(ok=False, message="a note needs words")
-        said = {"text": text.strip()[:LONGEST_NOTE]}
+        said = {"text": printable(text).strip()[:LONGEST_NOTE]}
         self._engine.chronicle.append(
             OperatorAction(verb="note", arguments=said, outcome="noted", by=intention.by)
         )
@@ -214,10 +231,22 @@ class Desk:
         self, intention: Intention, message: str, data: dict[str, Any] | None = None
     ) -> Outcome:
         wish = Wish(verb=intention.verb, arguments=intention.arguments, by=intention.by)
-        self._intentions.put(wish)
+        try:
+            self._intentions.put(wish, intention.stamp)
+        except OvertakenError as overtaken:
+            self._engine.chronicle.append(action_record(wish, str(overtaken)))
+            raise
         # What has been acknowledged is on record, unless the disk does not take it.
         self._engine.chronicle.append(action_record(wish, "accepted"))
         self._flush(FLUSH_S)
         if intention.verb != "set":
             self._engine.wake()
         return Outcome(ok=True, message=message, data=data or {})
+
+
+def _expect_plain(arguments: Mapping[str, Any]) -> None:
+    """Raises ValueError for numbers that cannot be kept on record."""
+    for name, value in arguments.items():
+        is_whole = isinstance(value, int) and abs(value) > LARGEST_WHOLE
+        if is_whole or (isinstance(value, float) and not math.isfinite(value)):
+            raise ValueError(f"{name} = {value} is no number that can be worked with")

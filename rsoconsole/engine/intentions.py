@@ -48,6 +48,15 @@ URGENT = frozenset(("abort", "track", "disarm", "goto", "nudge", "park", "unpark
 """Wishes that do not wait for the end of an exposure."""
 
 
+OUTLIVES_STOP = frozenset(("disarm", "shutdown"))
+"""Wishes that STOP does not undo: they move nothing."""
+OVERTAKEN = "dropped by STOP"
+
+
+class OvertakenError(ValueError):
+    """STOP came between a wish and its being heard."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wish:
     """One intention, already known to be possible."""
@@ -80,12 +89,23 @@ class Intentions:
         self._wishes: deque[Wish] = deque()
         self._alarms: deque[Alarm] = deque()
         self._stops_under_way = 0
+        self._stops = 0
         self._is_shutdown = False
 
-    def put(self, wish: Wish) -> None:
-        """Queue a wish for the loop (any thread)."""
+    def put(self, wish: Wish, stamp: int | None = None) -> None:
+        """Queue a wish for the loop (any thread).
+
+        Raises OvertakenError where STOP has come since it was given: with ``stamp`` before it.
+        """
         with self._lock:
+            if stamp is not None and stamp < self._stops and wish.verb not in OUTLIVES_STOP:
+                raise OvertakenError(OVERTAKEN)
             self._wishes.append(wish)
+
+    @property
+    def stops(self) -> int:
+        """How many STOPs and alarms have cut everything short."""
+        return self._stops
 
     def take_all(self) -> tuple[Wish, ...]:
         """All waiting wishes, in order."""
@@ -101,6 +121,7 @@ class Intentions:
         """
         with self._lock:
             self._stops_under_way += 1
+            self._stops += 1
             dropped = tuple(self._wishes)
             self._wishes.clear()
         result: StopResult | None = None

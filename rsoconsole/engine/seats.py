@@ -63,12 +63,17 @@ class Seats:
                 self._asked_by, self._asked_s = who, self._now_s()
             return f"{name_of(self._holder)} is asked; yours in {ASKED_S:.0f} s at the latest"
 
-    def answer(self, who: str, *, gives: bool) -> str:
-        """The holder gives the seat, or keeps it. Raises ValueError where nobody asked for it."""
+    def answer(self, who: str, *, gives: bool, to: str | None = None) -> str:
+        """The holder gives the seat, or keeps it; ``to``: whom he means, None: whoever asks.
+
+        Raises ValueError where nobody asks for it, or somebody else does by now.
+        """
         with self._lock:
             self._hear(who)
             if who != self._holder or self._asked_by is None:
                 raise ValueError("nobody asks you for the seat")
+            if to is not None and to != name_of(self._asked_by):
+                raise ValueError(f"{name_of(self._asked_by)} asks by now: answer that")
             asked_by, self._asked_by = self._asked_by, None
             if gives:
                 self._holder = asked_by

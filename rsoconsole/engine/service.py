@@ -113,7 +113,9 @@ def run_engine(
         _say_outlook(engine, config, folder, now_ns)
         if settings.listens:
             desk = Desk(engine, intentions, folder, lambda: writer.faults, writer.flush)
-            stack.enter_context(ControlServer(path, desk.handle, lock=lock))
+            stack.enter_context(
+                ControlServer(path, desk.handle, lock=lock, stamp=lambda: intentions.stops)
+            )
         heed_signals()
         notify("READY=1")
         stack.callback(notify, "STOPPING=1")

@@ -284,7 +284,8 @@ def _(happening: LimitMet, charge: Charge) -> Step:
     if failures >= FAILURES_IN_A_ROW:
         return _enter("FAULT", f"{happening.words}; move away by hand or park, then arm again")
     # What was followed has set, or stands behind the wall: the search goes on where it began.
-    after = Charge(following=Following(state="SEARCH"), failures=failures)
+    # A hold stays a hold: what the operator has stopped does not go on by itself.
+    after = replace(charge, following=Following(state="SEARCH"), failures=failures)
     actions: tuple[Action, ...] = ("search home", "forget plate")
     return Step(charge=after, actions=actions, reason=f"{LIMIT_MET}: {happening.words}")
 

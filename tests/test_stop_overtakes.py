@@ -1,0 +1,90 @@
+"""What was asked for before a STOP moves nothing after it, wherever it was when STOP came."""
+
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rsoconsole.control import ControlClient, ControlServer, Intention, Outcome
+from rsoconsole.engine.desk import Desk
+from rsoconsole.records import OperatorAction
+from tests.engine_rig import START_DEG, Rig, desk_of, rig
+
+ASIDE = {"ra_icrs_deg": START_DEG[0] + 1.0, "dec_icrs_deg": START_DEG[1]}
+SLOW_DISK_S = 0.05
+NUDGES = 12
+
+
+@pytest.fixture
+def armed() -> Rig:
+    r = rig(set(range(1, 20)))
+    r.engine.arm()
+    r.engine.run(frames=6)
+    return r
+
+
+def heed(r: Rig) -> None:
+    r.engine._heed_alarms()
+    r.engine._apply_wishes()
+
+
+def test_a_move_that_is_being_reckoned_when_stop_comes_is_dropped(armed: Rig):
+    desk, plain = desk_of(armed), armed.engine.slews.refusal
+
+    def refusal(*arguments: Any, **named: Any) -> str | None:
+        assert desk.handle(Intention(verb="stop", by="console b")).ok
+        return plain(*arguments, **named)
+
+    armed.engine.slews.refusal = refusal  # type: ignore[method-assign]
+    stamp = armed.intentions.stops
+    outcome = desk.handle(Intention(verb="goto", arguments=ASIDE, stamp=stamp))
+    assert (outcome.ok, outcome.message) == (False, "dropped by STOP")
+    slews = len(armed.mount.slews)
+    heed(armed)
+    assert armed.engine.charge.state == "IDLE"
+    assert len(armed.mount.slews) == slews
+    (goto,) = [a for a in armed.memory.of(OperatorAction) if a.verb == "goto"]
+    assert goto.outcome == "dropped by STOP"
+
+
+def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: Rig, tmp_path: Path):
+    def flush(_timeout_s: float) -> bool:
+        time.sleep(SLOW_DISK_S)
+        return True
+
+    desk = Desk(armed.engine, armed.intentions, tmp_path, flush=flush)
+    socket, outcomes = tmp_path / "engine.sock", list[Outcome]()
+
+    def nudge() -> None:
+        client = ControlClient(socket, by="console a")
+        outcomes.append(client.send("nudge", east_arcmin=1.0, north_arcmin=0.0))
+
+    with ControlServer(socket, desk.handle, stamp=lambda: armed.intentions.stops):
+        threads = [threading.Thread(target=nudge) for _ in range(NUDGES)]
+        for thread in threads:
+            thread.start()
+        time.sleep(2.5 * SLOW_DISK_S)
+        assert ControlClient(socket, by="console a").send("stop").ok
+        slews = len(armed.mount.slews)
+        heed(armed)
+        for thread in threads:
+            thread.join()
+        heed_again = armed.engine._apply_wishes
+        heed_again()
+        assert armed.engine.charge.state == "IDLE"
+        assert len(armed.mount.slews) == slews
+        assert [o.ok for o in outcomes].count(False) >= NUDGES - 4
+        # What is asked for afterwards is done.
+        assert ControlClient(socket, by="console a").send("goto", **ASIDE).ok
+        heed_again()
+    assert armed.engine.charge.state == "MANUAL"
+
+
+@pytest.mark.parametrize("verb", ["disarm", "shutdown"])
+def test_what_moves_nothing_is_done_though_stop_has_come(armed: Rig, verb: str):
+    stamp = armed.intentions.stops
+    desk = desk_of(armed)
+    assert desk.handle(Intention(verb="stop")).ok
+    assert desk.handle(Intention(verb=verb, stamp=stamp)).ok
