@@ -1,27 +1,37 @@
 """The operator's word on frames already followed: what it does to the track, and its replay."""
 
 import dataclasses
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from rsoconsole.config import Config
+from rsoconsole.console.night import Night
 from rsoconsole.control import Intention, Outcome
+from rsoconsole.engine.intentions import Wish
+from rsoconsole.engine.summary import summarise
+from rsoconsole.notebook.night import read_night
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.rulings import KEPT
 from rsoconsole.records import (
+    Event,
     FollowedAgain,
     Frame,
+    FrameTaken,
     Miss,
     NotFollowed,
     OperatorAction,
+    ParameterChange,
     Rejection,
     Ruling,
     StateChange,
     TrackState,
 )
 from rsoconsole.session.codec import decode, encode
+from rsoconsole.session.reader import SessionReader
+from tests import made_up_night
 from tests.engine_rig import Rig, ScriptedReducer, desk_of, rig
 from tests.makers import straight_detection
 
@@ -222,3 +232,167 @@ def test_the_track_on_record_is_the_one_that_was_ruled():
     say(r, "reject")
     last = r.memory.of(TrackState)[-1]
     assert (last.frame_id, last.kind) == (8, "predicted")
+
+
+# -- said while the sky goes on ---------------------------------------------------------------
+
+
+def test_a_word_is_on_the_frame_it_was_said_of_though_a_newer_one_was_followed_meanwhile():
+    r = night(set(range(1, 14)))
+    r.engine.run(frames=8)
+    assert desk_of(r).handle(Intention(verb="reject", arguments={"frame": 8})).ok
+    r.engine.run(frames=9)
+    r.engine._apply_wishes()
+    (ruling,) = r.memory.of(Ruling)
+    assert ruling.frame_id == 8
+    assert [m.frame_id for m in ruling.refused] == [8]
+    assert r.engine.following.taken.frame_id == 9
+
+
+def test_accept_takes_what_was_not_taken():
+    r = night(set(range(1, 14)))
+    r.engine.run(frames=8)
+    assert say(r, "accept").ok
+    (ruling,) = r.memory.of(Ruling)
+    assert (ruling.taken.x_px, ruling.taken.source) == (2.0, "operator")
+
+
+@pytest.mark.parametrize("words", [("reject", "accept"), ("reject", "reject"), ("reject",) * 8])
+def test_words_one_after_the_other_are_replayed_each_in_its_place(words):
+    r = night(set(range(1, 14)))
+    r.engine.run(frames=8)
+    for verb in words:
+        say(r, verb)
+    r.engine.run(frames=10)
+    frames = replayed(r)
+    assert all(frame.is_as_recorded for frame in frames)
+    assert frames[-1].after == r.engine.following
+
+
+def test_a_camera_that_fails_after_a_word_adds_nothing_to_the_frame_it_was_said_of():
+    r = night(set(range(1, 14)))
+    r.engine.run(frames=8)
+    say(r, "reject")
+    r.camera.broken_for = 1
+    r.engine.run(frames=11)
+    assert all(frame.is_as_recorded for frame in replayed(r))
+
+
+def test_a_hold_while_a_frame_is_reduced_leaves_words_and_loans_in_their_frames():
+    r = night(set(range(1, 40)))
+    r.engine.run(frames=6)
+    say(r, "set", name="detector.tau", value=0.3, frames=2)
+    plain = r.reducer.reduce
+
+    def reduce(frame: Frame) -> Reduction:
+        if frame.frame_id == 8:
+            r.intentions.put(Wish(verb="hold"))
+            r.intentions.put(Wish(verb="reject"))
+        return plain(frame)
+
+    r.reducer.reduce = reduce
+    r.engine.run(frames=10)
+    records = r.memory.records
+    back = next(
+        n
+        for n, each in enumerate(records)
+        if isinstance(each, ParameterChange) and n > 0 and each.after == CONFIG.detector.tau
+    )
+    last_before = [each.frame_id for each in records[:back] if isinstance(each, FrameTaken)][-1]
+    assert last_before == 8
+    assert all(frame.is_as_recorded for frame in replayed(r))
+
+
+def test_another_header_latency_moves_what_was_ruled_on_too():
+    r = night(set(range(1, 12)))
+    r.engine.run(frames=8)
+    say(r, "reject")
+    records = [decode(*encode(record)[::2]) for record in r.memory.records]
+    tried = list(replay(records, CONFIG, tried={"exposure.header_latency_s": 0.1}))
+    assert tried[-1].after.state == "COAST"
+    r = night(set(range(1, 12)))
+    r.engine.run(frames=8)
+    say(r, "mark", x_a=0.0, y_a=0.0, x_b=3.0, y_b=3.0)
+    records = [decode(*encode(record)[::2]) for record in r.memory.records]
+    tried = list(replay(records, CONFIG, tried={"exposure.header_latency_s": 0.1}))
+    assert tried[-1].after.taken.source == "operator"
+    assert tried[-1].after.taken.t_mid_utc_ns == r.engine.following.taken.t_mid_utc_ns + 10**8
+
+
+# -- what others make of it -------------------------------------------------------------------
+
+
+def kept(r: Rig, folder: Path) -> Path:
+    """The rig's records as a session."""
+    writer = made_up_night.begin(folder)
+    for number, record in enumerate(r.memory.records):
+        writer.append(record, made_up_night.t_of(1) + number)
+    writer.close()
+    return folder
+
+
+def test_figures_and_summary_know_what_counts_no_more(tmp_path: Path):
+    r = night(set(range(1, 14)))
+    r.engine.run(frames=8)
+    assert summarise(r.memory.records, [])["misses"] == 0
+    say(r, "reject")
+    r.engine.run(frames=9)
+    assert summarise(r.memory.records, [])["misses"] == 1
+    session = kept(r, tmp_path / "night")
+    (eighth,) = [frame for frame in read_night(session).frames if frame.frame_id == 8]
+    assert (eighth.measured, eighth.corrected) == (None, None)
+    assert eighth.missed == "refused by the operator" or eighth.missed
+    rows = [row for row in SessionReader(session).view("track") if row["frame_id"] == 8]
+    assert [row["is_superseded"] for row in rows if row["step"] == "updated"] == [1]
+    assert [row["is_superseded"] for row in rows if row["step"] == "predicted"] == [1, 0]
+    assert {row["is_superseded"] for row in SessionReader(session).view("misses")} == {0}
+
+
+def test_a_mark_on_a_missed_frame_is_no_miss_any_more():
+    r = night({*range(1, 9), *range(10, 14)})
+    r.engine.run(frames=9)
+    assert summarise(r.memory.records, [])["misses"] == 1
+    say(r, "mark", x_a=0.0, y_a=0.0, x_b=3.0, y_b=3.0)
+    assert summarise(r.memory.records, [])["misses"] == 0
+
+
+def test_the_console_follows_the_last_of_two_marks():
+    r = night(set(range(1, 14)))
+    r.engine.run(frames=8)
+    say(r, "mark", x_a=0.0, y_a=0.0, x_b=4.0, y_b=4.0)
+    say(r, "mark", x_a=6.0, y_a=6.0, x_b=10.0, y_b=10.0)
+    folded = Night(Path("night"), {}, CONFIG)
+    for number, record in enumerate(r.memory.records):
+        folded.take(made_up_night.t_of(1) + number, record)
+    detail = folded.detail(8)
+    assert (detail.followed.x_px, detail.followed.y_px) == (8.0, 8.0)
+    by_hand = [m for m in detail.measurements if m.source == "operator"]
+    assert [(m.x_px, m.y_px) for m in by_hand] == [(8.0, 8.0)]
+
+
+# -- looked for again -------------------------------------------------------------------------
+
+
+def test_nothing_is_looked_for_while_held_nor_where_it_must_not_be_looked():
+    r = night(set(range(1, 30)))
+    r.engine.run(frames=6)
+    say(r, "hold")
+    assert "resume first" in say(r, "seek").message
+    assert r.engine.following.state == "TRACK"
+    say(r, "resume")
+    r.engine.slews.refusal = lambda *_, **__: "altitude 3 deg, 15 at least"
+    refused = say(r, "seek")
+    assert not refused.ok
+    assert "altitude 3 deg" in refused.message
+    assert r.engine.following.state == "TRACK"
+
+
+def test_a_spiral_without_a_place_left_goes_home_and_ends_nothing():
+    r = night(set(range(1, 7)))
+    r.engine.run(frames=6)
+    assert say(r, "seek").ok
+    plain, spiral = r.engine.slews.refusal, r.engine.planner._search
+    r.engine.slews.refusal = lambda *a, **k: "a wall" if spiral.is_spiral else plain(*a, **k)
+    r.engine.run(frames=9)
+    assert r.engine.charge.state == "SEARCH"
+    assert any("nothing left to look at" in event.text for event in r.memory.of(Event))

@@ -171,7 +171,10 @@ class Engine:
                 except _RunFailed as error:
                     raise InstrumentError(f"the run ended in FAULT: {error}") from error
                 except NowhereError as error:
-                    self._on_failure(f"nowhere to search: {error}", is_final=True)
+                    if self.planner.leave_spiral():
+                        self.chronicle.say("warning", f"nothing left to look at there: {error}")
+                    else:
+                        self._on_failure(f"nowhere to search: {error}", is_final=True)
                 except RsoconsoleError as error:
                     self._on_failure(str(error))
                 except Exception as error:  # the telescope must not be left to itself
@@ -265,14 +268,14 @@ class Engine:
         ruling = self.check_ruling(verb, arguments, by)
         after, records = self._cycle.rule(ruling)
         words = verdict_words(ruling, records)
+        self.chronicle.append(ruling)
         if after.state != before.state:
-            # Before the ruling: behind it stand only the records of what is followed again.
-            self.chronicle.append(
-                StateChange(
-                    frame_id=ruling.frame_id, before=before.state, after=after.state, reason=words
-                )
+            # Before the first frame that is followed again: behind it stand the fold's own.
+            change = StateChange(
+                frame_id=ruling.frame_id, before=before.state, after=after.state, reason=words
             )
-        for record in records:
+            self.chronicle.append(change)
+        for record in records[1:]:
             self.chronicle.append(record)
         self.happen(Followed(after=after))
         return words
@@ -294,7 +297,6 @@ class Engine:
         try:
             self._exposures.pass_processing_time()
             reduction = self._reduce_and_go_on(frame, read_ms, plan.blocked)
-            self._count_frame()
             place_px = place_of_interest(reduction, self.following)
         finally:
             # Also the frame that could not be used: it is the one somebody will want to see.
@@ -350,13 +352,29 @@ class Engine:
 
         Raises ValueError where nothing was followed, or autonomy does not have the mount.
         """
+        direction = self.check_seek()
+        self.happen(Sought(by=by))
+        self.planner.search_about(direction, self.hands.now_utc_ns())
+        return "looking for it in a widening spiral"
+
+    def check_seek(self) -> tuple[float, float]:
+        """Where what was followed must be now, ICRS.
+
+        Raises ValueError where it cannot be looked for.
+        """
         track = self._last_track
         if track is None:
             raise ValueError("nothing has been followed this night that could be looked for")
+        if not self.charge.is_autonomous:
+            raise ValueError("autonomy does not have the mount: arm or resume first")
+        if self.charge.is_held:
+            raise ValueError("the mount is held: resume first")
         now_ns = self.hands.now_utc_ns()
-        self.happen(Sought(by=by))
-        self.planner.search_about(direction_at(track, now_ns), now_ns)
-        return "looking for it in a widening spiral"
+        direction = direction_at(track, now_ns)
+        refused = self.slews.refuse_direction(direction, now_ns)
+        if refused is not None:
+            raise ValueError(f"it cannot be looked for where it must be: {refused}")
+        return direction
 
     def _reduce_and_go_on(self, frame: Frame, read_ms: float, blocked: str | None) -> Reduction:
         began_s = time.perf_counter()
@@ -369,6 +387,7 @@ class Engine:
         if isinstance(result.reduction.solution, Solution):
             self.planner.solved(result.reduction.solution)
         self.planner.followed(before, result.after, self.hands.now_utc_ns())
+        self._count_frame()
         if self._is_first_look:
             self._is_first_look = False
             self._check_pointing(result.reduction)

@@ -84,6 +84,13 @@ class Planner:
         self._search.widen_about(direction, t_utc_ns)
         self._is_block_told = False
 
+    def leave_spiral(self) -> bool:
+        """Search where it was begun, if something lost was looked for; False when it was not."""
+        if not self._search.is_spiral:
+            return False
+        self._search.go_home()
+        return True
+
     def go_home(self) -> None:
         """Search from the first field again, where the search was begun."""
         self._search.go_home()

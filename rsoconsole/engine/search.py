@@ -62,6 +62,11 @@ class Search:
         self._here, self.number = None, 0
         self._refused.clear()
 
+    @property
+    def is_spiral(self) -> bool:
+        """Whether it goes round a place in a spiral."""
+        return self._base is not None and self._base.widens
+
     def look_here(self, direction: Direction, t_utc_ns: int) -> None:
         """The next exposure is taken where the telescope stands."""
         self._here = search_base_at(self._site, *direction, t_utc_ns)

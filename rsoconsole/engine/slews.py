@@ -8,6 +8,7 @@ from rsoconsole.engine.plan import Plan, Planner
 from rsoconsole.engine.watch import Watch
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments.ports import MountReport
+from rsoconsole.pipeline.aim import slew_to
 from rsoconsole.records import SlewCommand
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.limits import LimitName, Pose
@@ -74,6 +75,11 @@ class Slews:
         )
         if off_deg > FAR_OFF_DEG:
             raise StoppedElsewhere(f"the mount stands {off_deg:.1f} deg from where it was left")
+
+    def refuse_direction(self, direction: tuple[float, float], now_utc_ns: int) -> str | None:
+        """Why the telescope must not look there now; None when it may."""
+        command = self._planner.command(slew_to(0, direction, now_utc_ns, ""))
+        return self.refusal(command, now_utc_ns, now_utc_ns)
 
     def refusal(
         self,

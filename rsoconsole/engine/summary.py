@@ -13,6 +13,7 @@ from typing import Any
 from rsoconsole.records import (
     CycleTiming,
     Detections,
+    FollowedAgain,
     FrameTaken,
     Measurement,
     Miss,
@@ -48,7 +49,7 @@ class _Tally:
         self.frames: dict[int, _Frame] = {}
         self.timings: list[CycleTiming] = []
         self.detections = 0
-        self.misses = 0
+        self.missed: Counter[int] = Counter()
         self.locked_after: int | None = None
         self._state = "SEARCH"
 
@@ -82,8 +83,16 @@ class _Tally:
             self.frames[record.frame_id].refused_nis.append((record.measurement, record.nis))
 
     @take.register
-    def _(self, _record: Miss) -> None:
-        self.misses += 1
+    def _(self, record: Miss) -> None:
+        self.missed[record.frame_id] += 1
+
+    @take.register
+    def _(self, record: FollowedAgain) -> None:
+        # By the operator's word: what was made of the frame before counts no more.
+        self.missed.pop(record.frame_id, None)
+        frame = self.frames[record.frame_id]
+        frame.predicted = frame.updated = None
+        frame.refused_nis.clear()
 
     @take.register
     def _(self, record: StateChange) -> None:
@@ -111,7 +120,7 @@ def summarise(records: Iterable[Any], truth: Sequence[Mapping[str, Any]]) -> dic
     return {
         "frames": len(tally.frames),
         "detections": tally.detections,
-        "misses": tally.misses,
+        "misses": tally.missed.total(),
         "states": dict(Counter(frame.state for frame in tally.frames.values())),
         "locked_after_frames": tally.locked_after,
         **_against_truth(tally.frames, truth),

@@ -34,7 +34,7 @@ class Temporary:
 
     def left(self) -> dict[str, int]:
         """Frames that each still holds for."""
-        return {name: loan.frames for name, loan in self._loans.items()}
+        return {name: loan.frames for name, loan in dict(self._loans).items()}
 
     def count(self, config: Config) -> tuple[Config, tuple[ParameterChange, ...]]:
         """One frame more: the configuration with what is over set back, and the record of it."""

@@ -21,6 +21,7 @@ NEAR_PX = 25.0
 MARK_SIGMA_PX = 2.0
 """One sigma of a hand's mark, where it does not say how finely it was made."""
 SHORTEST_MARK_PX = 3.0
+WIDEST_MARK_PX = 10_000.0
 
 
 def ruling_of(
@@ -35,8 +36,8 @@ def ruling_of(
     """The operator's word as a ruling. Raises ValueError with the reason where it cannot be one."""
     makers: dict[str, Callable[[], Ruling]] = {
         "choose": lambda: _choose(_frame(arguments, folds), arguments, by, config),
-        "accept": lambda: _accept(_frame(arguments, folds), by, config),
-        "reject": lambda: _reject(folds, following, by),
+        "accept": lambda: _accept(_frame(arguments, folds), folds, by, config),
+        "reject": lambda: _reject(arguments, folds, following, by),
         "mark": lambda: _mark(_frame(arguments, folds), arguments, by, config),
     }
     return makers[verb]()
@@ -65,9 +66,10 @@ def _choose(shown: Shown, arguments: Mapping[str, Any], by: str, config: Config)
     return Ruling(frame_id=shown.taken.frame_id, taken=_measurement_of(near, shown, config), by=by)
 
 
-def _accept(shown: Shown, by: str, config: Config) -> Ruling:
+def _accept(shown: Shown, folds: Folds, by: str, config: Config) -> Ruling:
     """The likeliest streak that was not taken is taken."""
-    measured = sorted(shown.measurements, key=lambda m: -m.confidence)
+    already = folds.taken(shown.taken.frame_id)
+    measured = sorted((m for m in shown.measurements if m != already), key=lambda m: -m.confidence)
     rejected = sorted(shown.detections.rejected, key=lambda r: -r.detection.confidence)
     if measured:
         return Ruling(frame_id=shown.taken.frame_id, taken=measured[0], by=by)
@@ -79,9 +81,15 @@ def _accept(shown: Shown, by: str, config: Config) -> Ruling:
     )
 
 
-def _reject(folds: Folds, following: Following, by: str) -> Ruling:
-    """The measurement taken last was none of what is followed."""
+def _reject(arguments: Mapping[str, Any], folds: Folds, following: Following, by: str) -> Ruling:
+    """What a frame gave to the track was none of what is followed; without one, the last."""
     taken = following.taken
+    if arguments.get("frame") is not None:
+        shown = _frame(arguments, folds)
+        taken = folds.taken(shown.taken.frame_id)
+        if taken is None:
+            number = shown.taken.frame_id
+            raise ValueError(f"nothing was taken of frame {number} that could be rejected")
     if taken is None:
         raise ValueError("nothing has been taken that could be rejected")
     shown = folds.shown(taken.frame_id)
@@ -101,8 +109,8 @@ def _mark(shown: Shown, arguments: Mapping[str, Any], by: str, config: Config) -
     length_px = math.hypot(x_b - x_a, y_b - y_a)
     if length_px < SHORTEST_MARK_PX:
         raise ValueError("the two ends are the same place: mark one end, then the other")
-    if sigma_px <= 0.0:
-        raise ValueError("sigma_px must be above 0")
+    if not 0.0 < sigma_px <= WIDEST_MARK_PX:
+        raise ValueError(f"sigma_px must be above 0, and {WIDEST_MARK_PX:g} at most")
     detection = Detection(
         frame_id=taken.frame_id,
         confidence=1.0,

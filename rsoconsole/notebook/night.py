@@ -9,13 +9,20 @@ from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
-from rsoconsole.records import FrameTaken, Measurement, Miss, ParameterChange, TrackState
+from rsoconsole.records import (
+    FollowedAgain,
+    FrameTaken,
+    Measurement,
+    Miss,
+    ParameterChange,
+    TrackState,
+)
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.tracking.lqe import measured_direction_deg
 
 SAME_FRAME_S = 1.0
-KINDS = (FrameTaken, Measurement, TrackState, Miss, ParameterChange)
+KINDS = (FrameTaken, Measurement, TrackState, Miss, FollowedAgain, ParameterChange)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -96,6 +103,9 @@ def read_night(session: Path) -> Night:
 def _put(frame: NightFrame, record: Any, measured: dict[int, list[Measurement]]) -> None:
     if isinstance(record, Measurement):
         measured.setdefault(frame.frame_id, []).append(record)
+    elif isinstance(record, FollowedAgain):
+        # By the operator's word: what was made of it before counts no more.
+        frame.predicted = frame.corrected = frame.missed = None
     elif isinstance(record, Miss):
         frame.missed = record.reason
     elif record.kind == "predicted":

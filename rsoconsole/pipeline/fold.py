@@ -1,6 +1,6 @@
 """What is followed after a frame, from what is on record alone. Pure: no pixels, no memory."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rsoconsole.config import Config
@@ -61,9 +61,12 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         blocked=taken.blocked,
     )
     ruling = shown.ruling or Ruling(frame_id=taken.frame_id)
-    measurements = tuple(m for m in shown.measurements if m not in ruling.refused)
-    if ruling.taken is not None and ruling.taken not in measurements:
-        measurements = (*measurements, ruling.taken)
+    refused = tuple(replace(m, t_mid_utc_ns=t_mid_ns) for m in ruling.refused)
+    chosen = None if ruling.taken is None else replace(ruling.taken, t_mid_utc_ns=t_mid_ns)
+    # The ruling's own instant is the recorded one: another where its latency is tried.
+    measurements = tuple(m for m in shown.measurements if m not in refused)
+    if chosen is not None and chosen not in measurements:
+        measurements = (*measurements, chosen)
     seen = Seen(
         frame_id=taken.frame_id,
         t_mid_utc_ns=t_mid_ns,
@@ -71,8 +74,8 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         measurements=measurements,
         absence=absence,
         field=_field(shown),
-        chosen=ruling.taken,
-        refused=ruling.refused,
+        chosen=chosen,
+        refused=refused,
     )
     after, records = follow(before, seen, follow_settings(config, taken))
     return Folded(

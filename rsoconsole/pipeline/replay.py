@@ -129,6 +129,8 @@ class _Walk:
     """Frames that a ruling has had followed again, by number."""
     open_again: tuple[Fold, list[Any]] | None = None
     """One of them whose records still come in."""
+    is_ruled: bool = False
+    """A ruling has come, and none of the frames that it has followed again."""
 
     def hear(self, record: Any) -> Iterator[ReplayedFrame]:
         """One record; gives the frame that it shows to be complete."""
@@ -144,6 +146,7 @@ class _Walk:
                 yield from self.close()
             case Ruling() | FollowedAgain():
                 yield from self.close()
+                self.is_ruled = isinstance(record, Ruling)
                 self._hear_ruling(record)
             case ParameterChange():
                 yield from self.close()
@@ -155,21 +158,27 @@ class _Walk:
             case Event():
                 if record.level == "alarm":
                     self.alarms.add(record.text)
-            case TrackState() | NotFollowed() | Miss() | StateChange() if self.open_again:
-                self.open_again[1].append(record)
-            case _ if self.open is not None:
-                self._add(self.open, record)
+            case _:
+                self._hear_of_frame(record)
 
-    def _add(self, frame: _Open, record: Any) -> None:
-        match record:
-            case Solution() | NotSolved():
-                frame.solution = record
-            case Measurement():
-                frame.measurements.append(record)
-            case Miss() if record.reason in self.alarms:
-                pass  # the loop's own, of an instrument that failed
-            case TrackState() | NotFollowed() | Miss() | StateChange():
-                frame.recorded.append(record)
+    def _hear_of_frame(self, record: Any) -> None:
+        """What was seen in a frame, or what the fold made of it."""
+        if isinstance(record, Miss) and record.reason in self.alarms:
+            return  # the loop's own, of an instrument that failed
+        if isinstance(record, StateChange) and self.is_ruled:
+            return  # what a ruling came to, in words
+        is_folds = isinstance(record, TrackState | NotFollowed | Miss | StateChange)
+        if self.open_again is not None:
+            if is_folds:
+                self.open_again[1].append(record)
+        elif self.open is None:
+            return
+        elif isinstance(record, Solution | NotSolved):
+            self.open.solution = record
+        elif isinstance(record, Measurement):
+            self.open.measurements.append(record)
+        elif is_folds:
+            self.open.recorded.append(record)
 
     def close(self) -> Iterator[ReplayedFrame]:
         """Fold the open frame, if there is one."""

@@ -10,7 +10,7 @@ from typing import Any
 from rsoconsole.config import Config
 from rsoconsole.pipeline.absence import StarHistory
 from rsoconsole.pipeline.fold import Folded, Shown, fold
-from rsoconsole.records import FollowedAgain, Ruling
+from rsoconsole.records import FollowedAgain, Measurement, Ruling
 from rsoconsole.tracking.follow import Following
 
 KEPT = 12
@@ -57,6 +57,11 @@ class Folds:
     def shown(self, frame_id: int) -> Shown:
         """What a frame showed. Raises ValueError where nothing can be said on it any more."""
         return self._folds[self._place(frame_id)].shown
+
+    def taken(self, frame_id: int) -> Measurement | None:
+        """What the track took of a frame. Raises ValueError as ``shown`` does."""
+        taken = self._folds[self._place(frame_id)].folded.following.taken
+        return taken if taken is not None and taken.frame_id == frame_id else None
 
     def newest(self) -> Shown:
         """The last frame. Raises ValueError where there is none."""

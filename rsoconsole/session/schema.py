@@ -107,9 +107,16 @@ _NOT_FOLLOWED = """
 CREATE VIEW not_followed AS SELECT seq, t_utc_ns, frame_id,
   json_extract(body, '$.measurement.ra_icrs_deg') AS ra_icrs_deg,
   json_extract(body, '$.measurement.dec_icrs_deg') AS dec_icrs_deg,
-  json_extract(body, '$.reason') AS reason
+  json_extract(body, '$.reason') AS reason, {superseded}
 FROM log WHERE kind = 'NotFollowed';
 """
+
+_SUPERSEDED = (
+    "EXISTS (SELECT 1 FROM log AS later WHERE later.kind = 'FollowedAgain'"
+    " AND later.frame_id = log.frame_id AND later.seq > log.seq) AS is_superseded"
+)
+"""Whether the operator's word has had the frame followed again: the row counts no more."""
+_FOLLOWED_AGAIN = ("track", "misses")
 
 _TIMINGS = """
 CREATE VIEW timings AS SELECT seq, t_utc_ns, frame_id, stage.key AS stage, stage.value AS ms
@@ -149,7 +156,9 @@ def create_script() -> str:
     """SQL that makes an empty session database: tables, then the public views."""
     views = [
         f"CREATE VIEW {view} AS SELECT seq, t_utc_ns, frame_id, "
-        f"{_columns(_COLUMNS_BY_VIEW[view], 'body')} FROM log WHERE kind = '{kind}';\n"
+        f"{_columns(_COLUMNS_BY_VIEW[view], 'body')}"
+        f"{', ' + _SUPERSEDED if view in _FOLLOWED_AGAIN else ''}"
+        f" FROM log WHERE kind = '{kind}';\n"
         for view, kind in _KINDS_BY_VIEW.items()
     ]
     rejected_because = ", json_extract(one.value, '$.reason') AS reason"
@@ -160,7 +169,7 @@ def create_script() -> str:
             _candidates("detections", "detections", "$.", ""),
             _candidates("rejections", "rejected", "$.detection.", rejected_because),
             _NOT_SOLVED,
-            _NOT_FOLLOWED,
+            _NOT_FOLLOWED.format(superseded=_SUPERSEDED),
             *views,
             _TIMINGS,
         ]
