@@ -36,6 +36,9 @@ ARCSEC = 1.0 / 3600.0
         "83.045833, -4.869444 ICRS",
         "5.5363889h -4.869444",
         "dec -04:52:10 ra 05:32:11",
+        "dec -4 52 10 ra 5 32 11",
+        "5 32 11 dec -4 52 10",
+        "05 32 11 –04 52 10",
     ],
 )
 def test_one_place_in_many_notations(text):
@@ -62,11 +65,57 @@ def test_altitude_and_azimuth_are_those_of_now(text):
     assert (alt, az) == pytest.approx((47.0, 201.0), abs=1e-6)
 
 
-@pytest.mark.parametrize(("text", "degrees"), [("ha -2:30 dec -5", -37.5), ("ha 20 dec -5", 20.0)])
+@pytest.mark.parametrize(
+    ("text", "degrees"),
+    [
+        ("ha -2:30 dec -5", -37.5),
+        ("ha -2.5 dec -5", -37.5),
+        ("ha –2:30 dec -5", -37.5),
+        ("dec -5 ha -2:30", -37.5),
+        ("ha 20° dec -5", 20.0),
+        ("ha .5 dec -5", 7.5),
+    ],
+)
 def test_an_hour_angle_stands_over_the_ground(text, degrees):
     found = understand(text, SITE, NOW)
     ha = hour_angle_icrs_deg(SITE, found.ra_icrs_deg, found.dec_icrs_deg, NOW)
     assert ha == pytest.approx(degrees, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "ra", "dec"),
+    [
+        ("ra 5 dec 4 52 10", 5.0, 4.869444),
+        ("5h 4d52m10s", 75.0, 4.869444),
+        ("12h 4°52'10\"", 180.0, 4.869444),
+        ("5 32 11 dec 4", 83.045833, 4.0),
+        ("83.05 .5", 83.05, 0.5),
+    ],
+)
+def test_where_the_second_angle_begins_is_seen_by_its_name_or_its_unit(text, ra, dec):
+    found = understand(text, SITE, NOW)
+    assert separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, ra, dec) < ARCSEC
+
+
+@pytest.mark.parametrize(
+    ("text", "alt", "az"),
+    [
+        ("alt 4 az 20 10 5", 4.0, 20.168056),
+        ("az 201 alt .5", 0.5, 201.0),
+        ("alt 47:30 az 201", 47.5, 201.0),
+    ],
+)
+def test_altitude_and_azimuth_with_minutes(text, alt, az):
+    found = understand(text, SITE, NOW)
+    seen = icrs_to_altaz(SITE, found.ra_icrs_deg, found.dec_icrs_deg, NOW)
+    assert seen == pytest.approx((alt, az), abs=1e-5)
+
+
+def test_a_name_may_have_digits_and_begin_with_any_letter():
+    for text in ("SDS 2-1", "D 5", "h 12 3"):
+        with pytest.raises(ValueError, match="no star known here"):
+            understand(text, SITE, NOW)
+    assert understand("Deneb", SITE, NOW).words == "Deneb, a star"
 
 
 @given(st.floats(0.0, 359.99), st.floats(-89.9, 89.9))
@@ -87,6 +136,13 @@ def test_what_the_console_writes_it_understands(ra, dec):
         ("05:32:11 +95:00:00", "between -90 and"),
         ("05:75:11 +10:00:00", "below 60"),
         ("alt -3 az 10", "below the horizon"),
+        ("83,05", "point for decimals"),
+        ("ha 2:75 dec -5", "below 60"),
+        ("ha 20 dec -5", "within 12 h"),
+        ("alt 47 az 400", "full turn"),
+        ("alt 47 dec 5", "do not go together"),
+        ("ra 5 ra 6", "more than two"),
+        ("ra 5 dec", "no value"),
         ("Rigle", "no star known here"),
         ("NOSAT 1", "catalogue.tle_files"),
     ],

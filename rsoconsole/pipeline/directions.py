@@ -13,8 +13,17 @@ import numpy as np
 
 from rsoconsole.errors import OrbitError
 from rsoconsole.orbit.elements import ElementSet, nearest_of_each, parse_elements
+from rsoconsole.pipeline.written_angles import (
+    WrittenAngle,
+    is_labelled,
+    is_marked,
+    number_of_fields,
+    plain_signs,
+    two_angles,
+    without_labels,
+)
 from rsoconsole.records import Site
-from rsoconsole.sky.angles import parse_dec_deg, parse_ra_deg, wrap_180
+from rsoconsole.sky.angles import parse_dec_deg, parse_ra_deg, parse_sexagesimal, wrap_180
 from rsoconsole.sky.frames import altaz_to_icrs, icrs_of_hour_angle, jnow_to_icrs
 from rsoconsole.sky.named_stars import NAMED_STARS
 from rsoconsole.sky.times import NS_PER_DAY
@@ -25,8 +34,6 @@ USAGE = (
 )
 _OF_DATE = re.compile(r"\b(of date|jnow|apparent)\b", re.IGNORECASE)
 _ICRS = re.compile(r"\b(j2000(\.0)?|icrs|fk5)\b", re.IGNORECASE)
-_LABEL = re.compile(r"\b(ra|dec|alt|az|ha|el)\b\s*[:=]?\s*|[αδ]\s*[:=]?\s*", re.IGNORECASE)
-_FIELD = re.compile(r"[+\-−]?\d+(?:\.\d+)?")
 _LETTERS = re.compile(r"[^\W\d_]")
 _UNITS = "hdms°'\"′″: ,\t°ᵈʰᵐˢ+-−."
 MANY_NAMES = 4
@@ -86,79 +93,62 @@ def understand(text: str, site: Site, t_utc_ns: int, names: Names | None = None)
     plain = " ".join(text.split())
     if not plain:
         raise ValueError(USAGE)
-    bare = _ICRS.sub(" ", _OF_DATE.sub(" ", plain))
-    labels = [m.group(1).lower() if m.group(1) else m.group(0)[0] for m in _LABEL.finditer(bare)]
-    values = _LABEL.sub(" ", bare)
-    if _LETTERS.search("".join(c for c in values if c.lower() not in _UNITS)):
+    bare = plain_signs(_ICRS.sub(" ", _OF_DATE.sub(" ", plain))).strip()
+    values = without_labels(bare)
+    has_words = bool(_LETTERS.search("".join(c for c in values if c.lower() not in _UNITS)))
+    is_word_first = _LETTERS.match(bare) is not None and not is_labelled(bare)
+    is_number = values == bare and bare.isdecimal()
+    if has_words or is_word_first or is_number:
         return (names or Names()).find(plain, site, t_utc_ns)
-    if not labels and values.strip().isdecimal():
-        return (names or Names()).find(plain, site, t_utc_ns)
-    first, second = _two_angles(values)
-    kinds = {"el": "alt", "α": "ra", "δ": "dec"}
-    ordered = [kinds.get(label, label) for label in labels]
-    if set(ordered) & {"alt", "az"}:
-        return _horizontal(first, second, ordered, site, t_utc_ns)
-    if "ha" in ordered:
-        hour_angle = wrap_180(_hours_deg(first))
-        dec = parse_dec_deg(second)
-        ra_icrs, dec_icrs = icrs_of_hour_angle(site, hour_angle, dec, t_utc_ns)
+    try:
+        first, second = two_angles(bare)
+    except ValueError as error:
+        raise ValueError(f"{error}: {USAGE}") from error
+    kinds = {first.kind, second.kind} - {""}
+    if kinds <= {"alt", "az"} and kinds:
+        return _horizontal(first, second, site, t_utc_ns)
+    if "ha" in kinds and kinds <= {"ha", "dec"}:
+        if second.kind == "ha" or first.kind == "dec":
+            first, second = second, first
+        hour_angle_deg, dec_deg = _hour_angle_deg(first.text), parse_dec_deg(second.text)
+        ra_icrs, dec_icrs = icrs_of_hour_angle(site, hour_angle_deg, dec_deg, t_utc_ns)
         return Understood(
             words="hour angle and declination of date", ra_icrs_deg=ra_icrs, dec_icrs_deg=dec_icrs
         )
-    if ordered and ordered[0] == "dec":
+    if not kinds <= {"ra", "dec"}:
+        raise ValueError(f"{' and '.join(sorted(kinds))} do not go together: {USAGE}")
+    if first.kind == "dec" or second.kind == "ra":
         first, second = second, first
-    ra, dec = parse_ra_deg(first), parse_dec_deg(second)
+    ra, dec = parse_ra_deg(first.text), parse_dec_deg(second.text)
     if _OF_DATE.search(plain):
         ra, dec = jnow_to_icrs(ra, dec, t_utc_ns)
         return Understood(words="RA and Dec of date", ra_icrs_deg=ra, dec_icrs_deg=dec)
-    is_degrees = len(_FIELD.findall(first)) == 1 and "h" not in first.lower()
+    is_degrees = number_of_fields(first.text) == 1 and not is_marked(first.text, "h", "ʰ")
     words = "RA and Dec, ICRS, in degrees" if is_degrees else "RA and Dec, ICRS"
     return Understood(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
 
 
-def _two_angles(values: str) -> tuple[str, str]:
-    """The two angles of a text: parted by a comma, by the second one's sign, or in halves."""
-    if values.count(",") == 1:
-        first, second = (part.strip() for part in values.split(","))
-        return first, second
-    fields = list(_FIELD.finditer(values))
-    signed = [n for n, match in enumerate(fields) if n and match.group()[0] in "+-−"]
-    if len(signed) == 1:
-        cut = signed[0]
-    elif not signed and len(fields) in {2, 4, 6}:
-        cut = len(fields) // 2
-    else:
-        raise ValueError(f"{values.strip()!r} is not two angles: {USAGE}")
-    at = fields[cut].start()
-    return values[:at].strip(), values[at:].strip()
-
-
-def _horizontal(
-    first: str, second: str, labels: list[str], site: Site, t_utc_ns: int
-) -> Understood:
-    alt_text, az_text = (second, first) if labels[0] == "az" else (first, second)
-    alt, az = parse_dec_deg(alt_text), _degrees(az_text)
+def _horizontal(first: WrittenAngle, second: WrittenAngle, site: Site, t_utc_ns: int) -> Understood:
+    is_turned = first.kind == "az" or second.kind == "alt"
+    alt_text, az_text = (second, first) if is_turned else (first, second)
+    alt, az = parse_dec_deg(alt_text.text), parse_sexagesimal(az_text.text)
     if alt < 0.0:
         raise ValueError(f"altitude {alt:g} is below the horizon")
+    if not -360.0 <= az <= 360.0:
+        raise ValueError(f"azimuth {az:g} is beyond a full turn")
     ra, dec = altaz_to_icrs(site, alt, az % 360.0, t_utc_ns)
     return Understood(
         words="altitude and azimuth, as it stands now", ra_icrs_deg=ra, dec_icrs_deg=dec
     )
 
 
-def _degrees(text: str) -> float:
-    """An angle of degrees that may go round."""
-    fields = [float(part.replace("−", "-")) for part in _FIELD.findall(text)]
-    if not 1 <= len(fields) <= 3:
-        raise ValueError(f"{text!r} is not an angle")
-    sign = -1.0 if text.strip()[0] in "-−" else 1.0
-    return sign * sum(abs(value) / 60.0**n for n, value in enumerate(fields))
-
-
-def _hours_deg(text: str) -> float:
-    """An hour angle: in hours where it has minutes or an h, else in degrees."""
-    is_hours = len(_FIELD.findall(text)) > 1 or "h" in text.lower()
-    return _degrees(text) * (15.0 if is_hours else 1.0)
+def _hour_angle_deg(text: str) -> float:
+    """An hour angle: in hours, unless it is marked as degrees."""
+    value = parse_sexagesimal(text)
+    degrees = value if is_marked(text, "°", "d") else 15.0 * value
+    if abs(degrees) > 180.0:
+        raise ValueError(f"{text!r}: an hour angle lies within 12 h; write ° behind degrees")
+    return wrap_180(degrees)
 
 
 def _satellite(elements: ElementSet, site: Site, t_utc_ns: int) -> Understood:

@@ -142,8 +142,11 @@ def position_angle_deg(
     return wrap_360(float(angle)) if np.ndim(angle) == 0 else wrap_360(np.asarray(angle))
 
 
-def _parse_sexagesimal(text: str) -> float:
-    """Value of 'a', 'a b' or 'a b c' with any usual separators, in units of the first field."""
+def parse_sexagesimal(text: str) -> float:
+    """Value of 'a', 'a b' or 'a b c' with any usual separators, in units of the first field.
+
+    Raises ValueError for anything else.
+    """
     cleaned = text.strip().replace("−", "-")
     sign = -1.0 if cleaned.startswith("-") else 1.0
     parts = [part for part in _MARKS.split(cleaned.lstrip("+-")) if part]
@@ -166,7 +169,7 @@ def parse_ra_deg(text: str) -> float:
     plain = text.strip().lower()
     is_single = len([part for part in _MARKS.split(plain.lstrip("+-")) if part]) == 1
     is_degrees = is_single and "h" not in plain
-    value = _parse_sexagesimal(text)
+    value = parse_sexagesimal(text)
     ra_deg = value if is_degrees else hours_to_deg(value)
     if not 0.0 <= ra_deg < 360.0 + 1e-12:
         raise ValueError(f"{text!r}: right ascension lies between 0 and 24 h")
@@ -178,7 +181,7 @@ def parse_dec_deg(text: str) -> float:
 
     Raises ValueError for anything else or beyond 90 deg.
     """
-    dec_deg = _parse_sexagesimal(text)
+    dec_deg = parse_sexagesimal(text)
     if abs(dec_deg) > 90.0:
         raise ValueError(f"{text!r}: declination lies between -90 and +90 deg")
     return dec_deg
