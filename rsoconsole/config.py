@@ -264,6 +264,7 @@ class CatalogueConfig(_Section):
     tle_files: tuple[Path, ...] = Field((), description="two-line element sets, as published")
 
 
+Graphics = Literal["blocks", "auto", "kitty", "sixel"]
 Alert = Literal["acquisition", "loss", "limit", "fault"]
 
 
@@ -273,7 +274,9 @@ class ConsoleConfig(_Section):
     ascii: bool | None = Field(
         None, description="letters only; null: where the terminal's encoding is not UTF-8"
     )
-
+    graphics: Graphics = Field(
+        "blocks", description="how pictures are drawn; auto: by the terminal's own graphics, if any"
+    )
     bell: tuple[Alert, ...] = Field(
         ("loss", "limit", "fault"), description="what the terminal's bell is rung for"
     )

@@ -93,7 +93,7 @@ def _add_frame(writer: SessionWriter, n: int) -> None:
         writer.append(Miss(frame_id=n, reason="no detection"), ns)
         _state(writer, n, "TRACK", "COAST", "no detection")
     if n == FIRST_MEASURED:
-        _state(writer, n, "SEARCH", "ACQUIRE", "1 detection(s), waiting for a second frame")
+        _state(writer, n, "SEARCH", "ACQUIRE", "1 detection, waiting for a second frame")
     elif n == FIRST_MEASURED + 1:
         _state(writer, n, "ACQUIRE", "TRACK", "two frames agree on one motion")
     elif n == MISSED + 1:

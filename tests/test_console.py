@@ -28,8 +28,9 @@ from rsoconsole.console.night import Night, NightView
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.plot import Column, residual_limit, residual_plot
 from rsoconsole.control import ControlClient, ControlServer, Intention, Outcome
+from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
-from rsoconsole.records import Miss, OperatorAction, Site, SlewCommand, StateChange
+from rsoconsole.records import Event, Miss, OperatorAction, Site, SlewCommand, StateChange
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
 from tests.makers import NS
@@ -210,6 +211,22 @@ def test_the_log_says_what_came_of_a_wish_first_and_leaves_out_what_says_nothing
     for line in (_asked("accepted", **direction), _asked("accepted", "hold"), plain):
         append_line(log, line)
     assert [line.text for line in log] == ["console: hold: accepted", plain.text]
+
+
+def test_nothing_that_is_written_in_the_log_reaches_the_terminal_as_a_command() -> None:
+    for record in (
+        OperatorAction(
+            verb="note", arguments={"text": "a\x1b]0;b\x07\x9b2J"}, outcome="noted", by="x"
+        ),
+        Event(level="warning", text="driver says \x1b[2J"),
+    ):
+        line = line_of(record, night.T0_UTC_NS)
+        assert line is not None
+        assert line.text.isprintable()
+    view = engine_view({"faults": ["driver says \x1b[2J"], "target": "\x9b2J"})
+    assert all(text.isprintable() for text in (*view.faults, view.target or ""))
+    outcome = read_outcome(b'{"ok": false, "message": "no: \\u001b[2J\\nwhy", "data": {}}')
+    assert outcome.message == "no:  [2J\nwhy"
 
 
 def test_a_long_line_of_the_log_goes_on_below_and_keeps_every_word() -> None:

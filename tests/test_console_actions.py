@@ -1,6 +1,7 @@
 """What each key of the seat tells the engine; every command has a key, help, and a place."""
 
 import dataclasses
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from rsoconsole.errors import ConfigError
 from rsoconsole.records import Event
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
+from tests.makers import NS
 from tests.seat_rig import FRAMES, FakeWire, pane, play, screen_text, until
 
 LARGE = (120, 40)
@@ -84,6 +86,8 @@ def test_a_keymap_gives_commands_other_keys(wire: FakeWire, tmp_path: Path):
         await until(pilot, lambda: app.screen is not app.live)
         shown = str(app.screen.query_one(Static).render())
         assert "F2" in shown.upper()
+        await pilot.press("escape")
+        assert "f2 Hold" in pane(app, "keys")
 
     play(wire, scene, keymap=keymap)
 
@@ -95,6 +99,13 @@ def test_a_keymap_gives_commands_other_keys(wire: FakeWire, tmp_path: Path):
         ('note = "g"', "g is both goto and note"),
         ("note = 3", "note needs a key as text"),
         ("note = ", "Invalid value"),
+        ('stop = "f5"', "STOP keeps its keys"),
+        ('stop_by_letter = "f6"', "STOP keeps its keys"),
+        ('unpark = "x"', "x is both"),
+        ('goto = "["', "left_square_bracket is both"),
+        ('note = "ctrl+q"', "ctrl\\+q is Leave"),
+        ('note = "enter"', "enter is for"),
+        ('note = "nosuch"', "there is no key 'nosuch'"),
     ],
 )
 def test_a_keymap_that_cannot_be_is_refused_with_the_reason(tmp_path: Path, text: str, words: str):
@@ -117,8 +128,8 @@ def test_a_keymap_that_cannot_be_is_refused_with_the_reason(tmp_path: Path, text
         ("k", {"is_tracking": True}, "track", {"on": False}),
         ("k", {"is_tracking": False}, "track", {"on": True}),
         ("b", {}, "abort", {}),
-        ("y", {}, "accept", {}),
-        ("j", {}, "reject", {}),
+        ("y", {}, "accept", {"frame": FRAMES}),
+        ("j", {}, "reject", {"frame": FRAMES}),
         ("s", {}, "seek", {}),
         ("d", {}, "choose", {"frame": FRAMES, "x": 2000.0, "y": 1500.0}),
         ("up", {}, "nudge", {"east_arcmin": 0.0, "north_arcmin": 1.0}),
@@ -276,9 +287,12 @@ def test_centring_asks_before_it_takes_the_mount_from_autonomy(wire: FakeWire):
         assert wire.verbs == []
         await pilot.press("y")
         await until(pilot, lambda: wire.verbs == ["goto"])
-        followed = app.live.picture.detail.followed
-        place = {"ra_icrs_deg": followed.ra_icrs_deg, "dec_icrs_deg": followed.dec_icrs_deg}
-        assert wire.sent[0][1] == place
+        # Where it is now: it has gone on since its last frame.
+        track = app.live.night.track
+        since_s = (app.live.engine.now_utc_ns - track.t_utc_ns) / NS
+        assert since_s > 5.0
+        now_deg = track.x[0] + track.x[1] * since_s
+        assert wire.sent[0][1]["ra_icrs_deg"] == pytest.approx(now_deg, abs=1e-6)
         wire.status |= {"holder": "operator", "state": "MANUAL"}
         await until(pilot, lambda: app.live.engine.holder == "operator")
         await pilot.press("c")
@@ -297,7 +311,8 @@ def test_a_streak_is_marked_with_arrows_and_enter(wire: FakeWire):
         drawing = app.live.query_one("#frame", FramePane).drawing
         assert drawing.px_per_square == 1.0
         await pilot.press("m")
-        assert "Leave off" in pane(app, "keys") or "mark: arrows" in pane(app, "keys")
+        assert "mark the first end" in pane(app, "keys")
+        assert "Leave off" in pane(app, "keys")
         await pilot.press("left", "left", "enter", *["right"] * 7, "down", "enter")
         await until(pilot, lambda: wire.verbs == ["mark"])
         said = wire.sent[0][1]
@@ -311,6 +326,151 @@ def test_a_streak_is_marked_with_arrows_and_enter(wire: FakeWire):
         assert app.live.marking is None
 
     play(wire, scene, LARGE)
+
+
+def test_a_mark_stays_in_its_own_frame_while_newer_ones_come(wire: FakeWire, writer: SessionWriter):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("m", "enter")
+        night.add_frames(writer, range(FRAMES + 1, FRAMES + 2))
+        night.add_previews(writer, range(FRAMES + 1, FRAMES + 2))
+        await until(pilot, lambda: app.live.picture_waiting is not None)
+        assert f"frame {FRAMES:04d}" in screen_text(app)
+        await pilot.press(*["right"] * 5)
+        assert "a newer frame waits" in pane(app, "keys")
+        await pilot.press("enter")
+        await until(pilot, lambda: wire.verbs == ["mark"])
+        assert wire.sent[0][1]["frame"] == FRAMES
+        await until(pilot, lambda: f"frame {FRAMES + 1:04d}" in screen_text(app))
+
+    play(wire, scene, LARGE)
+
+
+def test_a_mark_is_as_sure_as_the_coarser_view_of_its_two_ends(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("z", "z", "m", "enter")
+        assert app.live.marking.px_per_square == 1.0
+        await pilot.press("z")
+        square = app.live.query_one("#frame", FramePane).drawing.px_per_square
+        assert app.live.marking.px_per_square == square > 10.0
+        await pilot.press("right", "enter")
+        await until(pilot, lambda: wire.verbs == ["mark"])
+        assert wire.sent[0][1]["sigma_px"] == square
+
+    play(wire, scene, LARGE)
+
+
+def test_a_shifted_arrow_goes_further(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("m")
+        before = app.live.marking.cursor_px[0]
+        await pilot.press("shift+right", "right")
+        moved = app.live.marking.cursor_px[0] - before
+        assert moved == pytest.approx(6 * app.live.marking.px_per_square)
+
+    play(wire, scene)
+
+
+def test_a_held_arrow_sends_one_nudge_at_a_time(wire: FakeWire):
+    wire.hangs["nudge"] = threading.Event()
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press(*["up"] * 5)
+        await until(pilot, lambda: wire.verbs == ["nudge"])
+        wire.hangs["nudge"].set()
+        await until(pilot, lambda: "nudge: done" in pane(app, "keys"))
+        await pilot.press("up")
+        await until(pilot, lambda: wire.verbs == ["nudge", "nudge"])
+
+    play(wire, scene)
+
+
+def test_verdicts_tell_what_became_of_each_streak(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("v")
+        await until(pilot, lambda: app.screen is not app.live)
+        text = str(app.screen.query_one(Static).render())
+        assert "followed" in text
+        assert "at 2000, 1500" in text
+        await pilot.press("escape")
+        assert app.screen is app.live
+
+    play(wire, scene, read_only=True)
+
+
+def test_looking_beside_the_prediction_is_shown_first_then_set(wire: FakeWire):
+    wire.outcomes["preview"] = Outcome(ok=True, data=PREVIEW)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("i")
+        await until(pilot, lambda: app.screen is not app.live)
+        app.screen.query_one("#aim-lead_s", Input).value = "20"
+        said = app.screen.query_one("#told", Static)
+        await until(pilot, lambda: "12.4°, 9s" in str(said.render()))
+        assert "from the next exposure on" in str(said.render())
+        asked = {"lead_s": 20.0, "along_arcmin": 0.0, "across_arcmin": 0.0}
+        assert wire.sent[-1] == ("preview", asked)
+        await pilot.press("enter")
+        await until(pilot, lambda: wire.sent[-1][0] == "set")
+        assert wire.sent[-1][1] == {"name": "aim.lead_s", "value": 20.0}
+
+    play(wire, scene)
+
+
+def test_an_answer_without_a_preview_is_told_and_goes_nowhere(wire: FakeWire):
+    wire.outcomes["preview"] = Outcome(ok=True, data={"way_deg": 3.0})
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("g")
+        await until(pilot, lambda: app.screen is not app.live)
+        app.screen.query_one(Input).value = "83.05 -4.87"
+        said = app.screen.query_one("#understood", Static)
+        await until(pilot, lambda: "cannot be read" in str(said.render()))
+        await pilot.press("enter", "escape")
+        assert "goto" not in wire.verbs
+
+    play(wire, scene)
+
+
+def test_where_the_sky_stands_is_asked_again_when_one_goes(wire: FakeWire):
+    wire.outcomes["preview"] = Outcome(ok=True, data=PREVIEW)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("g")
+        await until(pilot, lambda: app.screen is not app.live)
+        app.screen.query_one(Input).value = "alt 47 az 201"
+        said = app.screen.query_one("#understood", Static)
+        await until(pilot, lambda: "way" in str(said.render()))
+        first = dict(wire.sent[-1][1])
+        now_ns = wire.status["now_utc_ns"] + 600 * NS
+        wire.status["now_utc_ns"] = now_ns
+        await until(pilot, lambda: app.live.engine.now_utc_ns == now_ns)
+        await pilot.press("enter")
+        await until(pilot, lambda: wire.sent[-1][0] == "goto")
+        turned = wire.sent[-1][1]["ra_icrs_deg"] - first["ra_icrs_deg"]
+        assert turned == pytest.approx(2.5, abs=0.02)
+
+    play(wire, scene)
+
+
+def test_a_cadence_shorter_than_the_exposure_is_not_taken(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("e")
+        await until(pilot, lambda: app.screen is not app.live)
+        app.screen.query_one("#exposure-exposure_s", Input).value = "60"
+        await pilot.press("enter")
+        assert "longer than the exposure" in str(app.screen.query_one("#told", Static).render())
+        assert wire.verbs == []
+
+    play(wire, scene)
 
 
 def test_esc_leaves_a_mark_off_and_arrows_nudge_again(wire: FakeWire):

@@ -7,17 +7,18 @@ import pytest
 from textual.pilot import Pilot
 
 from rsoconsole.config import Config, ConsoleConfig
-from rsoconsole.console.alerts import alerts_between, notification
+from rsoconsole.console.alerts import SOUGHT, alerts_between, notification
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.engine_view import EngineView
-from rsoconsole.console.log_lines import LogLine
+from rsoconsole.console.log_lines import line_of
 from rsoconsole.console.night import NightView
-from rsoconsole.records import StateChange
+from rsoconsole.pipeline.replay import SOUGHT_AGAIN
+from rsoconsole.records import Event, StateChange
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
 from tests.seat_rig import FRAMES, FakeWire, play, until
 
-HERE = NightView(folder=Path("night"), state="TRACK")
+HERE = NightView(folder=Path("night"), state="TRACK", is_read=True)
 ATTACHED = EngineView(reach="attached")
 
 
@@ -34,6 +35,7 @@ def alerts(before: NightView, after: NightView, engine: EngineView = ATTACHED) -
         ("COAST", "LOST", ["loss"]),
         ("TRACK", "SEARCH", ["loss"]),
         ("LOST", "SEARCH", []),
+        ("LOST", "LOST", []),
         ("TRACK", "FAULT", ["fault"]),
         ("FAULT", "FAULT", []),
         ("TRACK", "MANUAL", []),
@@ -45,13 +47,35 @@ def test_states_ring_when_they_are_entered(was, now, said):
 
 
 def test_a_limit_rings_once_and_history_never():
-    line = LogLine(t_utc_ns=1, level="alarm", text="limit: altitude 14.9 deg", frame_id=1)
-    after = dataclasses.replace(HERE, log=(line,))
+    said = Event(level="alarm", text="limit: altitude 14.9 deg; motion and tracking ended")
+    line = line_of(said, 1)
+    assert line is not None
+    line = dataclasses.replace(line, seq=1)
+    after = dataclasses.replace(HERE, log=(line,), seq=1)
     assert alerts(HERE, after) == ["limit"]
+    past = dataclasses.replace(HERE, is_read=False)
+    assert alerts(past, dataclasses.replace(after, is_read=False)) == []
+    # Another line may go at the same look: what came of a wish says that it was accepted, too.
+    full = dataclasses.replace(HERE, log=(dataclasses.replace(line, seq=1, text="x"),), seq=1)
+    instead = dataclasses.replace(HERE, log=(dataclasses.replace(line, seq=2),), seq=2)
+    assert alerts(full, instead) == ["limit"]
+    hung = line_of(Event(level="alarm", text="the loop hangs: limits are still watched"), 1)
+    assert hung is not None
+    assert alerts(HERE, dataclasses.replace(HERE, log=(dataclasses.replace(hung, seq=1),))) == []
     assert alerts(after, after) == []
     assert alerts(NightView(), dataclasses.replace(after, state="FAULT")) == []
     other = dataclasses.replace(after, folder=Path("another"))
     assert alerts(HERE, other) == []
+
+
+def test_what_the_operator_has_looked_for_again_is_no_loss():
+    assert SOUGHT == SOUGHT_AGAIN
+    change = StateChange(
+        frame_id=1, before="TRACK", after="SEARCH", reason=f"{SOUGHT_AGAIN} by operator"
+    )
+    line = line_of(change, 1)
+    assert line is not None
+    assert alerts(HERE, dataclasses.replace(HERE, state="SEARCH", log=(line,))) == []
 
 
 def test_an_engine_that_is_gone_rings():

@@ -9,7 +9,7 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.control import Intention, Outcome
 from rsoconsole.engine.seats import ASKED_S, GONE_S, Seats, SeatView
 from tests.engine_rig import desk_of, rig
-from tests.seat_rig import FakeWire, play, until
+from tests.seat_rig import FakeWire, pane, play, until
 
 ANA, BOB = "console ana@pts/1", "console bob@pts/2"
 
@@ -129,19 +129,47 @@ def test_a_refused_console_may_ask_for_the_seat(wire: FakeWire):
     play(wire, scene, seat_name="ana@pts/1")
 
 
-@pytest.mark.parametrize(("key", "gives"), [("y", True), ("escape", False)])
-def test_the_holder_is_asked_once_and_answers(wire: FakeWire, key: str, gives: bool):
+@pytest.mark.parametrize(("key", "gives"), [("ctrl+g", True), ("ctrl+k", False)])
+def test_the_holder_is_asked_in_the_alert_and_answers_by_a_key_of_its_own(
+    wire: FakeWire, key: str, gives: bool
+):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press(key)
         wire.status |= {"seat": "ana@pts/1", "seat_asked_by": "bob@pts/2"}
-        await until(pilot, lambda: app.screen is not app.live)
+        await until(pilot, lambda: "bob@pts/2 asks for the seat" in pane(app, "alert"))
+        assert app.screen is app.live
         await pilot.press(key)
         await until(pilot, lambda: wire.verbs == ["answer_seat"])
-        assert wire.sent[0][1] == {"gives": gives}
-        await pilot.pause(0.2)
-        assert app.screen is app.live
+        assert wire.sent[0][1] == {"gives": gives, "to": "bob@pts/2"}
+        wire.status |= {"seat_asked_by": None}
+        await until(pilot, lambda: not app.live.query_one("#alert").display)
 
     play(wire, scene, seat_name="ana@pts/1")
+
+
+def test_what_one_types_when_the_seat_is_asked_for_gives_nothing_away(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("n", "s", "k")
+        wire.status |= {"seat": "ana@pts/1", "seat_asked_by": "bob@pts/2"}
+        await until(pilot, lambda: app.live.asker == "bob@pts/2")
+        await pilot.press("y", "enter")
+        await until(pilot, lambda: bool(wire.sent))
+        assert wire.sent == [("note", {"text": "sky"})]
+
+    play(wire, scene, seat_name="ana@pts/1")
+
+
+def test_an_answer_is_for_whom_it_was_meant(seats: Seats, clock: Watch):
+    """Bob's wish has lapsed, Carl asks by now: a late answer to Bob gives Carl nothing."""
+    for who in ("ana", "bob", "carl"):
+        seats.refusal(f"console {who}", "status")
+    assert seats.refusal("console ana", "hold") is None
+    seats.ask("console carl")
+    with pytest.raises(ValueError, match="carl asks by now"):
+        seats.answer("console ana", gives=True, to="bob")
+    assert "carl has the seat" in seats.answer("console ana", gives=True, to="carl")
 
 
 def test_others_are_not_asked(wire: FakeWire):

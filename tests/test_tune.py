@@ -76,6 +76,28 @@ def test_what_was_applied_can_be_undone_once():
 # -- what it would have done ------------------------------------------------------------------
 
 
+def test_each_application_is_undone_by_itself_the_last_one_first():
+    tuning = Tuning()
+    tuning.see(PRESENT)
+    for name, value in (("detector.tau", 0.2), ("filter.gate_nis", 14.0)):
+        tuning.tried = {name: value}
+        assert tuning.apply() == {name: value}
+        tuning.see({**tuning.present, name: value})
+    assert tuning.undo() == {"filter.gate_nis": PRESENT["filter.gate_nis"]}
+    assert tuning.undo() == {"detector.tau": PRESENT["detector.tau"]}
+    assert tuning.undo() == {}
+
+
+def test_a_step_from_a_preset_starts_from_what_it_says():
+    tuning = Tuning()
+    tuning.see(PRESENT)
+    tuning.load({"detector.tau": 0.5})
+    tuning.step(1)
+    assert tuning.tried == {"detector.tau": 0.625}
+    tuning.step(-1)
+    assert tuning.tried == {"detector.tau": 0.5}
+
+
 def test_with_nothing_tried_the_figures_are_those_of_the_record(night):
     figures = what_if(night, CONFIG, {})
     updates = [r for r in night if isinstance(r, TrackState) and r.kind == "updated"]
@@ -170,7 +192,6 @@ def test_in_a_lower_pane_the_settings_move_so_that_the_chosen_one_is_seen(height
         assert any(text.startswith("▲") for text in texts) or row < height // 2
         assert any(text.startswith("▼") for text in texts) or row > 2
         assert "state" in texts[-2]
-
 
 
 def test_what_is_tried_is_shown_then_applied_then_undone(wire: FakeWire):

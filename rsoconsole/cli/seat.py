@@ -7,7 +7,7 @@ import typer
 
 from rsoconsole.cli import output
 from rsoconsole.cli.telescope import SocketOption
-from rsoconsole.config import Config, IndiConfig, load_config
+from rsoconsole.config import Config, Graphics, IndiConfig, load_config
 from rsoconsole.errors import ConfigError
 
 
@@ -23,22 +23,32 @@ def console(
     read_only: Annotated[
         bool, typer.Option("--read-only", help="Only look; STOP works all the same.")
     ] = False,
+    graphics: Annotated[
+        Graphics | None,
+        typer.Option(help="How pictures are drawn, if not as configured (console.graphics)."),
+    ] = None,
     socket: SocketOption = None,
 ) -> None:
     """The operator's seat: attaches to the running engine and shows its whole night.
 
     Leaving it, or losing it, changes nothing for the telescope.
 
-    Keys: x or ctrl+x STOP, a arm or disarm, h hold or resume, p park, l log,
-    q leave, F1 help. Works from 40 x 12 on, at its best from 80 x 24.
-    NO_COLOR=1 and TEXTUAL_THEME=textual-light are heeded.
+    x or ctrl+x is STOP, q leaves, F1 shows every other key, ctrl+p finds each
+    action by its name; a keymap.toml beside the configuration gives actions
+    other keys. Works from 40 x 12 on, at its best from 80 x 24; NO_COLOR=1 is
+    heeded, ctrl+t changes the colours (night: red only). Pictures are half
+    blocks; --graphics auto uses the terminal's own graphics where it has any.
 
     Example: rsoconsole console
     """
     from rsoconsole.console import run_console
 
     ending = run_console(
-        socket=socket, session=session, read_only=read_only, stop_directly=stop_past_engine
+        socket=socket,
+        session=session,
+        read_only=read_only,
+        stop_directly=stop_past_engine,
+        graphics=graphics,
     )
     if ending == "stop engine":
         output.complain("the engine stops the mount and ends")

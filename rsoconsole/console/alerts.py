@@ -5,6 +5,8 @@ from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.night import NightView
 
 FOLLOWING = {"TRACK", "COAST"}
+LIMIT, SOUGHT = "ALARM: limit:", "looked for again"
+LOOK_BACK_LINES = 6
 OSC, ST = "\x1b]", "\x1b\\"
 
 
@@ -13,22 +15,29 @@ def alerts_between(
 ) -> list[tuple[Alert, str]]:
     """What has come to pass between two looks at the same session, with words for it."""
     (night, engine), (night_now, engine_now) = before, after
-    if night.folder != night_now.folder or night.state is None:
-        return []  # another night, or the beginning of this one: it is history, not news
+    if night.folder != night_now.folder or not night.is_read:
+        return []  # another night, or its past still being read: it is history, not news
     found: list[tuple[Alert, str]] = []
     was, now = night.state, night_now.state
     if now == "TRACK" and was not in FOLLOWING:
         found.append(("acquisition", "a satellite is being followed"))
-    elif now == "LOST" or (was in FOLLOWING and now == "SEARCH"):
+    elif (now == "LOST" and was != "LOST") or (
+        was in FOLLOWING and now == "SEARCH" and not _is_sought(night_now)
+    ):
         found.append(("loss", "the satellite is lost"))
-    new_lines = night_now.log[len(night.log) :] if len(night_now.log) > len(night.log) else ()
-    if any("limit" in line.text for line in new_lines if line.level == "alarm"):
+    new_lines = [line for line in night_now.log if line.seq > night.seq]
+    if any(line.text.startswith(LIMIT) for line in new_lines if line.level == "alarm"):
         found.append(("limit", "the mount has met a limit"))
     if now == "FAULT" and was != "FAULT":
         found.append(("fault", "the engine is in FAULT"))
     elif engine_now.reach in {"gone", "silent"} and engine.reach == "attached":
         found.append(("fault", f"the engine is {engine_now.reach}"))
     return found
+
+
+def _is_sought(night: NightView) -> bool:
+    """Whether the operator has it looked for again: that is no loss that he does not know of."""
+    return any(SOUGHT in line.text for line in night.log[-LOOK_BACK_LINES:])
 
 
 def notification(words: str) -> str:

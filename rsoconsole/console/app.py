@@ -29,6 +29,7 @@ from rsoconsole.console.plain import PlainFilter
 from rsoconsole.console.watch import EngineWatch, SessionWatch, Wire
 
 if TYPE_CHECKING:
+    from rsoconsole.console.graphics import Kind
     from rsoconsole.pipeline.outlook import Outlook
 
 StopDirectly = Callable[[IndiConfig | None], tuple[bool, str]]
@@ -62,9 +63,12 @@ class ConsoleApp(App[str]):
         keymap: Mapping[str, str] | None = None,
         settings: ConsoleConfig | None = None,
         seat_name: str = "",
+        graphics: "Kind | None" = None,
     ) -> None:
-        """``keymap``: other keys for commands, by name; ``seat_name``: for the engine."""
+        """``keymap``: other keys for commands, by name; ``seat_name``: for the engine;
+        ``graphics``: the terminal's own, for the pictures."""
         super().__init__()
+        self.graphics = graphics
         self._settings = settings or ConsoleConfig()
         self._last: tuple[NightView, EngineView] = (NightView(), EngineView())
         self._own_keys = dict(keymap or {})

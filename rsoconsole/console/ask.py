@@ -1,9 +1,8 @@
 """What the operator types: where to go, how long to expose, a remark, words to look for."""
 
 import contextlib
-import time
-from collections.abc import Mapping
-from typing import Any, ClassVar, Generic
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 from textual.app import ComposeResult
 from textual.containers import VerticalScroll
@@ -11,7 +10,6 @@ from textual.widgets import Input, Static
 
 from rsoconsole.config import Config
 from rsoconsole.console.dialogs import Dialog, Result
-from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.messages import Previewed
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.words import duration_text
@@ -19,8 +17,12 @@ from rsoconsole.control import Outcome
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.sky.angles import format_dec, format_ra
 
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.directions import Understood
+
 GOTO_EXAMPLES = "05 32 11 -4 52 10 · 83.05 -4.87 of date · alt 47 az 201 · SES-10 · Rigel"
 
+UNREADABLE = "the engine's answer cannot be read: are engine and console of one version?"
 GOES = "enter goes there; you have the mount then"
 
 
@@ -41,12 +43,13 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
     def __init__(
         self,
         config: Config | None,
-        engine: EngineView,
+        now_utc_ns: Callable[[], int],
         orders: Orders,
     ) -> None:
+        """``now_utc_ns``: the frame clock, asked at every key: much goes by with the sky."""
         super().__init__()
         self._config = config or Config()
-        self._now_utc_ns = engine.now_utc_ns or time.time_ns()
+        self._now_utc_ns = now_utc_ns
         self._orders = orders
         self._names: Any = None
         self._asked = 0
@@ -71,12 +74,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
             self._tell(str(error) if event.value.strip() else "")
 
     def _ask(self, text: str) -> None:
-        from rsoconsole.pipeline.directions import Names, understand
-
-        if self._names is None:
-            self._names = Names.load(self._config.catalogue.tle_files)
-        site = self._config.site.to_site()
-        found = understand(text, site, self._now_utc_ns, self._names)
+        found = self._understood(text)
         number = self._asked
         caution = f"\ncareful: {found.caution}" if found.caution else ""
         self._tell(f"{found.words}{caution}\nasking the engine …")
@@ -90,6 +88,14 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         direction = {"ra_icrs_deg": found.ra_icrs_deg, "dec_icrs_deg": found.dec_icrs_deg}
         self._orders.send("preview", came, **direction)
 
+    def _understood(self, text: str) -> "Understood":
+        """What is meant at this instant. Raises ValueError or RsoconsoleError where none is."""
+        from rsoconsole.pipeline.directions import Names, understand
+
+        if self._names is None:
+            self._names = Names.load(self._config.catalogue.tle_files)
+        return understand(text, self._config.site.to_site(), self._now_utc_ns(), self._names)
+
     def on_previewed(self, message: Previewed) -> None:
         """What the engine says of the last thing typed."""
         if message.number != self._asked:
@@ -97,8 +103,10 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         if not message.outcome.ok:
             self._tell(f"{message.words}\n{message.outcome.message}")
             return
-        self._preview = message.outcome.data
-        self._tell("\n".join([message.words, *preview_lines(self._preview)]))
+        lines = preview_lines(message.outcome.data)
+        if lines is not None:
+            self._preview = message.outcome.data
+        self._tell("\n".join([message.words, *(lines or [UNREADABLE])]))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Go, where that has been shown and may be."""
@@ -109,14 +117,29 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         if preview.get("refused"):
             self.app.bell()
             return
-        self.dismiss((float(preview["ra_icrs_deg"]), float(preview["dec_icrs_deg"])))
+        try:
+            found = self._understood(event.value)
+        except (ValueError, RsoconsoleError) as error:
+            self._tell(str(error))
+            return
+        self.dismiss((found.ra_icrs_deg, found.dec_icrs_deg))
 
     def _tell(self, text: str) -> None:
         self.query_one("#understood", Static).update(text)
 
 
-def preview_lines(data: Mapping[str, Any], ending: str = GOES) -> list[str]:
-    """The engine's preview of a move, in lines; ``ending``: what enter does where it may be."""
+def preview_lines(data: Mapping[str, Any], ending: str = GOES) -> list[str] | None:
+    """The engine's preview of a move, in lines; None for one that is none.
+
+    ``ending``: what enter does where it may be.
+    """
+    try:
+        return _preview_lines(data, ending)
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
+def _preview_lines(data: Mapping[str, Any], ending: str) -> list[str]:
     date = format_ra(data["ra_date_deg"], 1), format_dec(data["dec_date_deg"], 0)
     icrs = format_ra(data["ra_icrs_deg"], 1), format_dec(data["dec_icrs_deg"], 0)
     after = data.get("pier_side_after")
@@ -188,6 +211,14 @@ class ExposureDialog(SettingsDialog):
         "exposure.cadence_s": "cadence, s",
     }
 
+    def _wanted(self) -> dict[str, float] | None:
+        """Both; the shutter must be open for a shorter time than from frame to frame."""
+        wanted = super()._wanted()
+        if wanted and not wanted["exposure.exposure_s"] < wanted["exposure.cadence_s"]:
+            self._tell("the cadence is from start to start: longer than the exposure")
+            return None
+        return wanted
+
 
 class AimDialog(SettingsDialog):
     """Where to look beside the prediction; where that is and what it meets, as one types."""
@@ -228,7 +259,7 @@ class AimDialog(SettingsDialog):
             self._tell(message.outcome.message)
             return
         ending = "enter looks there from the next exposure on"
-        self._tell("\n".join(preview_lines(message.outcome.data, ending)))
+        self._tell("\n".join(preview_lines(message.outcome.data, ending) or [UNREADABLE]))
 
 
 class LineDialog(FieldDialog[str | None]):

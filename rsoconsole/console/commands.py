@@ -3,13 +3,16 @@
 A keymap file (``keymap.toml`` beside the configuration) gives a command other keys by its name.
 """
 
+import contextlib
 import tomllib
+import unicodedata
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from textual.binding import Binding
+from textual.keys import Keys
 
 from rsoconsole.errors import ConfigError
 
@@ -243,6 +246,22 @@ COMMANDS: tuple[Command, ...] = (
     _command(
         "stretch", "f", "Stretch", "how light becomes grey: streaks, asinh, linear", "picture"
     ),
+    _command(
+        "give_seat",
+        "ctrl+g",
+        "Give the seat",
+        "to the console that asks for it; said nothing, it goes there after 30 s",
+        "console",
+        acts=True,
+    ),
+    _command(
+        "keep_seat",
+        "ctrl+k",
+        "Keep the seat",
+        "though another console asks for it",
+        "console",
+        acts=True,
+    ),
     _command("note", "n", "Note", "a remark into the session", "console", acts=True),
     _command("log", "l", "Log", "all of it, and back; slash filters it", "console"),
     _command("filter_log", "slash", "Filter the log", "only lines with what you type", "console"),
@@ -267,6 +286,18 @@ COMMANDS: tuple[Command, ...] = (
     ),
 )
 BY_NAME: Mapping[str, Command] = {command.name: command for command in COMMANDS}
+STOPS = ("stop", "stop_by_letter")
+"""Commands whose keys nobody changes."""
+RESERVED = {
+    "ctrl+q": "Leave, whatever else is",
+    "ctrl+c": "Leave, whatever else is",
+    "ctrl+p": "the list of commands",
+    "enter": "for what is chosen or typed",
+    "tab": "for the next field",
+    "shift+tab": "for the field before",
+}
+EXAMPLES = "g, f5, ctrl+n, slash or left_square_bracket"
+_NAMED_KEYS = {key.value for key in Keys}
 KEY_WORDS = {
     "left_square_bracket": "[",
     "right_square_bracket": "]",
@@ -331,13 +362,37 @@ def load_keymap(path: Path) -> dict[str, str]:
     wrong = [name for name, keys in table.items() if not isinstance(keys, str) or not keys.strip()]
     if wrong:
         raise ConfigError(f'{path}: {", ".join(wrong)} needs a key as text, such as "ctrl+g"')
-    keymap = {name: keys.replace(" ", "") for name, keys in table.items()}
+    kept = [name for name in STOPS if name in table]
+    if kept:
+        raise ConfigError(f"{path}: {', '.join(kept)}: STOP keeps its keys, x and ctrl+x")
+    keymap = {name: ",".join(_textual_keys(path, name, keys)) for name, keys in table.items()}
     _refuse_doubles(path, keymap)
     return keymap
 
 
+def _textual_keys(path: Path, name: str, keys: str) -> list[str]:
+    """The keys by Textual's own names for them. Raises ConfigError for one that there is not."""
+    bindings_ = Binding.make_bindings([Binding(keys.replace(" ", ""), name)])
+    found = [binding.key for binding in bindings_]
+    for key in found:
+        if key in RESERVED:
+            raise ConfigError(f"{path}: {name}: {key} is {RESERVED[key]}")
+        if not _is_key(key):
+            raise ConfigError(f"{path}: {name}: there is no key {key!r}; write it like {EXAMPLES}")
+    return found
+
+
+def _is_key(key: str) -> bool:
+    plain = key.rpartition("+")[2]
+    if len(plain) == 1 or plain in _NAMED_KEYS:
+        return True
+    with contextlib.suppress(KeyError):
+        return bool(unicodedata.lookup(plain.replace("_", " ").upper()))
+    return False
+
+
 def _refuse_doubles(path: Path, keymap: Mapping[str, str]) -> None:
-    """No key may do two things, and STOP keeps its own."""
+    """No key may do two things."""
     owners: dict[str, str] = {}
     for name, keys in _all_keys(keymap):
         for key in keys.split(","):

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from rsoconsole.control import printable
+
 Reach = Literal["unknown", "attached", "silent", "gone", "recorded"]
 
 
@@ -113,7 +115,9 @@ def _health(value: Any) -> tuple[HealthView, ...]:
     rows = value if isinstance(value, list | tuple) else ()
     return tuple(
         HealthView(
-            name=str(row.get("name", "")), ok=row.get("ok") is True, text=str(row.get("text", ""))
+            name=printable(str(row.get("name", ""))),
+            ok=row.get("ok") is True,
+            text=printable(str(row.get("text", ""))),
         )
         for row in rows
         if isinstance(row, Mapping)
@@ -121,7 +125,7 @@ def _health(value: Any) -> tuple[HealthView, ...]:
 
 
 def _text(value: Any) -> str | None:
-    return value if isinstance(value, str) and value else None
+    return printable(value) if isinstance(value, str) and value else None
 
 
 def _number(value: Any) -> float | None:
@@ -133,4 +137,4 @@ def _whole(value: Any) -> int | None:
 
 
 def _texts(value: Any) -> tuple[str, ...]:
-    return tuple(str(item) for item in value) if isinstance(value, list | tuple) else ()
+    return tuple(printable(str(v)) for v in value) if isinstance(value, list | tuple) else ()

@@ -9,7 +9,7 @@ from textual.events import Key
 
 from rsoconsole.console import panels, words
 from rsoconsole.console.ask import LineDialog
-from rsoconsole.console.commands import bindings
+from rsoconsole.console.commands import bindings, first_key
 from rsoconsole.console.dialogs import LeaveDialog
 from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.fold import Name, banner_box, fold, has_tune_of_its_own, tune_box
@@ -82,7 +82,8 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
     def on_night_seen(self, message: NightSeen) -> None:
         """The session has grown."""
         has_other_shape = self._aspect(message.picture) != self._aspect(self.picture)
-        self.night, self.picture = message.night, message.picture
+        self.night = message.night
+        self.take_picture(message.picture)
         if has_other_shape:
             self.place_panes()
         self._show_night()
@@ -95,7 +96,6 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
             # Whatever was said of it is done, or undone: the first line has it now.
             self.forget_notice()
         self.engine = message.engine
-        self.answer_for_seat()
         self._show_engine()
 
     def on_outlook_seen(self, message: OutlookSeen) -> None:
@@ -138,11 +138,20 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         self.on_known(night, engine)
         self._pane("top").show(partial(words.top_lines, night, engine))
         self._pane("facts").show(partial(fact_lines, night, engine, self.outlook))
-        alert = words.alert_text(night, engine)
+        alert = self._alert
         if bool(alert) != self._pane("alert").display:
             self.place_panes()
         self._pane("alert").show(lambda width, height: words.wrapped(f" {alert}", width, height))
         self.show_keys()
+
+    @property
+    def _alert(self) -> str:
+        """What must not be missed."""
+        give, keep = (first_key(name, self.keymap) for name in ("give_seat", "keep_seat"))
+        asker = self.asker
+        asked = f"{asker} asks for the seat: {give} gives it, {keep} keeps it" if asker else ""
+        said = words.alert_text(self.night, self.engine)
+        return " · ".join(part for part in (asked, said) if part)
 
     def show_keys(self) -> None:
         """The keys that matter now, and a word about what was just done."""
@@ -163,7 +172,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
     def place_panes(self) -> None:
         """Where each pane lies, for this terminal."""
         width, height = self.size
-        has_alert = bool(words.alert_text(self.night, self.engine))
+        has_alert = bool(self._alert)
         boxes = fold(
             width,
             height,
@@ -233,6 +242,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         """The whole field, the close-up, the close-up pixel by pixel."""
         self._sight = (self._sight + 1) % len(SIGHTS)
         self.show_picture()
+        self.mark_in_other_view()
         self.say(f"picture: {SIGHTS[self._sight]}")
 
     def action_stretch(self) -> None:

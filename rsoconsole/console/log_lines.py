@@ -5,6 +5,7 @@ from functools import singledispatch
 from typing import Any, Literal
 
 from rsoconsole.console.wish_words import wish_words, without_console
+from rsoconsole.control import printable
 from rsoconsole.records import (
     Event,
     Miss,
@@ -31,6 +32,8 @@ class LogLine:
     text: str
     kind: str = ""
     """The record's."""
+    seq: int = 0
+    """The record's number in the session, counted from 1."""
     times: int = 1
     """How many records it stands for."""
     asked: str = ""
@@ -83,13 +86,15 @@ def line_of(record: Any, t_utc_ns: int) -> LogLine | None:
     words = _words(record)
     if words is None:
         return None
+    # Control characters would reach the terminal, whoever wrote them.
+    text = printable(words[1]).replace("\n", " ")
     frame_id = getattr(record, "frame_id", None) or None
     is_action = isinstance(record, OperatorAction)
     return LogLine(
         t_utc_ns=t_utc_ns,
         frame_id=frame_id,
         level=words[0],
-        text=words[1],
+        text=text,
         kind=type(record).__name__,
         asked=f"{record.by} {wish_words(record.verb, record.arguments)}" if is_action else "",
         is_accepted=is_action and record.outcome == ACCEPTED,

@@ -21,6 +21,7 @@ from rsoconsole.records import (
     NotFollowed,
     NotSolved,
     ParameterChange,
+    Ruling,
     SlewCommand,
     Solution,
     StateChange,
@@ -67,10 +68,14 @@ class FrameDetail:
     not_followed: tuple[NotFollowed, ...] = ()
     closeup: Closeup | None = None
     """Where the piece at full resolution lies."""
+    ruling: Ruling | None = None
+    """The operator's last word on it."""
 
     @property
     def followed(self) -> Measurement | None:
         """The measurement the track took."""
+        if self.ruling is not None and self.ruling.taken is not None:
+            return self.ruling.taken
         refused = {(n.measurement.x_px, n.measurement.y_px) for n in self.not_followed}
         taken = [m for m in self.measurements if (m.x_px, m.y_px) not in refused]
         return taken[0] if self.updated is not None and taken else None
@@ -100,6 +105,10 @@ class NightView:
     is_simulated: bool = False
     config: Config | None = None
     """Of the session's engine; None where it cannot be read."""
+    seq: int = 0
+    """How many records have been taken."""
+    is_read: bool = False
+    """Whether the past has been read to its end: what comes now is news."""
     fault: str | None = None
     """Why the session cannot be read at this moment."""
     tau: float = 0.1
@@ -157,6 +166,10 @@ class Night:
         """The last frames, newest first."""
         return tuple(reversed(self._details))
 
+    def has_been_read(self) -> None:
+        """The past is known: what is taken from now on is news."""
+        self._view = replace(self._view, is_read=True)
+
     def close(self) -> None:
         """The session is closed: nothing more will come."""
         self._view = replace(self._view, is_closed=True)
@@ -164,13 +177,12 @@ class Night:
     def take(self, t_utc_ns: int, record: Any) -> None:
         """One record of the log, in order."""
         # A record that could not be written leaves an alarm at instant 0 in its place.
-        self._view = replace(
-            self._view, last_utc_ns=max(t_utc_ns, self._view.last_utc_ns or 0) or None
-        )
+        last = max(t_utc_ns, self._view.last_utc_ns or 0) or None
+        self._view = replace(self._view, last_utc_ns=last, seq=self._view.seq + 1)
         self._fold(record, t_utc_ns)
         line = line_of(record, t_utc_ns)
         if line is not None:
-            append_line(self._log, line)
+            append_line(self._log, replace(line, seq=self._view.seq))
 
     @singledispatchmethod
     def _fold(self, record: Any, t_utc_ns: int) -> None:
@@ -227,6 +239,14 @@ class Night:
         if record.frame_id in self._details:
             before = self._details[record.frame_id].not_followed
             self._detail(record.frame_id, not_followed=(*before, record))
+
+    @_fold.register
+    def _(self, record: Ruling, _t_utc_ns: int) -> None:
+        if record.frame_id in self._details:
+            # Marks before this one count no more.
+            found = self._details[record.frame_id].measurements
+            kept = tuple(m for m in found if m.source != "operator")
+            self._detail(record.frame_id, ruling=record, measurements=kept)
 
     @_fold.register
     def _(self, record: FollowedAgain, _t_utc_ns: int) -> None:

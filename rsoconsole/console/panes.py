@@ -1,17 +1,18 @@
 """The seat's widgets: they show lines and pictures that others have made; they decide nothing."""
 
 from collections.abc import Callable
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal, get_args
 
 from rich.segment import Segment
 from rich.style import Style
+from textual.app import ComposeResult
 from textual.content import Content
 from textual.events import MouseDown, MouseEvent, MouseUp, Resize
 from textual.strip import Strip
 from textual.widget import Widget
 
 from rsoconsole.console.colours import NIGHT
-from rsoconsole.console.marks import Mark, overlay
+from rsoconsole.console.marks import Kind, Mark, overlay
 from rsoconsole.console.messages import Pointed
 from rsoconsole.console.picture import (
     GREYS,
@@ -21,6 +22,7 @@ from rsoconsole.console.picture import (
     draw_closeup,
     draw_field,
     runs,
+    shares,
 )
 from rsoconsole.console.plot import Line
 from rsoconsole.console.words import fitted
@@ -78,6 +80,7 @@ class LinesPane(Widget):
         return Content("\n").join(rows)
 
 
+KINDS: tuple[Kind, ...] = get_args(Kind)
 Sight = Literal["field", "close-up", "full resolution"]
 """What of a frame is shown: all, the followed streak's surroundings, those pixel by pixel."""
 SIGHTS: tuple[Sight, ...] = ("field", "close-up", "full resolution")
@@ -119,6 +122,19 @@ class FramePane(Widget):
         self._strips: list[Strip] = []
         self._drawn: Drawing | None = None
         self._marks: tuple[Mark, ...] = ()
+        self._pixels: Any = None
+        """Shows the picture by the terminal's own graphics; None: by half blocks."""
+
+    def compose(self) -> ComposeResult:
+        """Where the terminal draws pictures itself, a place for one."""
+        graphics = getattr(self.app, "graphics", None)
+        if graphics is not None:
+            from rsoconsole.console.graphics import image_widget
+
+            self._pixels = image_widget(graphics)
+            self._pixels.styles.position = "absolute"
+            self._pixels.styles.offset = (0, 1)
+            yield self._pixels
 
     @property
     def picture(self) -> Picture | None:
@@ -182,6 +198,8 @@ class FramePane(Widget):
         """Another theme: draw in its colours."""
         super().notify_style_update()
         self._strips = []
+        if self._pixels is not None and self._picture is not None:
+            self._paint()
 
     def render_line(self, y: int) -> Strip:
         """One row of cells, made when the frame came."""
@@ -191,7 +209,35 @@ class FramePane(Widget):
 
     def _redraw(self) -> None:
         self._strips = []
+        if self._pixels is not None:
+            self._paint()
         self.refresh()
+
+    def _paint(self) -> None:
+        """The same by the terminal's own graphics."""
+        from rsoconsole.console.graphics import cell_px, painted
+
+        picture, drawing = self._picture, self.drawing
+        self._pixels.display = picture is not None and drawing is not None
+        if picture is None or drawing is None:
+            return
+        window, is_field = drawing.window, self._sight == "field"
+        marks = (*picture.marks, *self._marks)
+        self._pixels.styles.width, self._pixels.styles.height = window.columns, window.rows
+        self._pixels.image = painted(
+            shares(picture, drawing, self._stretch, is_field=is_field),
+            window,
+            tuple(m for m in marks if m.kind != "rejected" or not is_field),
+            {name: self._ink(name) for name in KINDS},
+            cell=cell_px(),
+            is_red=self.app.theme == NIGHT,
+        )
+
+    def _ink(self, kind: str) -> tuple[int, int, int]:
+        """Colour of a kind of mark: what is bright of its style."""
+        styles = self.get_component_styles(f"frame--{kind}")
+        colour = max(styles.color, styles.background, key=lambda c: c.brightness)
+        return colour.rgb
 
     def _make_strips(self) -> list[Strip]:
         width, height = self.size
@@ -230,6 +276,8 @@ class FramePane(Widget):
         window = drawing.window
         marks = overlay((*picture.marks, *self._marks), window, has_rejected=self._sight != "field")
         blank = Strip.blank(width, self.rich_style)
+        if self._pixels is not None:
+            return [blank] * rows
         return [
             self._row(runs(drawing.greys, marks, row)).adjust_cell_length(width, self.rich_style)
             for row in range(window.rows)

@@ -196,9 +196,29 @@ def _greys(light: LightImage, stretch: Stretch) -> ByteImage:
 
     A crowded field fills every square with faint stars: the fainter part of them stays dark.
     """
+    return np.asarray(np.round(_shares(light, stretch) * (GREYS - 1)), np.uint8)
+
+
+def _shares(light: LightImage, stretch: Stretch) -> LightImage:
     low, high = (float(v) for v in np.percentile(light, _PERCENT[stretch]))
     share = np.clip((light - low) / max(high - low, _LEAST_RANGE), 0.0, 1.0)
-    return np.asarray(np.round((FLOOR + (1 - FLOOR) * share) * (GREYS - 1)), np.uint8)
+    return np.asarray(FLOOR + (1 - FLOOR) * share, np.float32)
+
+
+def shares(picture: Picture, drawing: Drawing, stretch: Stretch, *, is_field: bool) -> LightImage:
+    """The same piece of the picture in its own squares, dark 0 to bright 1, (height, width)."""
+    if is_field:
+        light = picture.light if stretch == "streaks" else _light(picture.codes, stretch)
+    else:
+        assert picture.closeup is not None
+        assert picture.place is not None
+        window = drawing.window
+        x0 = round(window.x0_px + 0.5 - picture.place.x0_px)
+        y0 = round(window.y0_px + 0.5 - picture.place.y0_px)
+        rows, columns = round(window.height_px), round(window.width_px)
+        stretch = "asinh" if stretch == "streaks" else stretch
+        light = _light(picture.closeup[y0 : y0 + rows, x0 : x0 + columns], stretch)
+    return _shares(light, stretch)
 
 
 def fitted_cells(aspect: float, columns: int, rows: int) -> tuple[int, int]:

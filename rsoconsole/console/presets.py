@@ -5,10 +5,13 @@ import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
+from rsoconsole.config import Config, with_setting
 from rsoconsole.console.tune import NAMES, Value
 from rsoconsole.errors import ConfigError
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]{0,39}")
+
+NAMING = "letters, digits, blanks and . _ -"
 
 
 def load_presets(path: Path) -> dict[str, dict[str, Value]]:
@@ -23,6 +26,10 @@ def load_presets(path: Path) -> dict[str, dict[str, Value]]:
     for name, settings in table.items():
         if not isinstance(settings, dict) or not set(settings) <= set(NAMES):
             raise ConfigError(f"{path}: preset {name!r} may only set {', '.join(NAMES)}")
+        if not _NAME.fullmatch(name):
+            raise ConfigError(f"{path}: {name!r} is no name for a preset: {NAMING}")
+        for key, value in settings.items():
+            _expect_value(path, name, key, value)
         presets[name] = settings
     return presets
 
@@ -33,7 +40,7 @@ def save_preset(path: Path, name: str, settings: Mapping[str, Value | None]) -> 
     Raises ConfigError for a name that cannot be, and where the file cannot be written.
     """
     if not _NAME.fullmatch(name):
-        raise ConfigError(f"{name!r} is no name for a preset: letters, digits, blanks and . _ -")
+        raise ConfigError(f"{name!r} is no name for a preset: {NAMING}")
     presets = load_presets(path)
     presets[name] = {key: value for key, value in settings.items() if value is not None}
     lines: list[str] = []
@@ -48,6 +55,16 @@ def save_preset(path: Path, name: str, settings: Mapping[str, Value | None]) -> 
         beside.replace(path)
     except OSError as error:
         raise ConfigError(f"{path} cannot be written: {error}") from error
+
+
+def _expect_value(path: Path, preset: str, name: str, value: object) -> None:
+    """Raises ConfigError for a value that the setting cannot have."""
+    if isinstance(value, bool):
+        raise ConfigError(f"{path}: preset {preset!r}: {name} = {value} is no number")
+    try:
+        with_setting(Config(), name, value)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: preset {preset!r}: {error}") from error
 
 
 def _toml(value: Value) -> str:

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rsoconsole.config import default_config_path, load_config
+from rsoconsole.config import Graphics, default_config_path, load_config
 from rsoconsole.control import ControlClient
 from rsoconsole.errors import ControlError, RsoconsoleError
 from rsoconsole.session.reader import SessionReader
@@ -25,13 +25,15 @@ def run_console(
     read_only: bool = False,
     owns_engine: bool = False,
     stop_directly: "StopDirectly | None" = None,
+    graphics: Graphics | None = None,
 ) -> str:
     """Open the seat and stay until it is left: "quit", or "stop engine" when that was asked for.
 
     ``socket`` is the engine's, None the default one. With ``session`` that folder is shown,
     read-only, live while it grows, and no engine is asked. ``owns_engine`` proposes to stop the
     engine on leaving, and waits for one that is only starting. ``stop_directly`` stops the mount
-    where the engine does not; it is given the session's INDI settings, or None.
+    where the engine does not; it is given the session's INDI settings, or None. ``graphics``:
+    other than configured.
 
     Raises ControlError when there is no engine, ConfigError for a keymap that is none,
     SessionError when ``session`` holds none, RsoconsoleError where there is no terminal.
@@ -49,6 +51,7 @@ def run_console(
             "the console needs a terminal: 'rsoconsole status' and 'rsoconsole stop' do not"
         )
     from rsoconsole.console.app import ConsoleApp
+    from rsoconsole.console.graphics import offered
 
     name = _seat_name()
     app = ConsoleApp(
@@ -60,6 +63,7 @@ def run_console(
         keymap=keymap,
         settings=settings,
         seat_name=name,
+        graphics=offered(graphics or settings.graphics),
     )
     # Under nohup it would be ignored, and a console without a terminal would stay for ever.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)

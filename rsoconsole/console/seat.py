@@ -45,7 +45,6 @@ class Seat(Screen[None]):
         super().__init__()
         self.keymap = dict(keymap or {})
         self.seat_name = seat_name
-        self._is_asked_for_seat = False
         self.night = NightView()
         self.engine = EngineView()
         self.picture: Picture | None = None
@@ -140,23 +139,25 @@ class Seat(Screen[None]):
             ConfirmDialog("another console acts", text, yes="Ask for it", letter="y"), decided
         )
 
-    def answer_for_seat(self) -> None:
-        """Whoever asks for this seat gets an answer, where its holder gives one."""
-        asked_by = self.engine.seat_asked_by
+    @property
+    def asker(self) -> str | None:
+        """Who asks for this seat, where it is this console's to give."""
         is_ours = bool(self.seat_name) and self.engine.seat == self.seat_name
-        if asked_by is None or not is_ours:
-            self._is_asked_for_seat = False
-            return
-        if self._is_asked_for_seat:
-            return
-        self._is_asked_for_seat = True
+        return self.engine.seat_asked_by if is_ours else None
 
-        def decided(gives: bool | None) -> None:
-            if self._is_asked_for_seat:
-                self.send("answer_seat", gives=gives is True)
+    def action_give_seat(self) -> None:
+        """To whoever asks for it."""
+        self._answer_for_seat(gives=True)
 
-        text = f"{asked_by} asks for the seat, and has it in 30 s unless you keep it."
-        self.app.push_screen(ConfirmDialog("the seat", text, yes="Give it", letter="y"), decided)
+    def action_keep_seat(self) -> None:
+        """Though somebody asks for it."""
+        self._answer_for_seat(gives=False)
+
+    def _answer_for_seat(self, *, gives: bool) -> None:
+        if self.asker is None:
+            self.say("nobody asks for your seat")
+        else:
+            self.send("answer_seat", gives=gives, to=self.asker)
 
     def _ask_to_override(self, outcome: Outcome) -> None:
         given = outcome.data.get("checks")

@@ -4,6 +4,7 @@ from rsoconsole.console.marking import Marking
 from rsoconsole.console.marks import Mark
 from rsoconsole.console.messages import Pointed
 from rsoconsole.console.panes import FramePane
+from rsoconsole.console.picture import Picture
 from rsoconsole.console.seat import Seat
 from rsoconsole.console.verdicts import VerdictsDialog
 from rsoconsole.records import Detection
@@ -15,9 +16,11 @@ CLICK_PX = 60.0
 class StreakActions(Seat):
     """Follow, accept, reject, mark, seek."""
 
+    picture_waiting: Picture | None = None
+    """The newest, while a mark is made in an older one."""
     marking: Marking | None = None
     """The mark that is being made; None while none is."""
-    _chosen = -1
+    _chosen, _chosen_in = -1, -1
 
     def show_picture(self) -> None:
         """Draw the picture again; the screen that has it does."""
@@ -30,6 +33,8 @@ class StreakActions(Seat):
         if not streaks:
             self.say("the frame has no streak to follow", "warn")
             return
+        if self.picture is not None and self._chosen_in != self.picture.frame_id:
+            self._chosen, self._chosen_in = -1, self.picture.frame_id
         self._chosen = (self._chosen + 1) % len(streaks)
         self._choose(streaks[self._chosen])
 
@@ -46,12 +51,16 @@ class StreakActions(Seat):
     def action_accept(self) -> None:
         """The frame's likeliest candidate is what is followed."""
         if self.may_act():
-            self.send("accept")
+            self.send("accept", **self._frame_shown())
 
     def action_reject(self) -> None:
         """The last measurement was something else."""
         if self.may_act():
-            self.send("reject")
+            self.send("reject", **self._frame_shown())
+
+    def _frame_shown(self) -> dict[str, int]:
+        """The frame that the operator's word is on: the one on the screen."""
+        return {} if self.picture is None else {"frame": self.picture.frame_id}
 
     def action_verdicts(self) -> None:
         """Every streak of the shown frame, and what became of it."""
@@ -83,9 +92,29 @@ class StreakActions(Seat):
 
     def end_mark(self) -> None:
         """Leave off; nothing is sent."""
-        self.marking = None
-        self.show_picture()
+        self._leave_mark()
         self.say("")
+
+    def _leave_mark(self) -> None:
+        """Show again what is newest."""
+        self.marking = None
+        if self.picture_waiting is not None:
+            self.picture, self.picture_waiting = self.picture_waiting, None
+        self.show_picture()
+
+    def take_picture(self, picture: Picture | None) -> None:
+        """The newest picture; while a mark is made, its own frame stays and the newest waits."""
+        if self.marking is None or picture is None or picture.frame_id == self.marking.frame_id:
+            self.picture = picture
+        else:
+            self.picture_waiting = picture
+
+    def mark_in_other_view(self) -> None:
+        """The view has changed while a mark is made: it goes on there."""
+        drawing = self.query_one("#frame", FramePane).drawing
+        if self.marking is not None and drawing is not None:
+            self.marking.look(drawing)
+            self._show_mark()
 
     def mark_key(self, key: str) -> bool:
         """A key while a mark is made; True when it was for the mark."""
@@ -104,7 +133,7 @@ class StreakActions(Seat):
         if self.marking is not None:
             self.marking.cursor_px = (message.x_px, message.y_px)
             if (message.is_release and self.marking.is_drag()) or not message.is_release:
-                self._set_end()
+                self._set_end(message.px_per_square)
             return
         if message.is_release or not self._streaks():
             return
@@ -112,9 +141,9 @@ class StreakActions(Seat):
         if _away(near, message) <= max(CLICK_PX, 2.0 * message.px_per_square) and self.may_act():
             self._choose(near)
 
-    def _set_end(self) -> None:
+    def _set_end(self, px_per_square: float | None = None) -> None:
         assert self.marking is not None
-        ends = self.marking.set_end()
+        ends = self.marking.set_end(px_per_square)
         if ends is None:
             self._show_mark()
             return
@@ -126,15 +155,15 @@ class StreakActions(Seat):
             y_a=y_a,
             x_b=x_b,
             y_b=y_b,
-            sigma_px=max(self.marking.px_per_square, 1.0),
+            sigma_px=max(self.marking.coarsest_px, 1.0),
         )
-        self.marking = None
-        self.show_picture()
+        self._leave_mark()
 
     def _show_mark(self) -> None:
         assert self.marking is not None
         which = "first" if self.marking.first_px is None else "second"
-        self.say(f"mark the {which} end")
+        waits = ": a newer frame waits" if self.picture_waiting is not None else ""
+        self.say(f"mark the {which} end{waits}")
         self.show_picture()
 
     def mark_marks(self) -> tuple[Mark, ...]:

@@ -1,10 +1,12 @@
 """What the operator does with the telescope itself: each key is one intention, or one question."""
 
+import time
 from collections.abc import Iterable
 from typing import Any
 
 from rsoconsole.console.ask import AimDialog, ExposureDialog, GotoDialog, SettingsDialog
 from rsoconsole.console.dialogs import ConfirmDialog
+from rsoconsole.console.messages import OutcomeCame
 from rsoconsole.console.seat import Seat
 from rsoconsole.records import Solution
 from rsoconsole.sky.wcs import pixel_to_sky
@@ -22,6 +24,12 @@ class TelescopeActions(Seat):
     """Arm, hold, park, go to, nudge, expose."""
 
     step = FIRST_STEP
+    _is_nudging = False
+
+    def on_outcome_came(self, message: OutcomeCame) -> None:
+        """The next nudge may go."""
+        if message.verb == "nudge":
+            self._is_nudging = False
 
     def action_arm_or_disarm(self) -> None:
         """Whoever has the mount gives it up."""
@@ -107,8 +115,12 @@ class TelescopeActions(Seat):
             if direction is not None:
                 self.send("goto", ra_icrs_deg=direction[0], dec_icrs_deg=direction[1])
 
-        dialog = GotoDialog(self.night.config, self.engine, self.orders)
+        dialog = GotoDialog(self.night.config, self._now_utc_ns, self.orders)
         self.app.push_screen(dialog, decided)
+
+    def _now_utc_ns(self) -> int:
+        """The frame clock."""
+        return self.engine.now_utc_ns or time.time_ns()
 
     def action_nudge_up(self) -> None:
         """By the step, as the picture is turned."""
@@ -128,8 +140,10 @@ class TelescopeActions(Seat):
 
     def _nudge(self, right: float, down: float) -> None:
         """Move the telescope so that it looks that way in the picture."""
-        if not self.may_act():
+        # A key that is held down repeats: one nudge at a time, none on its way after a STOP.
+        if self._is_nudging or not self.may_act():
             return
+        self._is_nudging = True
         east, north = self._on_the_sky(right, down)
         arcmin = STEPS_ARCSEC[self.step] / 60.0
         self.send(
@@ -170,7 +184,12 @@ class TelescopeActions(Seat):
             return
         followed = detail.followed
         found = detail.detections.detections if detail.detections is not None else ()
-        if followed is not None:
+        if followed is not None and self.night.track is not None:
+            from rsoconsole.pipeline.absence import direction_at
+
+            # Where it is now: it has gone on since the frame.
+            place = direction_at(self.night.track, self._now_utc_ns())
+        elif followed is not None:
             place = followed.ra_icrs_deg, followed.dec_icrs_deg
         elif found:
             ra, dec = pixel_to_sky(detail.solution.wcs, found[0].x_px, found[0].y_px)

@@ -80,9 +80,12 @@ class Tuning:
 
     present: dict[str, Value | None] = field(default_factory=dict)
     tried: dict[str, Value] = field(default_factory=dict)
-    before: dict[str, Value] = field(default_factory=dict)
+    before: list[dict[str, Value]] = field(default_factory=list)
+    """What each application changed, the last one at the end."""
     steps: dict[str, int] = field(default_factory=dict)
-    """How many each is away from what is in force."""
+    """How many each is away from what is in force, or from what a preset said."""
+    loaded: dict[str, Value] = field(default_factory=dict)
+    """What a loaded preset said."""
     row: int = 0
 
     def see(self, present: Mapping[str, Value | None]) -> None:
@@ -90,6 +93,7 @@ class Tuning:
         self.present = dict(present)
         self.tried = {n: v for n, v in self.tried.items() if self.present.get(n) != v}
         self.steps = {n: k for n, k in self.steps.items() if n in self.tried}
+        self.loaded = {n: v for n, v in self.loaded.items() if n in self.tried}
 
     def step(self, by: int) -> None:
         """Change the chosen one."""
@@ -98,25 +102,30 @@ class Tuning:
         if present is None:
             return
         steps = self.steps.get(tunable.name, 0) + by
-        stepped = tunable.stepped(present, steps)
-        if steps == 0 or stepped == present:
+        from_preset = self.loaded.get(tunable.name)
+        stepped = tunable.stepped(present if from_preset is None else from_preset, steps)
+        if (steps == 0 and from_preset is None) or stepped == present:
             self.tried.pop(tunable.name, None)
             self.steps.pop(tunable.name, None)
         else:
             self.tried[tunable.name], self.steps[tunable.name] = stepped, steps
 
+    def load(self, preset: Mapping[str, Value]) -> None:
+        """Try what a preset says."""
+        self.tried = {n: v for n, v in preset.items() if self.present.get(n) != v}
+        self.loaded, self.steps = dict(self.tried), {}
+
     def apply(self) -> dict[str, Value]:
         """What is to be set; it can be undone."""
         wanted = dict(self.tried)
-        for name in wanted:
-            value = self.present.get(name)
-            if value is not None:
-                self.before[name] = value
+        present = {name: self.present.get(name) for name in wanted}
+        if wanted:
+            self.before.append({n: value for n, value in present.items() if value is not None})
         return wanted
 
     def undo(self) -> dict[str, Value]:
         """What is to be set so that it is as it was before the last application."""
-        wanted, self.before = self.before, {}
+        wanted = self.before.pop() if self.before else {}
         self.tried.clear()
         self.steps.clear()
         return wanted

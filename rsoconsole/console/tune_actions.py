@@ -188,8 +188,5 @@ class TuneActions(Seat):
         if name not in presets:
             self.say(f"no preset is called {name!r}: there are {', '.join(presets)}", "warn")
             return
-        present = self.tuning.present
-        self.tuning.tried = {
-            key: value for key, value in presets[name].items() if present.get(key) != value
-        }
+        self.tuning.load(presets[name])
         self._try()

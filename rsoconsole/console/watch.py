@@ -123,7 +123,9 @@ class SessionWatch:
             if time.monotonic() - shown_s > SHOW_WHILE_READING_S:
                 self._show()
                 shown_s = time.monotonic()
-        return self._seq != before or self._has_closed()
+        is_first = not self._night.view().is_read
+        self._night.has_been_read()
+        return is_first or self._seq != before or self._has_closed()
 
     def _has_closed(self) -> bool:
         assert self._reader is not None

@@ -118,7 +118,9 @@ def _reason(before: Following, after: Following, records: tuple[Record, ...], se
     if after.state == "TRACK":
         return "measured again" if before.state == "COAST" else "two frames agree on one motion"
     if after.state == "ACQUIRE":
-        return f"{len(seen.measurements)} detection(s), waiting for a second frame"
+        number = len(seen.measurements)
+        plural = "" if number == 1 else "s"
+        return f"{number} detection{plural}, waiting for a second frame"
     misses = [record for record in records if isinstance(record, Miss)]
     return misses[-1].reason if misses else seen.absence
 

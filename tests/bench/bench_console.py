@@ -4,8 +4,9 @@
 
 Run from the project's root. A made-up session of so many frames is written; the console is opened
 on it as an operator opens it, and timed from the command to its first line and to its last frame.
-Then frames come in, one each 2 s: how long a key takes until its effect is on the terminal, and what
-share of a core the program takes, idle and at work. Bytes written a second, at one frame each 10 s.
+Then frames come in, one each 2 s: how long a key takes until its effect is on the terminal, and
+what share of a core the program takes, idle and at work. Bytes written a second are taken at one
+frame each 10 s.
 Prints; ``--write`` keeps the figures in ``results/console.json``.
 """
 
