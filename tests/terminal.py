@@ -49,7 +49,7 @@ class Terminal:
         )
         os.close(slave)
         self._plain, self._half = "", ""
-        self.bytes_written = 0
+        self._chunks: list[bytes] = []
         self.has_typed = False
         self._is_over = False
         self._thread = threading.Thread(target=self._read, daemon=True)
@@ -66,6 +66,11 @@ class Terminal:
     def text(self) -> str:
         """Everything written so far, without what only moves and paints."""
         return self._plain
+
+    @property
+    def written(self) -> bytes:
+        """All of it, as it went down the line."""
+        return b"".join(self._chunks)
 
     def shows(self, *words: str, since: int = 0) -> bool:
         """Whether all of these have been written, from a length of the text on."""
@@ -102,7 +107,7 @@ class Terminal:
                 # Nobody holds the other end any more.
                 time.sleep(EVERY_S)
                 continue
-            self.bytes_written += len(chunk)
+            self._chunks.append(chunk)
             decoded += chunk
             with contextlib.suppress(UnicodeDecodeError):
                 self._take(decoded.decode())

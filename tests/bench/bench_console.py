@@ -87,9 +87,9 @@ def at_work(folder: Path, writer: SessionWriter, frames: int, seconds: float) ->
             busy_share = _share(pid, seconds)
             latencies = [_key_s(terminal, turn) for turn in range(KEYS)]
         with coming(writer, last(), every_s=10.0):
-            bytes_before, began = terminal.bytes_written, time.monotonic()
+            bytes_before, began = len(terminal.written), time.monotonic()
             time.sleep(60.0)
-            a_second = (terminal.bytes_written - bytes_before) / (time.monotonic() - began)
+            a_second = (len(terminal.written) - bytes_before) / (time.monotonic() - began)
     return {
         "key_ms": median(latencies) * 1e3,
         "key_largest_ms": max(latencies) * 1e3,
