@@ -37,6 +37,7 @@ class StillClock:
 
     def __init__(self) -> None:
         self.t_utc_ns = T0_UTC_NS
+        self.step_s = 0.0
 
     def now_utc_ns(self) -> int:
         return self.t_utc_ns
@@ -47,6 +48,11 @@ class StillClock:
 
     def wake(self) -> None:
         pass
+
+    def take_step_s(self) -> float:
+        """What a test has set it by, once."""
+        step_s, self.step_s = self.step_s, 0.0
+        return step_s
 
 
 class PlainMount:

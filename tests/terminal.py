@@ -20,8 +20,8 @@ _OWN_TERMINAL = (
     "import fcntl, os, sys, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); "
     "os.execvp(sys.argv[1], sys.argv[1:])"
 )
-_ESCAPES = re.compile(
-    r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)|[P_^][^\x1b]*\x1b\\|.)"
+_ESCAPE = re.compile(
+    r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)|[P_^][^\x1b]*\x1b\\|[^\[\]P_^])"
 )
 EVERY_S = 0.02
 
@@ -115,7 +115,12 @@ class Terminal:
 
     def _take(self, written: str) -> None:
         """Add what was written to the text; a sequence cut in two waits for its other half."""
-        plain = _ESCAPES.sub("", self._half + written)
-        at = plain.rfind("\x1b")
-        self._half = plain[at:] if at >= 0 else ""
-        self._plain += plain[:at] if at >= 0 else plain
+        pending, kept, at = self._half + written, "", 0
+        while (begin := pending.find("\x1b", at)) >= 0:
+            kept += pending[at:begin]
+            whole = _ESCAPE.match(pending, begin)
+            if whole is None:
+                self._plain, self._half = self._plain + kept, pending[begin:]
+                return
+            at = whole.end()
+        self._plain, self._half = self._plain + kept + pending[at:], ""

@@ -169,6 +169,21 @@ def test_an_observatory_that_is_gone_ends_the_run_and_not_the_memory():
     assert len(r.memory.records) < 50
 
 
+def test_a_clock_that_somebody_sets_is_an_alarm_and_the_loop_goes_on_by_the_new_time():
+    r = rig(set(range(1, 30)))
+    r.engine.arm()
+    r.engine.run(frames=5)
+    r.clock.step_s = -300.0
+    r.clock.t_utc_ns -= 300 * NS
+    r.engine.run(frames=8)
+    assert any("set the clock by -300.0 s" in event.text for event in r.memory.of(Event))
+    starts = {f.frame_id: f.t_start_utc_ns for f in r.memory.of(FrameTaken)}
+    assert starts[8] < starts[5]
+    assert r.engine.charge.state != "FAULT"
+    health = desk_of(r).handle(Intention(verb="status")).data["health"]
+    assert any("set by -300.0 s" in each["text"] for each in health)
+
+
 def test_what_nobody_foresaw_stops_the_mount_and_is_a_fault():
     r = rig(set())
 

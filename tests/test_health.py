@@ -97,3 +97,11 @@ def test_what_was_read_is_told_again_for_a_while(tmp_path, monkeypatch):
     first = meter.read(report())
     assert meter.read(report(25.0))[1:] == first[1:]
     assert meter.read(report(25.0))[0].ok is False
+
+
+def test_a_clock_that_was_set_is_said_for_a_while(tmp_path: Path):
+    meter = HealthMeter(Config, StandingClock(), tmp_path)
+    now_ns = StandingClock().now_utc_ns()
+    said = [each for each in meter.read(None, (now_ns - 60 * NS, -5.0)) if "set by" in each.text]
+    assert [(each.ok, each.text) for each in said] == [(False, "set by -5.0 s")]
+    assert not any("set by" in h.text for h in meter.read(None, (now_ns - 3600 * NS, -5.0)))

@@ -4,8 +4,10 @@ The demo's own engine and observatory, with clouds that come and go; the operato
 streak by hand, tunes, nudges, hands back, loses the line, comes back, stops, parks and leaves.
 """
 
+import contextlib
 import os
 import re
+import signal
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.console.tune import NAMES
 from rsoconsole.control import ControlClient
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.records import Measurement, OperatorAction, ParameterChange, Ruling, StateChange
@@ -39,9 +42,6 @@ def house(tmp_path: Path) -> Iterator[dict[str, str]]:
         "RSOCONSOLE_CONFIG": str(tmp_path / "config.toml"),
     }
     yield environment
-    import contextlib
-    import signal
-
     mark = f"XDG_RUNTIME_DIR={run}".encode()
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit() and int(entry.name) != os.getpid():
@@ -50,7 +50,7 @@ def house(tmp_path: Path) -> Iterator[dict[str, str]]:
                     os.kill(int(entry.name), signal.SIGKILL)
 
 
-def wait_for(is_so: Callable[[], Any], what: str) -> Any:
+def wait_for(is_so: Callable[[], Any], what: str, seat: Terminal | None = None) -> Any:
     ends_s = time.monotonic() + PATIENCE_S
     while True:
         try:
@@ -59,7 +59,8 @@ def wait_for(is_so: Callable[[], Any], what: str) -> Any:
             found = None
         if found:
             return found
-        assert time.monotonic() < ends_s, f"there was no sign of: {what}"
+        seen = "" if seat is None else seat.text[-3000:]
+        assert time.monotonic() < ends_s, f"there was no sign of: {what}; {seen}"
         time.sleep(0.05)
 
 
@@ -76,14 +77,14 @@ def test_a_night_at_the_console(tmp_path: Path, house: dict[str, str]):
     demo = [*COMMAND, "demo", "--scenario", "cloud-bank", "--speed", SPEED]
     with Terminal([*demo, "--session", str(session)], house, SIZE) as seat:
         # Cold start; the demo arms itself: take it back, and arm by hand.
-        wait_for(lambda: seat.shows("AUTO has the mount"), "an armed engine")
+        wait_for(lambda: seat.shows("AUTO has the mount"), "an armed engine", seat)
         seat.press("a")
-        wait_for(lambda: seat.shows("nobody has the mount"), "a disarmed engine")
+        wait_for(lambda: seat.shows("nobody has the mount"), "a disarmed engine", seat)
         seat.press("a")
-        wait_for(lambda: status()["holder"] == "autonomy", "an armed engine again")
+        wait_for(lambda: status()["holder"] == "autonomy", "an armed engine again", seat)
         # Acquire.
-        wait_for(lambda: status()["state"] == "TRACK", "a track")
-        wait_for(lambda: seat.shows("close-up"), "a close-up")
+        wait_for(lambda: status()["state"] == "TRACK", "a track", seat)
+        wait_for(lambda: seat.shows("close-up"), "a close-up", seat)
         # A mark by hand in the middle of the close-up, where the satellite is.
         seat.press("zz")
         time.sleep(0.5)
@@ -100,12 +101,12 @@ def test_a_night_at_the_console(tmp_path: Path, house: dict[str, str]):
         assert any(m.source == "operator" for m in records(Measurement))
         # Tune R, with its effect shown first.
         seat.press("t")
-        wait_for(lambda: seat.shows("as it was"), "the tuning pane")
-        for _ in range(5):
+        wait_for(lambda: seat.shows("as it was"), "the tuning pane", seat)
+        for _ in range(NAMES.index("filter.r_multiplier")):
             seat.press("\x1b[B")
             time.sleep(0.05)
         seat.press("\x1b[C")
-        wait_for(lambda: seat.shows("→ 1.25"), "what is tried")
+        wait_for(lambda: seat.shows("→ 1.25"), "what is tried", seat)
         seat.press("\r")
         change = wait_for(
             lambda: [c for c in records(ParameterChange) if c.name == "filter.r_multiplier"],
@@ -113,33 +114,38 @@ def test_a_night_at_the_console(tmp_path: Path, house: dict[str, str]):
         )[0]
         assert (change.before, change.after) == (1.0, 1.25)
         seat.press("t")
+        time.sleep(0.3)
         # Nudge, and hand back.
         seat.press("\x1b[A")
-        wait_for(lambda: status()["holder"] == "operator", "the mount in the operator's hands")
+        wait_for(
+            lambda: seat.shows("YOU have the mount"), "the mount in the operator's hands", seat
+        )
         seat.press("h")
-        wait_for(lambda: status()["holder"] == "autonomy", "the mount back in autonomy's hands")
-        wait_for(lambda: "cloud" in _misses(records), "a cloud")
+        wait_for(
+            lambda: status()["holder"] == "autonomy", "the mount back in autonomy's hands", seat
+        )
+        wait_for(lambda: "cloud" in _misses(records), "a cloud", seat)
         frames = status()["frame"]
         # The line is lost.
         seat.hang_up()
-        wait_for(lambda: seat.process.poll() is not None, "the console's end")
+        wait_for(lambda: seat.process.poll() is not None, "the console's end", seat)
     wait_for(lambda: status()["frame"] > frames, "frames without a console")
     with Terminal([*COMMAND, "console"], house, SIZE) as seat:
-        wait_for(lambda: seat.shows("the mount", "STOP"), "the seat again")
-        wait_for(lambda: re.search(r"frame 0*\d+", seat.text), "a picture")
+        wait_for(lambda: seat.shows("the mount", "STOP"), "the seat again", seat)
+        wait_for(lambda: re.search(r"frame 0*\d+", seat.text), "a picture", seat)
         seat.press("x")
-        wait_for(lambda: seat.shows("motion ended"), "a stop")
-        wait_for(lambda: status()["holder"] == "nobody", "a disarmed engine")
+        wait_for(lambda: seat.shows("motion ended"), "a stop", seat)
+        wait_for(lambda: status()["holder"] == "nobody", "a disarmed engine", seat)
         seat.press("\x1b")
         time.sleep(0.3)
         seat.press("p")
         time.sleep(0.3)
         seat.press("y")
-        wait_for(lambda: status()["is_parked"], "a parked mount")
+        wait_for(lambda: status()["is_parked"], "a parked mount", seat)
         seat.press("q")
         time.sleep(0.3)
         seat.press("s")
-        wait_for(lambda: seat.process.poll() is not None, "the console's end")
+        wait_for(lambda: seat.process.poll() is not None, "the console's end", seat)
     wait_for(lambda: SessionReader(session).about().get("is_closed") is True, "a closed session")
     verbs = [action.verb for action in records(OperatorAction)]
     for verb in ("disarm", "arm", "mark", "set", "nudge", "resume", "stop", "park", "shutdown"):

@@ -3,7 +3,10 @@
 import asyncio
 import contextlib
 import locale
+import logging
 import os
+import signal
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -28,6 +31,8 @@ from rsoconsole.console.picture import Picture
 from rsoconsole.console.plain import PlainFilter
 from rsoconsole.console.watch import EngineWatch, SessionWatch, Wire
 
+log = logging.getLogger(__name__)
+
 if TYPE_CHECKING:
     from rsoconsole.console.graphics import Kind
     from rsoconsole.pipeline.outlook import Outlook
@@ -37,8 +42,17 @@ StopDirectly = Callable[[IndiConfig | None], tuple[bool, str]]
 
 
 def is_utf8() -> bool:
-    """Whether the terminal takes more than letters, by the locale's word."""
-    return locale.getpreferredencoding(do_setlocale=False).upper().replace("-", "") == "UTF8"
+    """Whether the terminal takes more than letters, by the locale's word.
+
+    In the locale C, Python writes UTF-8 all the same: what the user has said counts.
+    """
+    said = next((os.environ[n] for n in ("LC_ALL", "LC_CTYPE", "LANG") if os.environ.get(n)), "")
+    if said in {"C", "POSIX"}:
+        return False
+    # Textual writes to stderr.
+    stream = sys.__stderr__
+    encoding = stream.encoding if stream is not None else locale.getpreferredencoding(False)
+    return encoding.upper().replace("-", "") == "UTF8"
 
 
 class ConsoleApp(App[str]):
@@ -104,6 +118,8 @@ class ConsoleApp(App[str]):
         if wants_ascii:
             self._filters.append(PlainFilter())
         self._loop_of_app = asyncio.get_running_loop()
+        with contextlib.suppress(RuntimeError, ValueError):  # not in the main thread
+            self._loop_of_app.add_signal_handler(signal.SIGTERM, self.exit, "quit")
         for theme in THEMES:
             self.register_theme(theme)
         if "TEXTUAL_THEME" not in os.environ:
@@ -139,6 +155,17 @@ class ConsoleApp(App[str]):
             owner = self if command.is_everywhere else self.live
             action = getattr(owner, f"action_{command.name}")
             yield SystemCommand(command.title, command.help, action)
+
+    @property
+    def failure(self) -> Exception | None:
+        """What the console broke of; None as a rule."""
+        return self._exception
+
+    def _fatal_error(self) -> None:
+        """The terminal is given back; who has opened the console says what went wrong."""
+        log.error("the console broke", exc_info=self._exception)
+        self.bell()
+        self._close_messages_no_wait()
 
     async def action_quit(self) -> None:
         """Never without asking."""

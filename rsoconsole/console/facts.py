@@ -69,8 +69,11 @@ def fact_lines(
         }
         return _blocks(titled, width, rows)
     if rows >= GROUPS_ROWS and width >= WIDE_COLUMNS:
+        margins = _margin_items(outlook)
+        if margins:
+            margins[0] = (f"limits: {margins[0][0]}", margins[0][1])
         groups = [
-            [*place, *_margin_items(outlook)],
+            [*place, *margins],
             [*motion, *schedule],
             ahead or _margin_items(outlook),
             cycle,

@@ -136,7 +136,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
     def _show_engine(self) -> None:
         night, engine = self.night, self.engine
         self.on_known(night, engine)
-        self._pane("top").show(partial(words.top_lines, night, engine))
+        self._pane("top").show(partial(words.top_lines, night, engine, self.read_only))
         self._pane("facts").show(partial(fact_lines, night, engine, self.outlook))
         alert = self._alert
         if bool(alert) != self._pane("alert").display:

@@ -46,10 +46,7 @@ def run_console(
         SessionReader(session)
     elif not owns_engine:
         _expect_engine(socket)
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise RsoconsoleError(
-            "the console needs a terminal: 'rsoconsole status' and 'rsoconsole stop' do not"
-        )
+    _expect_terminal()
     from rsoconsole.console.app import ConsoleApp
     from rsoconsole.console.graphics import offered
 
@@ -67,7 +64,23 @@ def run_console(
     )
     # Under nohup it would be ignored, and a console without a terminal would stay for ever.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    return app.run() or "quit"
+    ending = app.run()
+    if app.failure is not None:
+        raise app.failure
+    return ending or "quit"
+
+
+def _expect_terminal() -> None:
+    """Raises RsoconsoleError where nothing can be drawn; Textual draws on stderr."""
+    without = "'rsoconsole status' and 'rsoconsole stop' work without one"
+    if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
+        raise RsoconsoleError(
+            f"the console needs a terminal for input, output and errors: {without}"
+        )
+    if os.environ.get("TERM", "") in {"dumb", "unknown"}:
+        raise RsoconsoleError(
+            f"a terminal of type {os.environ['TERM']!r} can draw no screen: {without}"
+        )
 
 
 def _seat_name() -> str:

@@ -95,7 +95,7 @@ class Seat(Screen[None]):
     def may_act(self) -> bool:
         """The same; says why not."""
         if self.read_only:
-            self.say("this seat only looks: 'rsoconsole console' without --read-only may act")
+            self.say("read only: this seat only looks, but for STOP")
         elif not self.engine.is_attached:
             self.say("no engine answers: 'rsoconsole engine' starts one")
         return self.can_act

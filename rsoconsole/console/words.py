@@ -59,8 +59,13 @@ def present_utc_ns(night: NightView, engine: EngineView) -> int | None:
     return max(engine.since_utc_ns or 0, night.last_utc_ns or 0) or None
 
 
-def top_lines(night: NightView, engine: EngineView, width: int, rows: int) -> list[Line]:
-    """State and since when, who holds the mount, the target, the frame clock."""
+def top_lines(
+    night: NightView, engine: EngineView, only_looks: bool, width: int, rows: int
+) -> list[Line]:
+    """State and since when, who holds the mount, the target, the frame clock.
+
+    ``only_looks``: this seat may do nothing but STOP.
+    """
     now = present_utc_ns(night, engine)
     state_words, holder = _state_words(night, engine, now)
     target = engine.target or ""
@@ -69,8 +74,12 @@ def top_lines(night: NightView, engine: EngineView, width: int, rows: int) -> li
     if not target and is_followed:
         target = "unidentified"
     target_words = (f"target {target}" if target else "no target", "" if target else "dim")
+    if engine.reach in {"gone", "silent"}:
+        target_words = ("", "")
     clock = f"{clock_text(now)} "
     gap = ("  ", "")
+    if only_looks and engine.is_attached:
+        holder = (f"{holder[0]} (read only)", holder[1])
     if rows <= 1:
         left: Line = [(" ", ""), state_words, gap, holder, gap, target_words]  # type: ignore[list-item]
         return [justified(left, clock, width)]
@@ -86,8 +95,9 @@ def _state_words(
         return ("waiting for the engine to start", "title"), ("", "")
     if engine.reach in {"gone", "silent"}:
         word = "ENGINE GONE" if engine.reach == "gone" else "ENGINE SILENT"
-        was = f"was {night.state}" if night.state else "nothing seen of it"
-        return (f"{word} at {clock_text(engine.since_utc_ns or now)}", "alarm"), (was, "title")
+        last = engine.state or night.state
+        was = f"was {last}" if last else "nothing seen of it"
+        return (f"{word} since {clock_text(engine.since_utc_ns or now)}", "alarm"), (was, "title")
     if engine.reach == "recorded":
         kind = "RECORDED" if night.is_closed else "NO ENGINE ASKED"
         return (f"{kind}: {night.state or 'no state'}", "title"), ("read only", "dim")

@@ -115,7 +115,9 @@ class Desk:
         data: dict[str, Any] = {**dataclasses.asdict(status), "target": None}
         data["faults"] = [*status.faults, *self._record_faults()]
         report = self._engine.watch.last_report
-        data["health"] = [dataclasses.asdict(each) for each in self._health.read(report)]
+        data["health"] = [
+            dataclasses.asdict(each) for each in self._health.read(report, self._engine.clock_set)
+        ]
         data["alt"] = data["az"] = None
         seat = self._seats.view()
         data["seat"] = None if seat.holder is None else name_of(seat.holder)

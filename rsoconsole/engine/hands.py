@@ -38,6 +38,8 @@ class Hands:
         self._is_wanted = is_wanted
         self.on_tick: Callable[[], None] = lambda: None
         """Called at every step of a wait, at least once a second."""
+        self.on_clock_set: Callable[[float], None] = lambda _step_s: None
+        """Called when somebody has set the machine's clock, by so many seconds."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -53,7 +55,11 @@ class Hands:
         return self.instruments.clock.now_utc_ns()
 
     def wait_until(self, t_utc_ns: int) -> None:
-        """Let time pass in steps of at most a second. Raises Interrupted."""
+        """Let time pass in steps of at most a second.
+
+        Raises Interrupted; also when somebody sets the clock meanwhile: the instant waited for is
+        then another one, and the times of what is under way are worth nothing.
+        """
         clock = self.instruments.clock
         while True:
             self.heed()
@@ -61,6 +67,10 @@ class Hands:
             if now_ns >= t_utc_ns:
                 return
             clock.wait_until(min(t_utc_ns, now_ns + NS))
+            step_s = clock.take_step_s()
+            if step_s:
+                self.on_clock_set(step_s)
+                raise Interrupted
             self.on_tick()
 
     def mount_report(self) -> MountReport:

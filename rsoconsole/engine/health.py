@@ -17,6 +17,8 @@ SILENT_S = 10.0
 HOT_C = 80.0
 """A Raspberry Pi slows itself down from here on."""
 LOW_HOURS = 4.0
+SAID_S = 900.0
+"""For so long it is said that somebody has set the clock."""
 _THERMAL = Path("/sys/class/thermal/thermal_zone0/temp")
 
 
@@ -42,8 +44,22 @@ class HealthMeter:
         self._read_s = -HOLDS_S
         self._readings: tuple[Health, ...] = ()
 
-    def read(self, report: MountReport | None) -> tuple[Health, ...]:
-        """Mount, clock, disk, temperature; what cannot be read is left out."""
+    def read(
+        self, report: MountReport | None, clock_set: tuple[int, float] | None = None
+    ) -> tuple[Health, ...]:
+        """Mount, clock, disk, temperature; what cannot be read is left out.
+
+        ``clock_set``: when somebody last set the machine's clock, and by how many seconds.
+        """
+        if clock_set is not None:
+            since_s = (self._clock.now_utc_ns() - clock_set[0]) / 1e9
+            if 0.0 <= since_s < SAID_S:
+                text = f"set by {clock_set[1]:+.1f} s"
+                others = (each for each in self._all(report) if each.name != "clock")
+                return (*others, Health(name="clock", ok=False, text=text))
+        return self._all(report)
+
+    def _all(self, report: MountReport | None) -> tuple[Health, ...]:
         now_s = time.monotonic()
         if now_s - self._read_s >= HOLDS_S:
             self._read_s = now_s

@@ -21,6 +21,7 @@ from rsoconsole.engine.states import (
     BY_OPERATOR,
     Armed,
     Charge,
+    ClockSet,
     Disarmed,
     Failed,
     Followed,
@@ -102,6 +103,9 @@ class Engine:
         self.temporary = Temporary()
         """Settings that hold for some frames only."""
         hands.on_tick = self.watch.hear_loop
+        hands.on_clock_set = self._hear_clock_set
+        self.clock_set: tuple[int, float] | None = None
+        """When somebody last set the machine's clock, and by how many seconds."""
 
     @property
     def frame_id(self) -> int:
@@ -408,6 +412,15 @@ class Engine:
         if self._on_cycle is not None:
             self._on_cycle(self, result.reduction)
         return result.reduction
+
+    def _hear_clock_set(self, step_s: float) -> None:
+        self.clock_set = (self.hands.now_utc_ns(), step_s)
+        self.chronicle.say(
+            "alarm",
+            f"somebody has set the clock by {step_s:+.1f} s: what was under way is given up, and"
+            " times on record before this are off by as much",
+        )
+        self.happen(ClockSet(step_s=step_s))
 
     def _check_pointing(self, reduction: Reduction) -> None:
         """The first frame after arming must agree with where the mount says it looks."""

@@ -211,10 +211,11 @@ class Planner:
         return Plan(t_start_utc_ns=t_start_ns, t_mid_utc_ns=t_mid_ns, slew=slew)
 
     def _earliest_ns(self, now_utc_ns: int) -> int:
-        if self._last_start_utc_ns is None:
-            return now_utc_ns
+        last = self._last_start_utc_ns
+        if last is None or last > now_utc_ns:
+            return now_utc_ns  # the first one, or somebody has set the clock back
         cadence_ns = round(self._config.exposure.cadence_s * NS)
-        return max(now_utc_ns, self._last_start_utc_ns + cadence_ns)
+        return max(now_utc_ns, last + cadence_ns)
 
     def _t_mid_ns(self, t_start_ns: int) -> int:
         exposure = self._config.exposure

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from typing import Any, Literal
 
-from rsoconsole.pipeline.replay import LIMIT_MET, SOUGHT_AGAIN
+from rsoconsole.pipeline.replay import CLOCK_SET, LIMIT_MET, SOUGHT_AGAIN
 from rsoconsole.records import LoopState
 from rsoconsole.tracking.follow import Following
 
@@ -138,6 +138,13 @@ class LimitMet:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ClockSet:
+    """Somebody has set the machine's clock."""
+
+    step_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NightEnded:
     """Dawn, weather or dome: the sky is not for telescopes any more."""
 
@@ -163,6 +170,7 @@ Happening = (
     | Followed
     | Failed
     | LimitMet
+    | ClockSet
     | NightEnded
     | NotPointing
 )
@@ -288,6 +296,16 @@ def _(happening: LimitMet, charge: Charge) -> Step:
     after = replace(charge, following=Following(state="SEARCH"), failures=failures)
     actions: tuple[Action, ...] = ("search home", "forget plate")
     return Step(charge=after, actions=actions, reason=f"{LIMIT_MET}: {happening.words}")
+
+
+@_step.register
+def _(happening: ClockSet, charge: Charge) -> Step:
+    # A track lives by its times, and those before this are wrong; what was seen is still near.
+    if not charge.is_autonomous:
+        return Step(charge=replace(charge, suspended=None))
+    after = replace(charge, following=Following(state="SEARCH"))
+    actions: tuple[Action, ...] = ("start search", "forget plate")
+    return Step(charge=after, actions=actions, reason=f"{CLOCK_SET} by {happening.step_s:+.1f} s")
 
 
 @_step.register

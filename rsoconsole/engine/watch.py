@@ -221,7 +221,7 @@ class Watch:
         if (
             last is not None
             and last.pier_side == report.pier_side
-            and report.t_utc_ns - last.t_utc_ns < FORECAST_HOLDS_NS
+            and 0 <= report.t_utc_ns - last.t_utc_ns < FORECAST_HOLDS_NS
             and separation_deg(
                 last.ra_icrs_deg, last.dec_icrs_deg, report.ra_icrs_deg, report.dec_icrs_deg
             )

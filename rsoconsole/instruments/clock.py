@@ -10,6 +10,7 @@ from rsoconsole.instruments.indi_wire import IndiVector, IndiWire
 CLOCK_DEVICE = "Simulated Clock"
 _NS = 1_000_000_000
 _WAKE_EVERY_S = 0.05
+LEAST_STEP_S = 0.2
 
 
 class SystemClock:
@@ -19,10 +20,21 @@ class SystemClock:
 
     def __init__(self) -> None:
         self._wake = threading.Event()
+        self._offset_ns = _offset_ns()
 
     def now_utc_ns(self) -> int:
         """The present instant."""
         return time.time_ns()
+
+    def take_step_s(self) -> float:
+        """By how much somebody has set the clock since this was last asked; 0 where nobody has.
+
+        A clock that is only drawn in to the true time is not set: it moves by less than a
+        thousandth of a second in a second.
+        """
+        before, self._offset_ns = self._offset_ns, _offset_ns()
+        step_s = (self._offset_ns - before) / _NS
+        return step_s if abs(step_s) > LEAST_STEP_S else 0.0
 
     def wait_until(self, t_utc_ns: int) -> bool:
         """Sleep until then; False when ``wake`` cut it short."""
@@ -37,6 +49,11 @@ class SystemClock:
 
     def close(self) -> None:
         """Nothing to release."""
+
+
+def _offset_ns() -> int:
+    """Of the clock that may be set against the one that may not."""
+    return time.time_ns() - time.monotonic_ns()
 
 
 class SimulatedClock:
@@ -68,6 +85,11 @@ class SimulatedClock:
     def now_utc_ns(self) -> int:
         """The instant the observatory stands at (while waiting: stood at)."""
         return self._now_utc_ns
+
+    @staticmethod
+    def take_step_s() -> float:
+        """Nobody sets this one."""
+        return 0.0
 
     def wait_until(self, t_utc_ns: int) -> bool:
         """Have the observatory live until then; False when ``wake`` cut it short."""

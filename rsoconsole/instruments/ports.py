@@ -99,6 +99,9 @@ class Clock(Protocol):
     def wake(self) -> None:
         """End a wait that is in progress (from any thread); without one, the next wait."""
 
+    def take_step_s(self) -> float:
+        """By how much somebody has set the clock since this was last asked; 0: nobody has."""
+
 
 class MountPort(Protocol):
     """A telescope mount."""

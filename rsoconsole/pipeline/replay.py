@@ -39,8 +39,8 @@ from rsoconsole.tracking.follow import Following
 TAU = "detector.tau"
 FOLDED: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))
 """States in which a frame is folded into what is followed."""
-LIMIT_MET, SOUGHT_AGAIN = "limit met", "looked for again"
-FROM_OUTSIDE = (LIMIT_MET, SOUGHT_AGAIN)
+LIMIT_MET, SOUGHT_AGAIN, CLOCK_SET = "limit met", "looked for again", "the clock was set"
+FROM_OUTSIDE = (LIMIT_MET, SOUGHT_AGAIN, CLOCK_SET)
 """How the reasons begin that lead from one of them to another without a frame's doing."""
 _TOO_FAINT = "confidence "
 """How the detector's verdict on what is only below tau begins."""

@@ -143,7 +143,9 @@ class LogWriter:
                     for sql, values in batch:
                         self._connection.execute(sql, values)
             except (sqlite3.Error, OSError) as error:
-                self._faults.report("log", f"the session's log cannot be written: {error}")
+                waiting = f"{len(self._unwritten)} records wait in memory"
+                text = f"the session's log cannot be written ({error}): free space; {waiting}"
+                self._faults.report("log", text)
                 self._disconnect()
                 return False
             self._faults.clear("log")

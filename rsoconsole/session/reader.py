@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
+from rsoconsole.records import Event
 from rsoconsole.session.codec import KINDS, Record, decode
 from rsoconsole.session.schema import APPLICATION_ID, DATABASE, SCHEMA_VERSION, VIEWS
 
@@ -67,9 +68,10 @@ class SessionReader:
         return {key: json.loads(value) for key, value in self._fetch("SELECT key, value FROM meta")}
 
     def config(self) -> Config:
-        """The configuration the session began with."""
+        """The configuration the session began with; settings of a later version are left out."""
+        table = self.about().get("config")
         try:
-            return Config.model_validate(self.about().get("config"))
+            return Config.model_validate(_known(table))
         except ValidationError as error:
             raise SessionError(
                 f"the configuration of {self.folder} is not one this version knows: "
@@ -95,7 +97,8 @@ class SessionReader:
         """(seq, t_utc_ns, record) in the order of the log, after ``since_seq``, to its end.
 
         ``kinds`` are record types, e.g. ``(Measurement, TrackState)``; None means all. Kinds that
-        this version does not know are passed over.
+        this version does not know are passed over; in the place of a record that cannot be read
+        stands an alarm that says so.
         """
         names = [kind.__name__ for kind in kinds] if kinds is not None else list(KINDS)
         places = ", ".join("?" * len(names))
@@ -103,10 +106,17 @@ class SessionReader:
         while True:
             page = self._fetch(sql, (since_seq, *names))
             for seq, t_utc_ns, kind, body in page:
-                yield seq, t_utc_ns, decode(kind, body)
+                yield seq, t_utc_ns, self._decoded(kind, body)
             if len(page) < PAGE_RECORDS:
                 return
             since_seq = page[-1][0]
+
+    @staticmethod
+    def _decoded(kind: str, body: str) -> Record:
+        try:
+            return decode(kind, body)
+        except SessionError as error:
+            return Event(level="alarm", text=str(error))
 
     def view(self, name: str) -> list[dict[str, Any]]:
         """The rows of one of the public views, in order of the log."""
@@ -171,6 +181,11 @@ class SessionReader:
         return beside.exists() and beside.stat().st_size > 0
 
     def _damaged(self, error: sqlite3.Error) -> SessionError:
+        if isinstance(error, sqlite3.OperationalError) and "no such table" in str(error):
+            return SessionError(
+                f"{self._database} lacks a part of a session ({error}): it was cut off while it was"
+                " made, or something else has changed it"
+            )
         if isinstance(error, sqlite3.OperationalError):
             return SessionError(
                 f"{self._database} cannot be read: {error}; "
@@ -180,3 +195,17 @@ class SessionReader:
             f"{self._database} is damaged or no session: {error}; "
             "its frames are untouched, and 'sqlite3 session.db .recover' may save the log"
         )
+
+
+def _known(table: Any) -> Any:
+    """A configuration without the sections and settings that this version does not know."""
+    if not isinstance(table, dict):
+        return table
+    known: dict[str, Any] = {}
+    for name, section in table.items():
+        field = Config.model_fields.get(name)
+        if field is None or not isinstance(section, dict):
+            continue
+        settings = getattr(field.annotation, "model_fields", {})
+        known[name] = {key: value for key, value in section.items() if key in settings}
+    return known

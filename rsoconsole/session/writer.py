@@ -199,7 +199,7 @@ class SessionWriter:
 def _reason(error: BaseException) -> str:
     """What happened, in words; a failed disk speaks for itself, other errors by their kind too."""
     if isinstance(error, OSError):
-        return str(error)
+        return error.strerror or str(error)
     return f"{type(error).__name__}: {error}".removesuffix(": ")
 
 
