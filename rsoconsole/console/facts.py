@@ -84,7 +84,7 @@ def fact_lines(
     if rows >= 3 and width >= WIDE_COLUMNS:
         groups = [place, [*motion, *schedule[:1], *ahead[:1]], [*worst, *cycle]]
         return [line for group in groups for line in _packed(group, width, 1)]
-    return _packed([*place, *motion, *schedule[:1], *worst, *cycle], width, rows)
+    return _packed([*place, *worst, *motion, *schedule[:1], *cycle], width, rows)
 
 
 def _place_items(night: NightView, engine: EngineView) -> list[Item]:

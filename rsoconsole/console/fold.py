@@ -19,6 +19,8 @@ TUNE_ROWS, OWN_TUNE_ROWS, SKY_ROWS = 24, 17, 20
 BANNER_ROWS = {"wide": 3, "narrow": 5}
 WIDE_BANNER_COLUMNS = 72
 
+MOST_ALERT_ROWS = 2
+
 Name = Literal[
     "top",
     "alert",
@@ -49,17 +51,17 @@ def fold(
     width: int,
     height: int,
     *,
-    has_alert: bool = False,
+    alert_rows: int = 0,
     is_log_open: bool = False,
     aspect: float = 4 / 3,
 ) -> dict[Name, Box]:
     """The box of every pane that has room; panes without one are not shown.
 
-    ``aspect`` is the camera's width over its height; ``is_log_open`` gives the log all panes.
+    ``alert_rows``: how many the alert takes; ``aspect`` is the camera's width over its height;
+    ``is_log_open`` gives the log all panes.
     """
     boxes: dict[Name, Box] = {}
     top_rows = 1 if width >= ONE_LINE_TOP_COLUMNS else 2
-    alert_rows = (1 if width >= FULL[0] else 2) if has_alert else 0
     y0 = top_rows + alert_rows
     y1 = height - 1
     _put(boxes, "top", Box(x=0, y=0, width=width, height=min(top_rows, height)))
@@ -85,12 +87,12 @@ def fold(
     return boxes
 
 
-def banner_box(width: int, height: int, *, has_alert: bool = False) -> Box:
+def banner_box(width: int, height: int, *, alert_rows: int = 0) -> Box:
     """Where what came of a STOP lies: under state, holder and alert, over everything else.
 
     The keys stay free of it; in a terminal of a few lines it covers the alert, then the keys.
     """
-    boxes = fold(width, height, has_alert=has_alert)
+    boxes = fold(width, height, alert_rows=alert_rows)
     wanted = BANNER_ROWS["wide" if width >= WIDE_BANNER_COLUMNS else "narrow"]
     y = boxes["top"].height
     alert = boxes.get("alert")
@@ -100,13 +102,13 @@ def banner_box(width: int, height: int, *, has_alert: bool = False) -> Box:
     return Box(x=0, y=y, width=width, height=max(min(wanted, height - 1 - y), 1))
 
 
-def tune_box(width: int, height: int, *, has_alert: bool = False, aspect: float = 4 / 3) -> Box:
+def tune_box(width: int, height: int, *, alert_rows: int = 0, aspect: float = 4 / 3) -> Box:
     """Where the tuning pane lies: right of the picture, over plots and figures; the sky stays.
 
     In the widest layout it has a place of its own; in a small terminal all but the first line
     and the keys.
     """
-    boxes = fold(width, height, has_alert=has_alert, aspect=aspect)
+    boxes = fold(width, height, alert_rows=alert_rows, aspect=aspect)
     top = boxes["top"]
     alert = boxes.get("alert")
     y0 = top.height + (alert.height if alert is not None else 0)

@@ -12,7 +12,14 @@ from rsoconsole.console.ask import LineDialog
 from rsoconsole.console.commands import bindings, first_key
 from rsoconsole.console.dialogs import LeaveDialog
 from rsoconsole.console.facts import fact_lines
-from rsoconsole.console.fold import Name, banner_box, fold, has_tune_of_its_own, tune_box
+from rsoconsole.console.fold import (
+    MOST_ALERT_ROWS,
+    Name,
+    banner_box,
+    fold,
+    has_tune_of_its_own,
+    tune_box,
+)
 from rsoconsole.console.key_line import Mode, key_line, keys_for
 from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.messages import EngineSeen, NightSeen, OutlookSeen
@@ -139,9 +146,10 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         self._pane("top").show(partial(words.top_lines, night, engine, self.read_only))
         self._pane("facts").show(partial(fact_lines, night, engine, self.outlook))
         alert = self._alert
-        if bool(alert) != self._pane("alert").display:
+        pane = self._pane("alert")
+        if self._alert_rows() != (pane.size.height if pane.display else 0):
             self.place_panes()
-        self._pane("alert").show(lambda width, height: words.wrapped(f" {alert}", width, height))
+        pane.show(lambda width, height: words.wrapped(f" {alert}", width, height))
         self.show_keys()
 
     @property
@@ -152,6 +160,10 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         asked = f"{asker} asks for the seat: {give} gives it, {keep} keeps it" if asker else ""
         said = words.alert_text(self.night, self.engine)
         return " · ".join(part for part in (asked, said) if part)
+
+    def _alert_rows(self) -> int:
+        alert = self._alert
+        return len(words.wrapped(f" {alert}", self.size.width, MOST_ALERT_ROWS)) if alert else 0
 
     def show_keys(self) -> None:
         """The keys that matter now, and a word about what was just done."""
@@ -172,11 +184,11 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
     def place_panes(self) -> None:
         """Where each pane lies, for this terminal."""
         width, height = self.size
-        has_alert = bool(self._alert)
+        alert_rows = self._alert_rows()
         boxes = fold(
             width,
             height,
-            has_alert=has_alert,
+            alert_rows=alert_rows,
             is_log_open=self._is_log_open,
             aspect=self._aspect(self.picture),
         )
@@ -194,10 +206,12 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         has_own = has_tune_of_its_own(width, height)
         tune.display = (self.is_tune_open or has_own) and not self._is_log_open
         if tune.display:
-            place = tune_box(width, height, has_alert=has_alert, aspect=self._aspect(self.picture))
+            place = tune_box(
+                width, height, alert_rows=alert_rows, aspect=self._aspect(self.picture)
+            )
             tune.styles.offset = (place.x, place.y)
             tune.styles.width, tune.styles.height = place.width, place.height
-        banner, box = self.query_one("#stop"), banner_box(width, height, has_alert=has_alert)
+        banner, box = self.query_one("#stop"), banner_box(width, height, alert_rows=alert_rows)
         banner.styles.height = box.height
         banner.styles.offset = (0, box.y)
 
