@@ -11,8 +11,9 @@ from textual.widgets import Input, Static
 
 from rsoconsole.config import Config, default_config_path
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.commands import BY_NAME, COMMANDS, key_words, load_keymap
+from rsoconsole.console.commands import BY_NAME, COMMANDS, key_words
 from rsoconsole.console.dialogs import help_text
+from rsoconsole.console.keymap import load_keymap
 from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.panes import SIGHTS, FramePane
 from rsoconsole.control import Outcome

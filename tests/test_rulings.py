@@ -142,9 +142,9 @@ def test_a_word_on_an_earlier_frame_follows_all_later_ones_again():
     r, plain = night(set(range(1, 12))), night({*range(1, 7), *range(8, 12)})
     for each in (r, plain):
         each.engine.run(frames=10)
-    seventh = r.engine._cycle.folds.shown(7).measurements[0]
+    seventh = r.engine.cycle.folds.shown(7).measurements[0]
     ruling = Ruling(frame_id=7, refused=(seventh,))
-    after, records = r.engine._cycle.rule(ruling)
+    after, records = r.engine.cycle.rule(ruling)
     assert after.track.x == plain.engine.following.track.x
     assert after.track.P == plain.engine.following.track.P
     assert [f.frame_id for f in records if isinstance(f, FollowedAgain)] == [7, 8, 9, 10]
@@ -197,7 +197,7 @@ def test_without_autonomy_and_after_a_change_from_outside_there_is_nothing_to_sa
 def test_only_the_last_frames_are_kept():
     r = night(set(range(1, 60)))
     r.engine.run(frames=KEPT + 6)
-    folds = r.engine._cycle.folds
+    folds = r.engine.cycle.folds
     assert folds.shown(KEPT + 6)
     with pytest.raises(ValueError, match=f"only on frames 7 to {KEPT + 6}"):
         folds.shown(6)

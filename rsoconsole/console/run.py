@@ -38,7 +38,7 @@ def run_console(
     Raises ControlError when there is no engine, ConfigError for a keymap that is none,
     SessionError when ``session`` holds none, RsoconsoleError where there is no terminal.
     """
-    from rsoconsole.console.commands import load_keymap
+    from rsoconsole.console.keymap import load_keymap
 
     settings = load_config().console
     keymap = load_keymap(default_config_path().with_name("keymap.toml"))

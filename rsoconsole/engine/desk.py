@@ -8,14 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.control import Intention, Outcome, printable
+from rsoconsole.engine import verdicts
 from rsoconsole.engine.arming import arming_checks, gather_facts, refusal_text
 from rsoconsole.engine.health import HealthMeter
 from rsoconsole.engine.intentions import Intentions, OvertakenError, Wish, action_record, changed
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.seats import Seats, name_of
+from rsoconsole.engine.seek import check_seek
 from rsoconsole.engine.states import Stopped
 from rsoconsole.engine.temporary import MOST_FRAMES
-from rsoconsole.engine.verdicts import VERBS
 from rsoconsole.engine.wishes import (
     AIMS,
     overridden,
@@ -76,7 +77,7 @@ class Desk:
             "note": self._note,
             "ask_seat": self._ask_seat,
             "answer_seat": self._answer_seat,
-            **dict.fromkeys(VERBS, self._judge),
+            **dict.fromkeys(verdicts.VERBS, self._judge),
         }
         refused = self._seats.refusal(intention.by, intention.verb)
         if refused is not None:
@@ -187,7 +188,7 @@ class Desk:
 
     def _judge(self, intention: Intention) -> Outcome:
         """A word on a frame's streaks: refused at once where it can be seen that it must be."""
-        ruling = self._engine.check_ruling(intention.verb, intention.arguments)
+        ruling = verdicts.check(self._engine, intention.verb, intention.arguments, intention.by)
         # The frame it was said of: another may be there before the loop comes to it.
         said = {**intention.arguments, "frame": ruling.frame_id}
         pinned = dataclasses.replace(intention, arguments=said)
@@ -199,7 +200,7 @@ class Desk:
         return self._accept(intention, SOON)
 
     def _seek(self, intention: Intention) -> Outcome:
-        self._engine.check_seek()
+        check_seek(self._engine)
         return self._accept(intention, SOON)
 
     def _ask_seat(self, intention: Intention) -> Outcome:

@@ -3,9 +3,8 @@
 import contextlib
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.engine.arming import pointing_check
@@ -29,25 +28,21 @@ from rsoconsole.engine.states import (
     LimitMet,
     NotPointing,
     Resumed,
-    Sought,
     Step,
     Taken,
     step,
 )
 from rsoconsole.engine.status import Status, status_of
 from rsoconsole.engine.temporary import Temporary
-from rsoconsole.engine.verdicts import ruling_of, verdict_words
 from rsoconsole.engine.watch import Watch
 from rsoconsole.engine.wishes import HandMove, grant
 from rsoconsole.errors import InstrumentError, RsoconsoleError
-from rsoconsole.pipeline.absence import direction_at
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.records import (
     CycleTiming,
     Frame,
     Miss,
-    Ruling,
     Solution,
     StateChange,
     TrackState,
@@ -92,14 +87,16 @@ class Engine:
         self._exposures = Exposures(
             hands, self.planner, self.watch, self.chronicle, intentions, config
         )
-        self._cycle = Cycle(reducer, config)
+        self.cycle = Cycle(reducer, config)
+        """What makes a track of frames, and knows the last ones."""
         self._intentions = intentions
         self._on_cycle = on_cycle
         self._plan: Plan | None = None
         self._is_first_look = False
         self._faults: list[str] = []
         self._clear_frames = 0
-        self._last_track: TrackState | None = None
+        self.last_track: TrackState | None = None
+        """What was followed last this night."""
         self.temporary = Temporary()
         """Settings that hold for some frames only."""
         hands.on_tick = self.watch.hear_loop
@@ -227,7 +224,7 @@ class Engine:
             raise ValueError(result.refusal)
         self._enter(result.charge, result.reason)
         if self.charge.following is not before.following and not isinstance(happening, Followed):
-            self._cycle.folds.forget()
+            self.cycle.folds.forget()
         if not isinstance(happening, Followed):
             self._plan = self._exposures.next_start_utc_ns = None
         if isinstance(happening, LimitMet | BY_OPERATOR):
@@ -247,47 +244,13 @@ class Engine:
             elif action == "search home":
                 self.planner.go_home()
             else:
-                self._cycle.forget_plate()
+                self.cycle.forget_plate()
         return result
-
-    def check_ruling(self, verb: str, arguments: Mapping[str, Any], by: str = "operator") -> Ruling:
-        """What the operator's word on a frame would be. Raises ValueError where it cannot be."""
-        if not self.charge.is_autonomous:
-            raise ValueError("autonomy does not have the mount: nothing is being followed")
-        return ruling_of(
-            verb,
-            arguments,
-            by=by,
-            folds=self._cycle.folds,
-            following=self.following,
-            config=self.config,
-        )
-
-    def rule(self, verb: str, arguments: Mapping[str, Any], by: str) -> str:
-        """The operator's word on a frame's streaks; in force for the order after the next frame.
-
-        Returns what came of it, in words. Raises ValueError where it cannot be.
-        """
-        before = self.following
-        ruling = self.check_ruling(verb, arguments, by)
-        after, records = self._cycle.rule(ruling)
-        words = verdict_words(ruling, records)
-        self.chronicle.append(ruling)
-        if after.state != before.state:
-            # Before the first frame that is followed again: behind it stand the fold's own.
-            change = StateChange(
-                frame_id=ruling.frame_id, before=before.state, after=after.state, reason=words
-            )
-            self.chronicle.append(change)
-        for record in records[1:]:
-            self.chronicle.append(record)
-        self.happen(Followed(after=after))
-        return words
 
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next cycle."""
         self.config = config
-        for part in (self.hands, self._cycle, self.planner, self.watch, self._exposures):
+        for part in (self.hands, self.cycle, self.planner, self.watch, self._exposures):
             part.configure(config)
 
     def _one_exposure(self) -> None:
@@ -295,7 +258,7 @@ class Engine:
         plan = self._plan or self._order_next()
         self._plan = None
         if self.slews.finish(plan, is_held=self.charge.is_held):
-            self._cycle.forget_plate()
+            self.cycle.forget_plate()
         frame, read_ms = self._exposures.take(plan)
         place_px: tuple[float, float] | None = None
         try:
@@ -323,7 +286,7 @@ class Engine:
         place_px: tuple[float, float] | None = None
         try:
             self._exposures.pass_processing_time()
-            reduction, records = self._cycle.look(frame)
+            reduction, records = self.cycle.look(frame)
             place_px = place_of_interest(reduction, self.following)
             if isinstance(reduction.solution, Solution):
                 self.planner.solved(reduction.solution)
@@ -342,48 +305,19 @@ class Engine:
         if changes:
             self.configure(config)
         if self.following.track is not None:
-            self._last_track = self.following.track
+            self.last_track = self.following.track
         if not self.charge.resumes_when_clear:
             self._clear_frames = 0
             return
-        self._clear_frames = 0 if self._cycle.cloud else self._clear_frames + 1
+        self._clear_frames = 0 if self.cycle.cloud else self._clear_frames + 1
         if self._clear_frames >= CLEAR_FRAMES:
             self.chronicle.say("info", "the stars are back: slews again")
             self.happen(Resumed(by="the sky"))
 
-    def seek(self, by: str) -> str:
-        """Look again for what was followed, in a widening spiral round where it must be.
-
-        Raises ValueError where nothing was followed, or autonomy does not have the mount.
-        """
-        direction = self.check_seek()
-        self.happen(Sought(by=by))
-        self.planner.search_about(direction, self.hands.now_utc_ns())
-        return "looking for it in a widening spiral"
-
-    def check_seek(self) -> tuple[float, float]:
-        """Where what was followed must be now, ICRS.
-
-        Raises ValueError where it cannot be looked for.
-        """
-        track = self._last_track
-        if track is None:
-            raise ValueError("nothing has been followed this night that could be looked for")
-        if not self.charge.is_autonomous:
-            raise ValueError("autonomy does not have the mount: arm or resume first")
-        if self.charge.is_held:
-            raise ValueError("the mount is held: resume first")
-        now_ns = self.hands.now_utc_ns()
-        direction = direction_at(track, now_ns)
-        refused = self.slews.refuse_direction(direction, now_ns)
-        if refused is not None:
-            raise ValueError(f"it cannot be looked for where it must be: {refused}")
-        return direction
-
     def _reduce_and_go_on(self, frame: Frame, read_ms: float, blocked: str | None) -> Reduction:
         began_s = time.perf_counter()
         before = self.following
-        result = self._cycle.run(frame, before, blocked)
+        result = self.cycle.run(frame, before, blocked)
         folded_s = time.perf_counter()
         for record in result.records:
             self.chronicle.append(record)

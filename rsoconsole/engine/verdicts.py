@@ -1,19 +1,23 @@
 """What the operator says of a frame's streaks: chosen, accepted, rejected, marked by hand.
 
 Each makes a ``Ruling`` on one of the last frames, by which it and those after it are followed
-again; nothing here moves the mount.
+again; nothing here moves the mount. The loop's own thread grants them, the wire's only checks.
 """
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rsoconsole.config import Config
+from rsoconsole.engine.states import Followed
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import measure
 from rsoconsole.pipeline.rulings import Folds
-from rsoconsole.records import Detection, Measurement, NotFollowed, Ruling, Solution
+from rsoconsole.records import Detection, Measurement, NotFollowed, Ruling, Solution, StateChange
 from rsoconsole.tracking.follow import Following
+
+if TYPE_CHECKING:
+    from rsoconsole.engine.loop import Engine
 
 VERBS = ("choose", "accept", "reject", "mark")
 NEAR_PX = 25.0
@@ -168,3 +172,39 @@ def number(arguments: Mapping[str, Any], name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ValueError(f"{name} must be a number")
     return float(value)
+
+
+def check(engine: "Engine", verb: str, arguments: Mapping[str, Any], by: str) -> Ruling:
+    """What the operator's word on a frame would be. Raises ValueError where it cannot be."""
+    if not engine.charge.is_autonomous:
+        raise ValueError("autonomy does not have the mount: nothing is being followed")
+    return ruling_of(
+        verb,
+        arguments,
+        by=by,
+        folds=engine.cycle.folds,
+        following=engine.following,
+        config=engine.config,
+    )
+
+
+def rule(engine: "Engine", verb: str, arguments: Mapping[str, Any], by: str) -> str:
+    """The operator's word on a frame's streaks; in force for the order after the next frame.
+
+    Returns what came of it, in words. Raises ValueError where it cannot be.
+    """
+    before = engine.following
+    ruling = check(engine, verb, arguments, by)
+    after, records = engine.cycle.rule(ruling)
+    words = verdict_words(ruling, records)
+    engine.chronicle.append(ruling)
+    if after.state != before.state:
+        # Before the first frame that is followed again: behind it stand the fold's own.
+        change = StateChange(
+            frame_id=ruling.frame_id, before=before.state, after=after.state, reason=words
+        )
+        engine.chronicle.append(change)
+    for record in records[1:]:
+        engine.chronicle.append(record)
+    engine.happen(Followed(after=after))
+    return words

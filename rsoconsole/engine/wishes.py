@@ -9,6 +9,7 @@ from rsoconsole.config import AimConfig
 from rsoconsole.engine import verdicts
 from rsoconsole.engine.hands import NS
 from rsoconsole.engine.intentions import Wish, change_record, changed
+from rsoconsole.engine.seek import seek
 from rsoconsole.engine.states import Disarmed, Held, Resumed, Taken
 from rsoconsole.engine.watch import LIFTS
 from rsoconsole.pipeline.aim import follow_direction, slew_to
@@ -51,7 +52,7 @@ def grant(engine: "Engine", wish: Wish) -> str:
         "nudge": _goto,
         "abort": lambda _e, _w: "the exposure was given up",
         "track": _track,
-        "seek": lambda e, w: e.seek(w.by),
+        "seek": lambda e, w: seek(e, w.by),
         "park": _park,
         "unpark": _unpark,
         "set": _set,
@@ -214,7 +215,7 @@ def _unpark(engine: "Engine", _wish: Wish) -> str:
 
 
 def _rule(engine: "Engine", wish: Wish) -> str:
-    return engine.rule(wish.verb, wish.arguments, wish.by)
+    return verdicts.rule(engine, wish.verb, wish.arguments, wish.by)
 
 
 def _set(engine: "Engine", wish: Wish) -> str:

@@ -1,0 +1,92 @@
+"""Other keys for commands: ``keymap.toml`` beside the configuration, by the commands' names."""
+
+import contextlib
+import tomllib
+import unicodedata
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from textual.binding import Binding
+from textual.keys import Keys
+
+from rsoconsole.console.commands import BY_NAME, COMMANDS
+from rsoconsole.errors import ConfigError
+
+STOPS = ("stop", "stop_by_letter")
+"""Commands whose keys nobody changes."""
+RESERVED = {
+    "ctrl+q": "Leave, whatever else is",
+    "ctrl+c": "Leave, whatever else is",
+    "ctrl+p": "the list of commands",
+    "enter": "for what is chosen or typed",
+    "tab": "for the next field",
+    "shift+tab": "for the field before",
+}
+EXAMPLES = "g, f5, ctrl+n, slash or left_square_bracket"
+_NAMED_KEYS = {key.value for key in Keys}
+
+
+def load_keymap(path: Path) -> dict[str, str]:
+    """Other keys by command; empty without a file.
+
+    Raises ConfigError for a file that is no such, an unknown command, or a key given twice.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from error
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: {error}") from error
+    unknown = [name for name in table if name not in BY_NAME]
+    if unknown:
+        raise ConfigError(
+            f"{path}: no command is called {', '.join(unknown)}; there are {', '.join(BY_NAME)}"
+        )
+    wrong = [name for name, keys in table.items() if not isinstance(keys, str) or not keys.strip()]
+    if wrong:
+        raise ConfigError(f'{path}: {", ".join(wrong)} needs a key as text, such as "ctrl+g"')
+    kept = [name for name in STOPS if name in table]
+    if kept:
+        raise ConfigError(f"{path}: {', '.join(kept)}: STOP keeps its keys, x and ctrl+x")
+    keymap = {name: ",".join(_textual_keys(path, name, keys)) for name, keys in table.items()}
+    _refuse_doubles(path, keymap)
+    return keymap
+
+
+def _textual_keys(path: Path, name: str, keys: str) -> list[str]:
+    """The keys by Textual's own names for them. Raises ConfigError for one that there is not."""
+    bindings_ = Binding.make_bindings([Binding(keys.replace(" ", ""), name)])
+    found = [binding.key for binding in bindings_]
+    for key in found:
+        if key in RESERVED:
+            raise ConfigError(f"{path}: {name}: {key} is {RESERVED[key]}")
+        if not _is_key(key):
+            raise ConfigError(f"{path}: {name}: there is no key {key!r}; write it like {EXAMPLES}")
+    return found
+
+
+def _is_key(key: str) -> bool:
+    plain = key.rpartition("+")[2]
+    if len(plain) == 1 or plain in _NAMED_KEYS:
+        return True
+    with contextlib.suppress(KeyError):
+        return bool(unicodedata.lookup(plain.replace("_", " ").upper()))
+    return False
+
+
+def _refuse_doubles(path: Path, keymap: Mapping[str, str]) -> None:
+    """No key may do two things."""
+    owners: dict[str, str] = {}
+    for name, keys in _all_keys(keymap):
+        for key in keys.split(","):
+            if key in owners:
+                raise ConfigError(f"{path}: {key} is both {owners[key]} and {name}")
+            owners[key] = name
+
+
+def _all_keys(keymap: Mapping[str, str]) -> Iterable[tuple[str, str]]:
+    return ((command.name, keymap.get(command.name, command.keys)) for command in COMMANDS)

@@ -1,0 +1,73 @@
+"""Make the README's picture anew: the console over a running demo, as the terminal shows it.
+
+    python sessions/make_picture.py [--frames 30]
+
+Run from the project's root. Needs ``resvg_py`` and the font DejaVu Sans Mono beside the project's
+own packages.
+"""
+
+import argparse
+import asyncio
+import os
+import re
+import tempfile
+from pathlib import Path
+
+PICTURE = Path(__file__).parent / "console.png"
+SIZE = (120, 40)
+WIDTH_PX = 1600
+SPEED = 20.0
+MOST_S = 300.0
+
+
+async def taken(frames: int, session: Path) -> str:
+    """The screen as SVG, when so many frames of the demo have been followed."""
+    from rsoconsole.cli.demo import demo_config
+    from rsoconsole.cli.demo_night import Night, NightProcess
+    from rsoconsole.console.app import ConsoleApp
+    from rsoconsole.control import ControlClient
+    from rsoconsole.simulator.scenarios import scenario_named
+
+    scenario = scenario_named("intelsat-14")
+    config = demo_config(scenario.site, preset="tuned", keep_frames="none")
+    night = Night(scenario=scenario.name, seed=1, speed=SPEED, frames=None, session=session)
+    process = NightProcess(config, night)
+    app = ConsoleApp(lambda: ControlClient(process.socket, by="console picture"))
+    try:
+        async with app.run_test(size=SIZE) as pilot:
+            waited_s = 0.0
+            while (app.live.engine.frame or 0) <= frames or app.live.engine.state != "TRACK":
+                await pilot.pause(0.2)
+                waited_s += 0.2
+                if waited_s > MOST_S:
+                    raise TimeoutError("the demo did not come so far")
+            await pilot.pause(1.0)
+            return app.export_screenshot(title="rsoconsole")
+    finally:
+        ControlClient(process.socket, by="picture").send("shutdown")
+        process.figures()
+
+
+def main() -> None:
+    """Run, take, draw."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--frames", type=int, default=30)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        place = Path(name)
+        (place / "run").mkdir(mode=0o700)
+        os.environ["XDG_RUNTIME_DIR"] = str(place / "run")
+        for kind in ("DATA", "STATE", "CACHE", "CONFIG"):
+            os.environ[f"XDG_{kind}_HOME"] = str(place / kind.lower())
+        svg = asyncio.run(taken(options.frames, place / "night"))
+    import resvg_py
+
+    plain = re.sub(r"@font-face \{.*?\}", "", svg, flags=re.DOTALL)
+    plain = plain.replace("Fira Code", "DejaVu Sans Mono")
+    drawn = resvg_py.svg_to_bytes(svg_string=plain, width=WIDTH_PX)
+    PICTURE.write_bytes(bytes(drawn))
+    print(f"{PICTURE}: {PICTURE.stat().st_size / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()
