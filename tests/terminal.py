@@ -72,6 +72,17 @@ class Terminal:
         """All of it, as it went down the line."""
         return b"".join(self._chunks)
 
+    @property
+    def raw(self) -> str:
+        """The same as text, with everything that moves and paints."""
+        return self.written.decode(errors="replace")
+
+    def resize(self, columns: int, lines: int) -> int:
+        """Make it another size; how long its text is at that moment."""
+        known = len(self.text)
+        fcntl.ioctl(self._master, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
+        return known
+
     def shows(self, *words: str, since: int = 0) -> bool:
         """Whether all of these have been written, from a length of the text on."""
         text = self._plain

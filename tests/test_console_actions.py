@@ -518,6 +518,20 @@ def test_a_click_on_a_streak_follows_it(wire: FakeWire):
 # -- what is seen ----------------------------------------------------------------------------------
 
 
+def test_the_keys_of_the_last_line_are_buttons_too(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: "h Hold" in pane(app, "keys"))
+        await pilot.click("#keys", offset=(pane(app, "keys").index("h Hold") + 2, 0))
+        await until(pilot, lambda: wire.verbs == ["hold"])
+        await until(pilot, lambda: "x STOP" in pane(app, "keys"))
+        await pilot.click("#keys", offset=(pane(app, "keys").index("x STOP"), 0))
+        await until(pilot, lambda: wire.verbs == ["hold", "stop"])
+        await pilot.click("#keys", offset=(0, 0))
+        assert wire.verbs == ["hold", "stop"]
+
+    play(wire, scene, LARGE)
+
+
 def test_zoom_and_stretch_go_round(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         for sight in (*SIGHTS[1:], SIGHTS[0]):

@@ -13,7 +13,6 @@ import termios
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -41,15 +40,7 @@ PROGRAMS = ("ssh", "ssh-keygen", "sshd")
 
 
 class Line(Terminal):
-    """A terminal that keeps every byte, and tells how it is set."""
-
-    def __init__(self, *arguments: Any, **named: Any) -> None:
-        self.raw = ""
-        super().__init__(*arguments, **named)
-
-    def _take(self, written: str) -> None:
-        self.raw += written
-        super()._take(written)
+    """A terminal that tells how it is set."""
 
     @property
     def is_as_a_shell_wants_it(self) -> bool:

@@ -6,17 +6,14 @@ screen lies, under a pilot.
 
 import contextlib
 import dataclasses
-import fcntl
 import json
 import os
 import re
 import shutil
 import signal
 import sqlite3
-import struct
 import subprocess
 import sys
-import termios
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -58,28 +55,10 @@ PALETTE = re.compile(r"\b(?:[34]8;5;\d+|[349][0-7]|10[0-7])\b")
 NOT_A_TRACEBACK = ("Traceback", "something broke", "Error(")
 
 
-class Screen(Terminal):
-    """A terminal that keeps every character it was sent, and can be resized."""
-
-    def __init__(self, *arguments: Any, **named: Any) -> None:
-        self.raw = ""
-        super().__init__(*arguments, **named)
-
-    def _take(self, written: str) -> None:
-        self.raw += written
-        super()._take(written)
-
-    def resize(self, columns: int, lines: int) -> int:
-        """Make it another size; how long its text is at that moment."""
-        known = len(self.text)
-        fcntl.ioctl(self._master, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
-        return known
-
-
 @contextlib.contextmanager
 def console(
     environment: dict[str, str], *words: str, size: tuple[int, int] = FULL
-) -> Iterator[Screen]:
+) -> Iterator[Terminal]:
     """``rsoconsole console`` in a real terminal; no traceback may ever be seen there.
 
     A word with ``=`` in it is set in its environment, ``-u NAME`` taken out of it.
@@ -87,7 +66,7 @@ def console(
     settings = [word for word in words if "=" in word]
     options = [word for word in words if "=" not in word]
     command = ["env", *settings, *COMMAND, "console", *options]
-    with Screen(command, environment, size) as terminal:
+    with Terminal(command, environment, size) as terminal:
         yield terminal
         assert [word for word in NOT_A_TRACEBACK if word in terminal.text] == []
 
@@ -199,7 +178,7 @@ def test_a_full_disk_is_a_fault_on_the_screen_until_it_has_room_again(engine):
             wait_for(lambda seat=seat: "log cannot be" not in anew(seat), "a screen without it")
 
 
-def anew(seat: Screen) -> str:
+def anew(seat: Terminal) -> str:
     """What it shows at this moment: painted again, for another size."""
     known = 0
     for lines in (30, 31):
@@ -534,7 +513,7 @@ def into_a_pipe(home: dict[str, str], what: str) -> "subprocess.CompletedProcess
 def test_a_screen_never_goes_into_a_file_that_errors_were_sent_to(told, home, tmp_path):
     errors = tmp_path / "errors.txt"
     words = ["sh", "-c", f'exec "$@" 2>{errors}', "sh", *COMMAND, "console"]
-    with Screen(words, home, FULL) as seat:
+    with Terminal(words, home, FULL) as seat:
         wait_for(
             lambda: seat.shows("TRACK", "x STOP") or seat.process.poll() is not None,
             "a screen, or an end",
@@ -608,7 +587,7 @@ def test_a_console_that_is_told_to_end_leaves_the_terminal_as_it_was(told, home,
 def test_a_console_that_breaks_gives_the_terminal_back_and_one_line(told, home):
     breaks = "from rsoconsole.console import words; words.top_lines = lambda *_: 1 / 0"
     command = [sys.executable, "-c", f"{breaks}; from rsoconsole.cli import main; main()"]
-    with Screen([*command, "console"], home, (200, 24)) as seat:
+    with Terminal([*command, "console"], home, (200, 24)) as seat:
         wait_for(lambda: seat.process.poll() is not None, "the console's end")
         wait_for(lambda: "\x1b[?1049l" in seat.raw, "the first screen")
         assert seat.process.returncode == 1

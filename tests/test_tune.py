@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from textual.pilot import Pilot
+from textual.widgets import Input, Static
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.console.app import ConsoleApp
@@ -214,6 +215,42 @@ def test_what_is_tried_is_shown_then_applied_then_undone(wire: FakeWire):
         await pilot.pause()
         assert not app.live.query_one("#tune", TunePane).display
         assert "residual" in screen_text(app)
+
+    play(wire, scene)
+
+
+def test_help_explains_the_pane_that_has_the_keys(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("t", "f1")
+        await until(pilot, lambda: app.screen is not app.live)
+        first = str(app.screen.query_one(Static).render()).splitlines()[:4]
+        assert first[0] == "Now: the tuning pane"
+        assert "Choose" in first[1]
+        await pilot.press("escape", "escape", "f1")
+        await until(pilot, lambda: app.screen is not app.live)
+        assert str(app.screen.query_one(Static).render()).startswith("Safety")
+
+    play(wire, scene)
+
+
+def test_what_is_tried_may_hold_for_some_frames_only(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("t", "f")
+        assert "nothing is tried" in pane(app, "keys")
+        await pilot.press("left", "f")
+        await until(pilot, lambda: app.screen is not app.live)
+        field = app.screen.query_one(Input)
+        field.value = "none"
+        await pilot.press("enter")
+        assert "is no number of frames" in pane(app, "keys")
+        await pilot.press("f")
+        await until(pilot, lambda: app.screen is not app.live)
+        app.screen.query_one(Input).value = "3"
+        await pilot.press("enter")
+        await until(pilot, lambda: wire.verbs == ["set"])
+        assert wire.sent[0][1] == {"name": "detector.tau", "value": 0.08, "frames": 3}
 
     play(wire, scene)
 

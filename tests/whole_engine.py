@@ -148,7 +148,7 @@ def whole_engine(
         engine.close()
 
 
-def wait_for(condition: Callable[[], Any], what: str, timeout_s: float = 20.0) -> Any:
+def wait_for(condition: Callable[[], Any], what: str, timeout_s: float = 60.0) -> Any:
     """Wait until something is true, and return it."""
     ends_s = time.monotonic() + timeout_s
     while True:

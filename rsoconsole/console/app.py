@@ -103,7 +103,7 @@ class ConsoleApp(App[str]):
             Orders(wire, past_engine),
             read_only=read_only or session is not None,
             owns_engine=owns_engine,
-            ask_now=self._engine_watch.ask_now,
+            ask_now=self._engine_watch.look_now,
             from_thread=self._from_thread,
             on_known=self._known,
             seat_name=seat_name,
@@ -119,7 +119,8 @@ class ConsoleApp(App[str]):
             self._filters.append(PlainFilter())
         self._loop_of_app = asyncio.get_running_loop()
         with contextlib.suppress(RuntimeError, ValueError):  # not in the main thread
-            self._loop_of_app.add_signal_handler(signal.SIGTERM, self.exit, "quit")
+            for number in (signal.SIGTERM, signal.SIGINT):
+                self._loop_of_app.add_signal_handler(number, self.exit, "quit")
         for theme in THEMES:
             self.register_theme(theme)
         if "TEXTUAL_THEME" not in os.environ:
@@ -182,7 +183,7 @@ class ConsoleApp(App[str]):
     def action_help(self) -> None:
         """Keys and signs."""
         if not isinstance(self.screen, HelpDialog):
-            self.push_screen(HelpDialog(self._own_keys))
+            self.push_screen(HelpDialog(self._own_keys, self.live.mode))
 
     def action_colours(self) -> None:
         """The next of night, dark, light and the terminal's own."""

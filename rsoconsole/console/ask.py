@@ -176,7 +176,9 @@ class SettingsDialog(FieldDialog[dict[str, float] | None]):
             box.border_subtitle = "enter takes them · tab the next field · esc back"
             for name, words in self.NAMES.items():
                 yield Static(words, markup=False)
-                yield Input(f"{self._present.get(name, '')}", id=name.replace(".", "-"))
+                yield Input(
+                    f"{self._present.get(name, '')}", id=name.replace(".", "-"), compact=True
+                )
             yield Static("", id="told", markup=False)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:

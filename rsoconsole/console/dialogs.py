@@ -6,12 +6,13 @@ from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.containers import Vertical, VerticalScroll
 from textual.events import Key
 from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
 from rsoconsole.console.commands import COMMANDS, GROUPS, key_words
+from rsoconsole.console.key_line import MODE_WORDS, Mode, mode_keys
 
 HELP_COLUMNS = 70
 Leave = Literal["leave", "stop engine", "stay"]
@@ -27,9 +28,13 @@ Plots      fat dots measured, small dots 3 sigma, ○ nothing measured,
 Times are UTC; under simulation they are the observatory's own."""
 
 
-def help_text(keymap: Mapping[str, str] | None = None) -> str:
-    """Every command by group with its keys, then the signs."""
+def help_text(keymap: Mapping[str, str] | None = None, mode: Mode = "live") -> str:
+    """What the keys are for at this moment, every command by group, then the signs."""
     lines: list[str] = []
+    if mode != "live":
+        lines.append(MODE_WORDS[mode])
+        lines += [f"  {key.key:<9}{key.name}" for key in mode_keys(mode)]
+        lines.append("")
     for group, title in GROUPS.items():
         lines.append(title)
         for command in COMMANDS:
@@ -74,9 +79,9 @@ class Dialog(ModalScreen[Result], Generic[Result]):
 class HelpDialog(Dialog[None]):
     """The keys and the signs."""
 
-    def __init__(self, keymap: Mapping[str, str] | None = None) -> None:
+    def __init__(self, keymap: Mapping[str, str] | None = None, mode: Mode = "live") -> None:
         super().__init__()
-        self._keymap = keymap
+        self._keymap, self._mode = keymap, mode
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("question_mark,f1,q", "put_away", "Back", show=False)
@@ -87,7 +92,7 @@ class HelpDialog(Dialog[None]):
         with VerticalScroll() as box:
             box.border_title = "help"
             box.border_subtitle = "esc back"
-            yield Static(help_text(self._keymap), markup=False)
+            yield Static(help_text(self._keymap, self._mode), markup=False)
 
 
 class Tick(Static, can_focus=True):
@@ -118,16 +123,20 @@ class MessageDialog(Dialog[None]):
         self._title, self._text = title, text
 
     def compose(self) -> ComposeResult:
-        """The words and a way out."""
+        """The words; any key puts them away."""
         with VerticalScroll() as box:
             box.border_title = self._title
+            box.border_subtitle = "any key back"
             yield Static(self._text, markup=False)
-            with Horizontal(classes="choices"):
-                yield Button("Back", id="back", compact=True)
 
-    def on_button_pressed(self, event: Button.Pressed) -> None:
-        """Back."""
+    def on_key(self, event: Key) -> None:
+        """Read: back to the sky. What STOP is bound to never comes here."""
         event.stop()
+        event.prevent_default()
+        self.dismiss(None)
+
+    def on_click(self) -> None:
+        """The same by the mouse."""
         self.dismiss(None)
 
 

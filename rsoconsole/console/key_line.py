@@ -18,6 +18,8 @@ class Key(NamedTuple):
     key: str
     name: str
     is_weighty: bool = False
+    command: str = ""
+    """What a click on it does; empty: nothing."""
 
 
 _GAP = "  "
@@ -25,15 +27,15 @@ _LEAST_NOTICE_COLUMNS = 24
 _OF_MODES: dict[Mode, tuple[Key, ...]] = {
     "live": (),
     "mark": (
-        Key("↑↓←→", "Move", is_weighty=True),
+        Key("↑↓←→", "Move"),
         Key("enter", "Set", is_weighty=True),
         Key("shift", "Far"),
         Key("esc", "Leave off", is_weighty=True),
     ),
     "tune": (
-        Key("↑↓", "Choose", is_weighty=True),
-        Key("←→", "Change", is_weighty=True),
-        Key("enter", "Apply", is_weighty=True),
+        Key("↑↓", "Choose"),
+        Key("←→", "Change"),
+        Key("enter", "Apply"),
         Key("f", "For frames"),
         Key("u", "Undo"),
         Key("w", "Save"),
@@ -48,6 +50,19 @@ _OF_MODES: dict[Mode, tuple[Key, ...]] = {
 }
 
 
+MODE_WORDS: dict[Mode, str] = {
+    "live": "",
+    "mark": "Now: a streak's two ends are marked by hand",
+    "tune": "Now: the tuning pane",
+    "log": "Now: the whole log",
+}
+
+
+def mode_keys(mode: Mode) -> tuple[Key, ...]:
+    """The keys that mean something of their own at this moment."""
+    return _OF_MODES[mode]
+
+
 def keys_for(
     engine: EngineView,
     *,
@@ -58,7 +73,7 @@ def keys_for(
     """The keys in their order on the line; which of them act depends on who has the mount."""
 
     def key(command: str, name: str, *, is_weighty: bool = False) -> Key:
-        return Key(first_key(command, keymap), name, is_weighty)
+        return Key(first_key(command, keymap), name, is_weighty, command)
 
     keys = [key("stop_by_letter", "STOP", is_weighty=True)]
     if mode != "live":
@@ -90,19 +105,33 @@ def key_line(
     """
 
     def build(width: int, _height: int) -> list[Line]:
-        if not notice[0]:
-            return [_line(_fitting(keys, width), width)]
-        weighty = [key for key in keys if key.is_weighty]
-        kept = _fitting(keys, max(width - len(_GAP) - len(notice[0]), 0))
-        if not set(weighty) <= set(kept):
-            kept = _fitting(weighty, max(width - _LEAST_NOTICE_COLUMNS, 0))
-        if not set(weighty) <= set(kept):
-            kept = keys[:1]
-        line = _line(kept, width)
+        line = _line(_kept(keys, notice[0], width), width)
         columns = sum(len(text) for text, _ in line)
-        return [[*line, *clipped([notice], max(width - columns, 0))]]
+        return [[*line, *clipped([notice], max(width - columns, 0))] if notice[0] else line]
 
     return build
+
+
+def key_at(keys: list[Key], notice: str, width: int, column: int) -> Key | None:
+    """The key that stands in a column of that line; None where none does."""
+    at = 1
+    for key in _kept(keys, notice, width):
+        columns = len(f"{key.key} {key.name}")
+        if at <= column < at + columns:
+            return key
+        at += columns + len(_GAP)
+    return None
+
+
+def _kept(keys: list[Key], notice: str, width: int) -> list[Key]:
+    """Those that there is room for."""
+    if not notice:
+        return _fitting(keys, width)
+    weighty = [key for key in keys if key.is_weighty]
+    kept = _fitting(keys, max(width - len(_GAP) - len(notice), 0))
+    if not set(weighty) <= set(kept):
+        kept = _fitting(weighty, max(width - _LEAST_NOTICE_COLUMNS, 0))
+    return kept if set(weighty) <= set(kept) else keys[:1]
 
 
 def _fitting(keys: list[Key], width: int) -> list[Key]:
@@ -120,7 +149,7 @@ def _fitting(keys: list[Key], width: int) -> list[Key]:
 
 def _line(keys: list[Key], width: int) -> Line:
     line: Line = [(" ", "")]
-    for key, name, _ in keys:
+    for key, name, *_ in keys:
         ink: Ink = "alarm" if name == "STOP" else "title"
         line += [(key, ink), (f" {name}{_GAP}", ink if name == "STOP" else "")]
     spare = sum(len(text) for text, _ in line) - width

@@ -3,13 +3,13 @@
 from functools import partial
 from typing import Any, ClassVar
 
+from textual import events
 from textual.app import ComposeResult
 from textual.binding import BindingType
-from textual.events import Key
 
 from rsoconsole.console import panels, words
 from rsoconsole.console.ask import LineDialog
-from rsoconsole.console.commands import bindings, first_key
+from rsoconsole.console.commands import BY_NAME, bindings, first_key
 from rsoconsole.console.dialogs import LeaveDialog
 from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.fold import (
@@ -20,7 +20,7 @@ from rsoconsole.console.fold import (
     has_tune_of_its_own,
     tune_box,
 )
-from rsoconsole.console.key_line import Mode, key_line, keys_for
+from rsoconsole.console.key_line import Key, Mode, key_at, key_line, keys_for
 from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.messages import EngineSeen, NightSeen, OutlookSeen
 from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBanner
@@ -78,7 +78,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         """Another terminal, other places."""
         self.place_panes()
 
-    def on_key(self, event: Key) -> None:
+    def on_key(self, event: events.Key) -> None:
         """While a mark is made, arrows and enter are the mark's."""
         if self.mark_key(event.key):
             event.stop()
@@ -167,11 +167,24 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
 
     def show_keys(self) -> None:
         """The keys that matter now, and a word about what was just done."""
-        keys = keys_for(self.engine, can_act=self.can_act, mode=self._mode, keymap=self.keymap)
-        self._pane("keys").show(key_line(keys, self.notice))
+        self._pane("keys").show(key_line(self._keys, self.notice))
 
     @property
-    def _mode(self) -> Mode:
+    def _keys(self) -> list[Key]:
+        return keys_for(self.engine, can_act=self.can_act, mode=self.mode, keymap=self.keymap)
+
+    async def on_click(self, event: events.Click) -> None:
+        """A key of the last line, by the mouse."""
+        pane = self._pane("keys")
+        if event.widget is not pane:
+            return
+        key = key_at(self._keys, self.notice[0], pane.size.width, event.x)
+        if key is not None and key.command:
+            is_apps = BY_NAME[key.command].is_everywhere
+            await self.run_action(f"app.{key.command}" if is_apps else key.command)
+
+    @property
+    def mode(self) -> Mode:
         """What the keys are for."""
         if self.marking is not None:
             return "mark"

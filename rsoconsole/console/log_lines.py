@@ -144,7 +144,8 @@ def _(record: OperatorAction) -> tuple[Level, str]:
         return "alarm", f"{by}: STOP: {record.outcome}"
     wanted = wish_words(record.verb, record.arguments)
     refused = record.outcome.startswith("refused")
-    outcome = "" if record.outcome == DONE else f": {record.outcome}"
+    said = record.outcome.removeprefix(f"frame {record.arguments.get('frame')}: ")
+    outcome = "" if said == DONE else f": {said}"
     return "warning" if refused else "info", f"{by}: {wanted}{outcome}"
 
 

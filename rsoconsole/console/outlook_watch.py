@@ -1,12 +1,12 @@
 """Reckons what the next hours bring, on a thread of its own: a Pi takes half a second for it."""
 
 import logging
-import threading
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.looker import Looker
 from rsoconsole.console.night import NightView
 
 if TYPE_CHECKING:
@@ -18,44 +18,29 @@ EVERY_S = 30.0
 WAIT_S = 1.0
 
 
-class OutlookWatch:
+class OutlookWatch(Looker):
     """Reckons anew every half minute, and when another thing is followed."""
 
     def __init__(self, on_seen: Callable[["Outlook"], None]) -> None:
+        super().__init__("outlook", WAIT_S)
         self._on_seen = on_seen
         self._night = NightView()
         self._engine = EngineView()
         self._reckoned_s = -EVERY_S
         self._reckoned_of: object = None
-        self._wake = threading.Event()
-        self._is_closing = False
-        self._thread = threading.Thread(target=self._run, name="console-outlook", daemon=True)
-
-    def start(self) -> None:
-        """Begin to reckon."""
-        self._thread.start()
 
     def tell(self, night: NightView, engine: EngineView) -> None:
         """What is known by now (any thread)."""
         self._night, self._engine = night, engine
 
-    def close(self) -> None:
-        """End."""
-        self._is_closing = True
-        self._wake.set()
-        if self._thread.is_alive():
-            self._thread.join(0.5)
-
-    def _run(self) -> None:
-        while not self._is_closing:
-            try:
-                self._look()
-            except Exception:  # a panel without it is worth more than no panel
-                log.exception("the outlook cannot be reckoned")
-                self._reckoned_s = time.monotonic()
-            self._wake.wait(WAIT_S)
-
     def _look(self) -> None:
+        try:
+            self._reckon()
+        except Exception:  # a panel without it is worth more than no panel
+            log.exception("the outlook cannot be reckoned")
+            self._reckoned_s = time.monotonic()
+
+    def _reckon(self) -> None:
         night, engine = self._night, self._engine
         now = engine.now_utc_ns if engine.is_attached else night.last_utc_ns
         if night.config is None or not now:

@@ -184,7 +184,7 @@ def tune_lines(
     def build(width: int, height: int) -> list[Line]:
         changed = f"{len(tuning.tried)} tried" if tuning.tried else "as it is"
         lines: list[Line] = [_rule(f"tune · {changed}", width)]
-        figures = _figures(now, then)
+        figures = _figures(now, then, is_tried=bool(tuning.tried))
         keys: Line = [(" enter apply  u undo  w save  o load", "dim")]
         room = max(height - 2 - len(figures), 1)
         lines += _settings(tuning, room)
@@ -221,7 +221,9 @@ def _setting(tuning: Tuning, number: int, tunable: Tunable) -> Line:
     return line
 
 
-def _figures(now: "TrackFigures | None", then: "TrackFigures | None") -> list[Line]:
+def _figures(
+    now: "TrackFigures | None", then: "TrackFigures | None", *, is_tried: bool
+) -> list[Line]:
     head = f" last {LAST_FRAMES} frames".ljust(LABEL_COLUMNS + 4)
     lines: list[Line] = [
         [(f"{head}{'as it was':>{VALUE_COLUMNS}}{'if tried':>{VALUE_COLUMNS}}", "dim")]
@@ -235,9 +237,10 @@ def _figures(now: "TrackFigures | None", then: "TrackFigures | None") -> list[Li
     )
     for label, words in rows:
         line: Line = [(f"  {label:<{LABEL_COLUMNS + 2}}", "")]
-        for figures in (now, then):
-            text, ink = ("…", "dim") if figures is None else words(figures)
-            line.append((f"{text:>{VALUE_COLUMNS}}", ink))  # type: ignore[arg-type]
+        for figures, is_coming in ((now, True), (then, is_tried)):
+            absent: tuple[str, Ink] = ("…" if is_coming else "-", "dim")
+            text, ink = absent if figures is None else words(figures)
+            line.append((f"{text:>{VALUE_COLUMNS}}", ink))
         lines.append(line)
     return lines
 

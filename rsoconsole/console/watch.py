@@ -5,7 +5,6 @@ opens a file of the session; a hanging engine keeps nobody from the past.
 """
 
 import logging
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,6 +13,7 @@ from typing import Any, Protocol
 
 from rsoconsole.config import Config, IndiConfig
 from rsoconsole.console.engine_view import EngineView, engine_view
+from rsoconsole.console.looker import Looker
 from rsoconsole.console.marks import marks_of
 from rsoconsole.console.night import FrameDetail, Night, NightView
 from rsoconsole.console.picture import ByteImage, Picture, light_of, read_codes
@@ -39,14 +39,13 @@ class Wire(Protocol):
         """Raises ControlError when no engine runs or it does not answer."""
 
 
-class SessionWatch:
+class SessionWatch(Looker):
     """Reads a session as it grows: its records four times a second, its newest picture."""
 
     def __init__(self, on_seen: Callable[[NightView, Picture | None], None]) -> None:
+        super().__init__("session", READ_S)
         self._on_seen = on_seen
         self._wanted: Path | None = None
-        self._wake = threading.Event()
-        self._is_closing = False
         self._reader: SessionReader | None = None
         self._night: Night | None = None
         self._seq = 0
@@ -54,38 +53,23 @@ class SessionWatch:
         self._closed_seen_s = 0.0
         self.indi: IndiConfig | None = None
         """How the session's engine reaches its instruments; None until that is read."""
-        self._thread = threading.Thread(target=self._run, name="console-session", daemon=True)
-
-    def start(self) -> None:
-        """Begin to read."""
-        self._thread.start()
 
     def follow(self, folder: Path | None) -> None:
         """Read that session from now on (any thread)."""
         if folder is not None and folder != self._wanted:
             self._wanted = folder
-            self._wake.set()
-
-    def close(self) -> None:
-        """End, without waiting for a slow disk."""
-        self._is_closing = True
-        self._wake.set()
-        if self._thread.is_alive():
-            self._thread.join(0.5)
-
-    def _run(self) -> None:
-        while not self._is_closing:
-            try:
-                self._look()
-            except SessionError as error:
-                self._say_fault(str(error))
-            except Exception as error:  # the seat must go on, whatever lies in the folder
-                log.exception("the session cannot be shown")
-                self._say_fault(f"the session cannot be shown: {error}")
-            self._wake.wait(READ_S)
-            self._wake.clear()
+            self.look_now()
 
     def _look(self) -> None:
+        try:
+            self._read()
+        except SessionError as error:
+            self._say_fault(str(error))
+        except Exception as error:  # the seat must go on, whatever lies in the folder
+            log.exception("the session cannot be shown")
+            self._say_fault(f"the session cannot be shown: {error}")
+
+    def _read(self) -> None:
         wanted = self._wanted
         if wanted is None:
             return
@@ -198,42 +182,22 @@ class SessionWatch:
         self._on_seen(replace(view, fault=text), self._picture)
 
 
-class EngineWatch:
+class EngineWatch(Looker):
     """Asks the engine how it is, twice a second."""
 
     def __init__(self, wire: Wire, on_seen: Callable[[EngineView], None]) -> None:
+        super().__init__("engine", ASK_S)
         self._wire = wire
         self._on_seen = on_seen
         self._last = EngineView()
         self._has_met = False
         self._began_s = time.monotonic()
-        self._wake = threading.Event()
-        self._is_closing = False
-        self._thread = threading.Thread(target=self._run, name="console-engine", daemon=True)
 
-    def start(self) -> None:
-        """Begin to ask."""
-        self._thread.start()
-
-    def ask_now(self) -> None:
-        """Something has changed: do not wait for the next turn (any thread)."""
-        self._wake.set()
-
-    def close(self) -> None:
-        """End, without waiting for an engine that hangs."""
-        self._is_closing = True
-        self._wake.set()
-        if self._thread.is_alive():
-            self._thread.join(0.3)
-
-    def _run(self) -> None:
-        while not self._is_closing:
-            seen = self._ask()
-            if seen != self._last and not self._is_closing:
-                self._last = seen
-                self._on_seen(seen)
-            self._wake.wait(ASK_S)
-            self._wake.clear()
+    def _look(self) -> None:
+        seen = self._ask()
+        if seen != self._last and not self._is_closing:
+            self._last = seen
+            self._on_seen(seen)
 
     def _ask(self) -> EngineView:
         try:

@@ -68,8 +68,12 @@ def _choose(arguments: Mapping[str, Any]) -> str | None:
     return None if x is None or y is None else f"follow the streak at {x:.0f}, {y:.0f}"
 
 
-def _mark(_arguments: Mapping[str, Any]) -> str | None:
-    return "mark by hand"
+def _on_frame(verb: str) -> Callable[[Mapping[str, Any]], str | None]:
+    def words(arguments: Mapping[str, Any]) -> str:
+        frame = arguments.get("frame")
+        return verb if frame is None else f"{verb} frame {frame}"
+
+    return words
 
 
 _WORDS: dict[str, Callable[[Mapping[str, Any]], str | None]] = {
@@ -79,7 +83,9 @@ _WORDS: dict[str, Callable[[Mapping[str, Any]], str | None]] = {
     "track": _track,
     "hold": _hold,
     "choose": _choose,
-    "mark": _mark,
+    "mark": _on_frame("mark by hand in"),
+    "accept": _on_frame("accept"),
+    "reject": _on_frame("reject"),
 }
 _USED: dict[str, set[str]] = {
     "goto": {"ra_icrs_deg", "dec_icrs_deg"},
@@ -88,6 +94,8 @@ _USED: dict[str, set[str]] = {
     "track": {"on"},
     "hold": {"until"},
     "choose": {"frame", "x", "y"},
+    "accept": {"frame"},
+    "reject": {"frame"},
     "mark": {"frame", "x_a", "y_a", "x_b", "y_b", "sigma_px"},
 }
 

@@ -252,4 +252,4 @@ def _expect_plain(arguments: Mapping[str, Any]) -> None:
     for name, value in arguments.items():
         is_whole = isinstance(value, int) and abs(value) > LARGEST_WHOLE
         if is_whole or (isinstance(value, float) and not math.isfinite(value)):
-            raise ValueError(f"{name} = {value} is no number that can be worked with")
+            raise ValueError(f"{name} must be a number that can be worked with, not {value}")

@@ -162,7 +162,7 @@ def verdict_words(ruling: Ruling, records: tuple[Any, ...]) -> str:
     if ruling.taken is not None and ruling.taken.source == "operator":
         what = "taken by the operator's hand"
     refused = sum(isinstance(record, NotFollowed) for record in records)
-    beside = f", {refused} left alone" if refused else ""
+    beside = f", {refused} left alone" if refused and ruling.taken is not None else ""
     return f"frame {ruling.frame_id}: {what}{beside}"
 
 

@@ -87,5 +87,5 @@ class Folds:
             if each.shown.taken.frame_id == frame_id:
                 return number
         known = [each.shown.taken.frame_id for each in self._folds]
-        reach = f"frames {known[0]} to {known[-1]}" if known else "no frame"
-        raise ValueError(f"nothing can be said on frame {frame_id} any more, only on {reach}")
+        reach = f", only on frames {known[0]} to {known[-1]}" if known else " until the next one"
+        raise ValueError(f"nothing can be said on frame {frame_id} any more{reach}")

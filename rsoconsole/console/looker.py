@@ -1,0 +1,41 @@
+"""Whoever looks at something again and again, on a thread of its own."""
+
+import threading
+from abc import ABC, abstractmethod
+
+CLOSING_S = 0.5
+
+
+class Looker(ABC):
+    """Looks every so often, and at once when it is woken."""
+
+    def __init__(self, name: str, every_s: float) -> None:
+        self._every_s = every_s
+        self._wake = threading.Event()
+        self._is_closing = False
+        self._thread = threading.Thread(target=self._run, name=f"console-{name}", daemon=True)
+
+    def start(self) -> None:
+        """Begin to look."""
+        self._thread.start()
+
+    def look_now(self) -> None:
+        """Something has changed: do not wait for the next turn (any thread)."""
+        self._wake.set()
+
+    def close(self) -> None:
+        """End, without waiting for a slow disk or an engine that hangs."""
+        self._is_closing = True
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join(CLOSING_S)
+
+    def _run(self) -> None:
+        while not self._is_closing:
+            self._look()
+            self._wake.wait(self._every_s)
+            self._wake.clear()
+
+    @abstractmethod
+    def _look(self) -> None:
+        """Look once; raises nothing."""
