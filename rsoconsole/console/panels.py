@@ -1,5 +1,6 @@
 """What each plot pane says and draws, from a view of the night: title, dots, the NIS line."""
 
+import itertools
 from collections.abc import Sequence
 
 from rsoconsole.console.marks import SHOWN_REJECTED
@@ -17,7 +18,7 @@ from rsoconsole.console.plot import (
     sparkline,
 )
 from rsoconsole.console.words import arcsec_text, clipped, unsigned_text
-from rsoconsole.tracking.consistency import NIS_BAND, consistency
+from rsoconsole.tracking.consistency import NIS_BAND, WINDOW, consistency
 
 MISS = "○"
 STRIP_LABEL_COLUMNS = 22
@@ -28,7 +29,7 @@ AXIS_NAMES = {"east": "RA·cosδ", "north": "δ"}
 
 def confidence_lines(night: NightView, width: int, height: int) -> list[Line]:
     """Each frame's best detection, misses at 0 under their own sign, tau as a line."""
-    columns = [_confidence_column(row) for row in night.rows]
+    columns = [_confidence_column(row) for row in _shown(night, width)]
     last = next((row for row in reversed(night.rows) if row.is_reduced), None)
     now = _confidence_words(last)
     if height <= 1:
@@ -42,7 +43,7 @@ def confidence_lines(night: NightView, width: int, height: int) -> list[Line]:
 
 def residual_lines(night: NightView, axis: str, width: int, height: int) -> list[Line]:
     """Measured minus predicted on one axis, in 3-sigma bounds; coasted frames on zero."""
-    columns = [_column(row, AXES[axis]) for row in night.rows]
+    columns = [_column(row, AXES[axis]) for row in _shown(night, width)]
     name = AXIS_NAMES[axis]
     last = next((c for c in reversed(columns) if c.bound is not None), None)
     value = "" if last is None or last.value is None else arcsec_text(last.value)
@@ -61,10 +62,12 @@ def residual_lines(night: NightView, axis: str, width: int, height: int) -> list
 
 def nis_lines(night: NightView, width: int, height: int) -> list[Line]:
     """The normalised innovation squared of the last frames against its band."""
-    values = [row.nis for row in night.rows if row.nis is not None]
+    newest_first = (row for row in reversed(night.rows) if row.nis is not None)
+    judged_rows = list(itertools.islice(newest_first, WINDOW))[::-1]
+    values = [row.nis for row in judged_rows if row.nis is not None]
     if not values:
         return [rule("NIS: no update yet", "", width)]
-    judged = consistency(values, [r.residual_arcsec for r in night.rows if r.residual_arcsec])
+    judged = consistency(values, [r.residual_arcsec for r in judged_rows if r.residual_arcsec])
     frames = frames_words(night.rows, width)
     mean = f"NIS {judged.mean:.1f} of 2"
     if height <= 1:
@@ -73,13 +76,18 @@ def nis_lines(night: NightView, width: int, height: int) -> list[Line]:
         return [rule(f"{mean} {spark} {words.get(judged.verdict, 'in band')}", frames, width)]
     columns = [
         Column(value=row.nis, mark=MISS if row.miss is not None and row.sigma_arcsec else "")
-        for row in night.rows
+        for row in _shown(night, width)
     ]
     band = f"95% {NIS_BAND[0]:.2f}-{NIS_BAND[1]:.1f}"
     title = rule(f"{mean} · {frames}", band, width)
     ink: Ink = "" if judged.verdict in {"sound", "too few"} else "warn"
     said = clipped([(f" {judged.words}", ink or "dim")], width)
     return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]
+
+
+def _shown(night: NightView, width: int) -> tuple[FrameRow, ...]:
+    """The last rows, one a column: no plot has room for more."""
+    return night.rows[-max(width, 1) :]
 
 
 def frames_words(rows: Sequence[FrameRow], width: int) -> str:

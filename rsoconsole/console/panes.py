@@ -122,6 +122,8 @@ class FramePane(Widget):
         self._strips: list[Strip] = []
         self._drawn: Drawing | None = None
         self._marks: tuple[Mark, ...] = ()
+        self._styles_made: dict[tuple[int, int] | str, Style] = {}
+        """By what they are for: made once for a theme."""
         self._pixels: Any = None
         """Shows the picture by the terminal's own graphics; None: by half blocks."""
 
@@ -198,6 +200,7 @@ class FramePane(Widget):
         """Another theme: draw in its colours."""
         super().notify_style_update()
         self._strips = []
+        self._styles_made.clear()
         if self._pixels is not None and self._picture is not None:
             self._paint()
 
@@ -287,6 +290,12 @@ class FramePane(Widget):
         return Strip([Segment(text, self._style(key)) for text, key in parts])
 
     def _style(self, key: tuple[int, int] | str) -> Style:
+        style = self._styles_made.get(key)
+        if style is None:
+            style = self._styles_made[key] = self._made_style(key)
+        return style
+
+    def _made_style(self, key: tuple[int, int] | str) -> Style:
         if isinstance(key, str):
             return self.get_component_rich_style(f"frame--{key}")
         upper, lower = (self._colour(grey * 255 / (GREYS - 1)) for grey in key)
