@@ -38,9 +38,11 @@ def record(folder: Path, frames: int, place: Path) -> None:
     runtime = place / "run"
     runtime.mkdir(mode=0o700)
     subprocess.run(
-        [sys.executable, "-c", _RUN, "demo", "--headless", "--scenario", "intelsat-14"]
-        + ["--seed", "1", "--frames", str(frames), "--session", str(folder)]
-        + ["--keep-frames", "all"],
+        [
+            *(sys.executable, "-c", _RUN, "demo", "--headless", "--scenario", "intelsat-14"),
+            *("--seed", "1", "--frames", str(frames), "--session", str(folder)),
+            *("--keep-frames", "all"),
+        ],
         check=True,
         env={**os.environ, **home, "XDG_RUNTIME_DIR": str(runtime)},
     )

@@ -167,7 +167,7 @@ class ScriptedReducer:
             detections=Detections(
                 frame_id=frame.frame_id, width_px=64, height_px=64, detections=()
             ),
-            solution=solution_at(*self.mount.at_deg),
+            solution=dataclasses.replace(solution_at(*self.mount.at_deg), frame_id=frame.frame_id),
             measurements=found,
             star_count=100,
             fwhm_px=2.5,

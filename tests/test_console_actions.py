@@ -280,24 +280,42 @@ def test_a_note_goes_into_the_session(wire: FakeWire):
     play(wire, scene)
 
 
-def test_centring_asks_before_it_takes_the_mount_from_autonomy(wire: FakeWire):
+def test_centring_shows_the_way_before_it_takes_the_mount_from_autonomy(wire: FakeWire):
+    wire.outcomes["preview"] = Outcome(ok=True, data=PREVIEW)
+
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.holder == "autonomy")
         await pilot.press("c")
         await until(pilot, lambda: app.screen is not app.live)
-        assert wire.verbs == []
-        await pilot.press("y")
-        await until(pilot, lambda: wire.verbs == ["goto"])
+        said = app.screen.query_one("#told", Static)
+        await until(pilot, lambda: "12.4°, 9s" in str(said.render()))
+        assert "this takes it" in str(said.render())
+        assert wire.verbs == ["preview"]
         # Where it is now: it has gone on since its last frame.
         track = app.live.night.track
         since_s = (app.live.engine.now_utc_ns - track.t_utc_ns) / NS
         assert since_s > 5.0
         now_deg = track.x[0] + track.x[1] * since_s
-        assert wire.sent[0][1]["ra_icrs_deg"] == pytest.approx(now_deg, abs=1e-6)
-        wire.status |= {"holder": "operator", "state": "MANUAL"}
-        await until(pilot, lambda: app.live.engine.holder == "operator")
+        await pilot.press("enter")
+        await until(pilot, lambda: wire.verbs == ["preview", "goto"])
+        assert wire.sent[-1][1] == wire.sent[0][1]
+        assert wire.sent[-1][1]["ra_icrs_deg"] == pytest.approx(now_deg, abs=1e-6)
+
+    play(wire, scene)
+
+
+def test_centring_that_is_refused_goes_nowhere(wire: FakeWire):
+    wire.outcomes["preview"] = Outcome(ok=True, data=PREVIEW | {"refused": "a wall"})
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
         await pilot.press("c")
-        await until(pilot, lambda: wire.verbs == ["goto", "goto"])
+        await until(pilot, lambda: app.screen is not app.live)
+        said = app.screen.query_one("#told", Static)
+        await until(pilot, lambda: "REFUSED  a wall" in str(said.render()))
+        await pilot.press("enter", "escape")
+        await until(pilot, lambda: app.screen is app.live)
+        assert wire.verbs == ["preview"]
 
     play(wire, scene)
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.widgets import Input, Static
 
@@ -156,6 +157,54 @@ def _preview_lines(data: Mapping[str, Any], ending: str) -> list[str]:
         *lines,
         f"REFUSED  {refused}" if refused else ending,
     ]
+
+
+class MoveDialog(Dialog[bool | None]):
+    """One direction: the way there and the limits; enter goes where nothing refuses it."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "go", "Go")]
+
+    def __init__(
+        self, title: str, direction: tuple[float, float], caution: str, orders: Orders
+    ) -> None:
+        """``direction``: (RA, Dec) ICRS; ``caution``: what else comes of it."""
+        super().__init__()
+        self._title, self._direction, self._caution = title, direction, caution
+        self._orders = orders
+        self._may_go = False
+
+    def compose(self) -> ComposeResult:
+        """What the engine says of it."""
+        with VerticalScroll() as box:
+            box.border_title = self._title
+            box.border_subtitle = "enter goes · esc back"
+            yield Static("asking the engine …", id="told", markup=False)
+
+    def on_mount(self) -> None:
+        """Ask at once."""
+        app = self.app
+
+        def came(outcome: Outcome) -> None:
+            with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
+                app.call_from_thread(self.post_message, Previewed(0, "", outcome))
+
+        ra, dec = self._direction
+        self._orders.send("preview", came, ra_icrs_deg=ra, dec_icrs_deg=dec)
+
+    def on_previewed(self, message: Previewed) -> None:
+        """What the engine says."""
+        outcome = message.outcome
+        lines = preview_lines(outcome.data) if outcome.ok else [outcome.message]
+        self._may_go = outcome.ok and lines is not None and not outcome.data.get("refused")
+        told = [*(lines or [UNREADABLE]), *([self._caution] if self._caution else [])]
+        self.query_one("#told", Static).update("\n".join(told))
+
+    def action_go(self) -> None:
+        """Go, where that has been shown and may be."""
+        if self._may_go:
+            self.dismiss(True)
+        else:
+            self.app.bell()
 
 
 class SettingsDialog(FieldDialog[dict[str, float] | None]):

@@ -4,7 +4,13 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
-from rsoconsole.console.ask import AimDialog, ExposureDialog, GotoDialog, SettingsDialog
+from rsoconsole.console.ask import (
+    AimDialog,
+    ExposureDialog,
+    GotoDialog,
+    MoveDialog,
+    SettingsDialog,
+)
 from rsoconsole.console.dialogs import ConfirmDialog
 from rsoconsole.console.messages import OutcomeCame
 from rsoconsole.console.seat import Seat
@@ -202,9 +208,7 @@ class TelescopeActions(Seat):
             if is_wanted:
                 self.send("goto", ra_icrs_deg=place[0], dec_icrs_deg=place[1])
 
-        if self.engine.holder == "autonomy":
-            text = "Autonomy has the mount: this takes it. h gives it back."
-            dialog = ConfirmDialog("centre the streak", text, yes="Take it", letter="y")
-            self.app.push_screen(dialog, decided)
-        else:
-            decided(True)
+        has_it = self.engine.holder == "autonomy"
+        caution = "autonomy has the mount: this takes it, h gives it back" if has_it else ""
+        dialog = MoveDialog("centre the streak", place, caution, self.orders)
+        self.app.push_screen(dialog, decided)
