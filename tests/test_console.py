@@ -31,6 +31,7 @@ from rsoconsole.control import ControlClient, ControlServer, Intention, Outcome
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
 from rsoconsole.records import Event, Miss, OperatorAction, Site, SlewCommand, StateChange
+from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
 from tests.makers import NS
@@ -762,6 +763,26 @@ def test_a_session_that_vanishes_is_said_and_the_seat_goes_on(wire: FakeWire) ->
         wire.status |= {"session": "/nowhere/at/all"}
         await until(pilot, lambda: "does not exist" in screen_text(app))
         assert "TRACK" in pane(app, "top")
+
+    play(wire, scene)
+
+
+def test_a_fault_that_is_over_is_said_no_more(
+    wire: FakeWire, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain, broken = SessionReader.records, [True]
+
+    def records(self: SessionReader, *arguments: Any, **named: Any) -> Any:
+        if broken[0]:
+            raise SessionError("the disk hangs")
+        return plain(self, *arguments, **named)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.night.is_read)
+        monkeypatch.setattr(SessionReader, "records", records)
+        await until(pilot, lambda: "the disk hangs" in pane(app, "alert"))
+        broken[0] = False
+        await until(pilot, lambda: not app.live.query_one("#alert").display)
 
     play(wire, scene)
 

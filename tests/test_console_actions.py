@@ -22,7 +22,7 @@ from rsoconsole.records import Event
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
 from tests.makers import NS
-from tests.seat_rig import FRAMES, FakeWire, pane, play, screen_text, until
+from tests.seat_rig import FRAMES, FakeWire, pane, play, screen_text, until, written
 
 LARGE = (120, 40)
 PREVIEW = {
@@ -106,6 +106,10 @@ def test_a_keymap_gives_commands_other_keys(wire: FakeWire, tmp_path: Path):
         ('goto = "["', "left_square_bracket is both"),
         ('note = "ctrl+q"', "ctrl\\+q is Leave"),
         ('note = "enter"', "enter is for"),
+        ('note = "crtl+r"', "there is no key"),
+        ('note = "shift+r"', "there is no key"),
+        ('note = "ctrl+i"', "tab to a terminal"),
+        ('note = "g,"', "write it like"),
         ('note = "nosuch"', "there is no key 'nosuch'"),
     ],
 )
@@ -363,6 +367,28 @@ def test_a_mark_stays_in_its_own_frame_while_newer_ones_come(wire: FakeWire, wri
         await until(pilot, lambda: f"frame {FRAMES + 1:04d}" in screen_text(app))
 
     play(wire, scene, LARGE)
+
+
+def test_a_mark_is_left_off_when_another_session_begins(
+    wire: FakeWire, writer: SessionWriter, tmp_path: Path
+):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("m", "enter")
+        night.add_frames(writer, range(FRAMES + 1, FRAMES + 2))
+        night.add_previews(writer, range(FRAMES + 1, FRAMES + 2))
+        await until(pilot, lambda: app.live.picture_waiting is not None)
+        other = written(tmp_path / "another")
+        wire.status["session"] = str(other.folder)
+        await until(pilot, lambda: app.live.night.folder == other.folder)
+        assert app.live.marking is None
+        assert app.live.picture_waiting is None
+        await until(pilot, lambda: app.live.picture is not None)
+        await pilot.press("enter")
+        assert wire.verbs == []
+        other.close()
+
+    play(wire, scene)
 
 
 def test_a_mark_is_as_sure_as_the_coarser_view_of_its_two_ends(wire: FakeWire):

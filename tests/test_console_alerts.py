@@ -76,10 +76,17 @@ def test_what_the_operator_has_looked_for_again_is_no_loss():
     line = line_of(change, 1)
     assert line is not None
     assert alerts(HERE, dataclasses.replace(HERE, state="SEARCH", log=(line,))) == []
+    rejected = line_of(
+        StateChange(frame_id=1, before="TRACK", after="SEARCH", reason="frame 1: rejected"), 1
+    )
+    assert rejected is not None
+    assert alerts(HERE, dataclasses.replace(HERE, state="SEARCH", log=(rejected,))) == []
 
 
 def test_an_engine_that_is_gone_rings():
     assert alerts(HERE, HERE, EngineView(reach="gone")) == ["fault"]
+    unread = dataclasses.replace(HERE, is_read=False)
+    assert alerts(unread, unread, EngineView(reach="gone")) == ["fault"]
 
 
 def test_a_notification_holds_no_control_characters():

@@ -107,6 +107,16 @@ def test_stars_that_grow_are_called_focus_or_seeing():
     assert "stars" not in words()
 
 
+def test_a_sky_without_its_stars_is_told_by_the_solver():
+    def night(solved: list[bool | None]) -> NightView:
+        rows = (FrameRow(frame_id=n, is_solved=each) for n, each in enumerate(solved))
+        return NightView(rows=tuple(rows))
+
+    assert "solver 8 of 9" in words(night([False] * 5 + [True] * 9 + [False, None]))
+    assert inked(night([True] * 5 + [False] * 6)) >= {"solver 4 of 10"}
+    assert "solver" not in words(night([None]))
+
+
 def test_a_small_terminal_keeps_what_is_wrong_and_leaves_out_what_is_well():
     health = [
         {"name": "disk", "ok": False, "text": "4 GB, 2 h"},

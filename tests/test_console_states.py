@@ -63,8 +63,9 @@ def console(
 
     A word with ``=`` in it is set in its environment, ``-u NAME`` taken out of it.
     """
-    settings = [word for word in words if "=" in word]
-    options = [word for word in words if "=" not in word]
+    at = [n for n, word in enumerate(words) if "=" in word or word == "-u" or words[n - 1] == "-u"]
+    settings = [word for n, word in enumerate(words) if n in at]
+    options = [word for n, word in enumerate(words) if n not in at]
     command = ["env", *settings, *COMMAND, "console", *options]
     with Terminal(command, environment, size) as terminal:
         yield terminal
@@ -463,6 +464,13 @@ def test_without_unicode_the_terminal_gets_ascii_alone(told, home, settings):
     with console(home, settings) as seat:
         wait_for(lambda: seat.shows("TRACK", "x STOP", f"frame {FRAMES:04d}"), "a screen")
         assert "\\u" not in seat.text
+        assert seat.raw.isascii()
+
+
+def test_a_language_of_c_is_one_of_ascii_whatever_python_makes_of_it(told, home):
+    """Python puts LC_CTYPE=C.UTF-8 into its own environment then (PEP 538)."""
+    with console(home, "-u", "LC_ALL", "-u", "LC_CTYPE", "LANG=C") as seat:
+        wait_for(lambda: seat.shows("TRACK", "x STOP", f"frame {FRAMES:04d}"), "a screen")
         assert seat.raw.isascii()
 
 

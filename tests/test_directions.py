@@ -90,6 +90,8 @@ def test_an_hour_angle_stands_over_the_ground(text, degrees):
         ("12h 4°52'10\"", 180.0, 4.869444),
         ("5 32 11 dec 4", 83.045833, 4.0),
         ("83.05 .5", 83.05, 0.5),
+        ("10°30′ -5°", 10.5, -5.0),
+        ("ra 83°03' dec -4°52'", 83.05, -4.866667),
     ],
 )
 def test_where_the_second_angle_begins_is_seen_by_its_name_or_its_unit(text, ra, dec):

@@ -15,6 +15,7 @@ from rsoconsole.records import (
     Event,
     Frame,
     FrameTaken,
+    NotSolved,
     OperatorAction,
     ParameterChange,
     SlewCommand,
@@ -182,6 +183,52 @@ def test_a_clock_that_somebody_sets_is_an_alarm_and_the_loop_goes_on_by_the_new_
     assert r.engine.charge.state != "FAULT"
     health = desk_of(r).handle(Intention(verb="status")).data["health"]
     assert any("set by -300.0 s" in each["text"] for each in health)
+
+
+def test_a_clock_that_is_set_while_the_mount_slews_waits_for_it_and_takes_nothing_away():
+    r = rig(set())
+    r.engine.arm()
+    r.engine.run(frames=2)
+    plain, slewing_for = r.mount.report, 12
+    opened: list[bool] = []
+
+    def report(*arguments: Any, **named: Any) -> MountReport:
+        nonlocal slewing_for
+        slewing_for -= 1
+        told = plain(*arguments, **named)
+        ra_deg = told.ra_icrs_deg + max(slewing_for, 0)
+        return dataclasses.replace(told, is_slewing=slewing_for > 0, ra_icrs_deg=ra_deg % 360.0)
+
+    start = r.camera.start_exposure
+    r.camera.start_exposure = lambda *a: (opened.append(slewing_for > 0), start(*a))[1]
+    r.mount.report = report
+    r.clock.step_s = 30.0
+    r.engine.run(frames=5)
+    assert any("set the clock" in event.text for event in r.memory.of(Event))
+    assert opened
+    assert not any(opened)
+    assert r.engine.charge.state == "SEARCH"
+
+
+def test_a_clock_that_is_set_under_cloud_ends_no_night_and_leaves_nothing_to_seek():
+    r = rig(set(range(1, 6)))
+    r.engine.arm()
+    r.engine.run(frames=5)
+    assert r.engine.following.state == "TRACK"
+    plain = r.reducer.reduce
+
+    def clouded(frame):
+        solved = plain(frame)
+        reason = NotSolved(frame_id=frame.frame_id, reason="no stars", ms=1.0)
+        return dataclasses.replace(solved, solution=reason)
+
+    r.reducer.reduce = clouded
+    r.clock.step_s = -60.0
+    r.engine.run(frames=8)
+    assert r.engine.charge.state == "SEARCH"
+    answer = desk_of(r).handle(Intention(verb="seek"))
+    assert not answer.ok
+    assert "nothing has been followed" in answer.message
 
 
 def test_what_nobody_foresaw_stops_the_mount_and_is_a_fault():

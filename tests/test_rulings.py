@@ -257,6 +257,17 @@ def test_accept_takes_what_was_not_taken():
     assert (ruling.taken.x_px, ruling.taken.source) == (2.0, "operator")
 
 
+def test_accept_never_takes_what_was_rejected():
+    r = night(set(range(1, 14)))
+    r.engine.run(frames=8)
+    assert say(r, "reject").ok
+    assert say(r, "accept").ok
+    ruling = r.memory.of(Ruling)[-1]
+    assert [m.frame_id for m in ruling.refused] == [8]
+    assert (ruling.taken.x_px, ruling.taken.y_px) == (2.0, 1.0)
+    assert "no candidate" in say(r, "accept").message
+
+
 @pytest.mark.parametrize("words", [("reject", "accept"), ("reject", "reject"), ("reject",) * 8])
 def test_words_one_after_the_other_are_replayed_each_in_its_place(words):
     r = night(set(range(1, 14)))

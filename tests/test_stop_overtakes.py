@@ -1,5 +1,6 @@
 """What was asked for before a STOP moves nothing after it, wherever it was when STOP came."""
 
+import dataclasses
 import threading
 import time
 from pathlib import Path
@@ -9,6 +10,8 @@ import pytest
 
 from rsoconsole.control import ControlClient, ControlServer, Intention, Outcome
 from rsoconsole.engine.desk import Desk
+from rsoconsole.engine.states import LimitMet
+from rsoconsole.instruments.ports import MountReport
 from rsoconsole.records import OperatorAction
 from tests.engine_rig import START_DEG, Rig, desk_of, rig
 
@@ -88,3 +91,39 @@ def test_what_moves_nothing_is_done_though_stop_has_come(armed: Rig, verb: str):
     desk = desk_of(armed)
     assert desk.handle(Intention(verb="stop")).ok
     assert desk.handle(Intention(verb=verb, stamp=stamp)).ok
+
+
+def test_a_limit_drops_what_moves_and_keeps_what_was_asked_for_to_stand(armed: Rig):
+    desk = desk_of(armed)
+    for verb, arguments in (("hold", {}), ("goto", ASIDE), ("disarm", {})):
+        assert desk.handle(Intention(verb=verb, arguments=arguments)).ok
+    armed.intentions.stop(LimitMet(words="altitude 14.9 deg"), armed.mount.abort)
+    assert armed.intentions.stops == 0
+    slews = len(armed.mount.slews)
+    heed(armed)
+    outcomes = {a.verb: a.outcome for a in armed.memory.of(OperatorAction)}
+    assert outcomes["goto"] == "dropped: a limit was met"
+    assert outcomes["disarm"] == "done"
+    assert armed.engine.charge.state == "IDLE"
+    assert len(armed.mount.slews) == slews
+
+
+def test_nudges_that_come_while_one_is_granted_add_up(armed: Rig):
+    """Else those behind it were dropped, and the log blamed a STOP that nobody gave."""
+    desk = desk_of(armed)
+    plain, reports = armed.mount.report, iter([True, True, False])
+
+    def report(*arguments: Any, **named: Any) -> MountReport:
+        return dataclasses.replace(plain(*arguments, **named), is_slewing=next(reports, False))
+
+    for _ in range(3):
+        assert desk.handle(
+            Intention(verb="nudge", arguments={"east_arcmin": 0.0, "north_arcmin": 6.0})
+        ).ok
+    before = armed.engine.planner.looking_at(plain())
+    armed.mount.report = report  # type: ignore[method-assign]
+    armed.engine._apply_wishes()
+    done = [a for a in armed.memory.of(OperatorAction) if a.outcome == "on its way"]
+    assert len(done) == 3
+    assert armed.engine.hand_move is not None
+    assert armed.engine.hand_move.direction[1] - before[1] == pytest.approx(0.3, abs=1e-3)

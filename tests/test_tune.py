@@ -63,6 +63,16 @@ def test_a_step_there_and_back_is_no_trial():
         assert tuning.tried == {}
 
 
+def test_steps_at_a_bound_need_not_be_gone_back():
+    tuning = Tuning()
+    tuning.see(PRESENT | {"detector.tau": 0.5})
+    for _ in range(20):
+        tuning.step(1)
+    assert tuning.tried == {"detector.tau": 0.99}
+    tuning.step(-1)
+    assert tuning.tried["detector.tau"] < 0.99
+
+
 def test_what_was_applied_can_be_undone_once():
     tuning = Tuning()
     tuning.see(PRESENT)

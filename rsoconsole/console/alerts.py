@@ -5,7 +5,7 @@ from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.night import NightView
 
 FOLLOWING = {"TRACK", "COAST"}
-LIMIT, SOUGHT = "ALARM: limit:", "looked for again"
+LIMIT, SOUGHT, REJECTED = "ALARM: limit:", "looked for again", ": rejected"
 LOOK_BACK_LINES = 6
 OSC, ST = "\x1b]", "\x1b\\"
 
@@ -15,8 +15,11 @@ def alerts_between(
 ) -> list[tuple[Alert, str]]:
     """What has come to pass between two looks at the same session, with words for it."""
     (night, engine), (night_now, engine_now) = before, after
+    gone: list[tuple[Alert, str]] = []
+    if engine_now.reach in {"gone", "silent"} and engine.reach == "attached":
+        gone = [("fault", f"the engine is {engine_now.reach}")]
     if night.folder != night_now.folder or not night.is_read:
-        return []  # another night, or its past still being read: it is history, not news
+        return gone  # another night, or its past still being read: it is history, not news
     found: list[tuple[Alert, str]] = []
     was, now = night.state, night_now.state
     if now == "TRACK" and was not in FOLLOWING:
@@ -30,14 +33,15 @@ def alerts_between(
         found.append(("limit", "the mount has met a limit"))
     if now == "FAULT" and was != "FAULT":
         found.append(("fault", "the engine is in FAULT"))
-    elif engine_now.reach in {"gone", "silent"} and engine.reach == "attached":
-        found.append(("fault", f"the engine is {engine_now.reach}"))
+    else:
+        found += gone
     return found
 
 
 def _is_sought(night: NightView) -> bool:
-    """Whether the operator has it looked for again: that is no loss that he does not know of."""
-    return any(SOUGHT in line.text for line in night.log[-LOOK_BACK_LINES:])
+    """Whether it is the operator's own doing: he looks for it again, or has rejected it."""
+    texts = [line.text for line in night.log[-LOOK_BACK_LINES:]]
+    return any(SOUGHT in text or text.endswith(REJECTED) for text in texts)
 
 
 def notification(words: str) -> str:

@@ -44,15 +44,28 @@ StopDirectly = Callable[[IndiConfig | None], tuple[bool, str]]
 def is_utf8() -> bool:
     """Whether the terminal takes more than letters, by the locale's word.
 
-    In the locale C, Python writes UTF-8 all the same: what the user has said counts.
+    In the locale C, Python writes UTF-8 all the same, and says so in its own environment
+    (PEP 538): what the program was given counts.
     """
-    said = next((os.environ[n] for n in ("LC_ALL", "LC_CTYPE", "LANG") if os.environ.get(n)), "")
+    given = _given_environment()
+    said = next((given[name] for name in ("LC_ALL", "LC_CTYPE", "LANG") if given.get(name)), "")
     if said in {"C", "POSIX"}:
         return False
     # Textual writes to stderr.
     stream = sys.__stderr__
     encoding = stream.encoding if stream is not None else locale.getpreferredencoding(False)
     return encoding.upper().replace("-", "") == "UTF8"
+
+
+def _given_environment() -> Mapping[str, str]:
+    """The environment as it was when the program began, where the system tells."""
+    if not os.environ.get("LC_CTYPE", "").startswith("C."):
+        return os.environ
+    try:
+        entries = Path("/proc/self/environ").read_bytes().decode(errors="replace").split("\0")
+    except OSError:
+        return os.environ
+    return dict(entry.partition("=")[::2] for entry in entries if "=" in entry)
 
 
 class ConsoleApp(App[str]):

@@ -45,6 +45,7 @@ STAGES = {
     "order": "order",
 }
 """What of a cycle is shown, and under which short name."""
+SOLVER_FRAMES = 10
 FOCUS_WINDOW, FOCUS_FRAMES = 300, 5
 FOCUS_WORSE = 1.15
 """Stars so much wider than they were at best are said to drift."""
@@ -215,7 +216,10 @@ def _cycle_items(night: NightView, engine: EngineView) -> list[Item]:
 
 def _health_items(night: NightView, engine: EngineView) -> list[Item]:
     """Focus, then machine and instruments; what is not well is inked."""
-    items = _focus_items(night)
+    items = [*_focus_items(night), *_solver_items(night)]
+    detect_ms = None if night.timing is None else night.timing.stage_ms.get("detect")
+    if detect_ms is not None:
+        items.append((f"detector {detect_ms:.0f} ms", ""))
     if engine.is_attached and engine.waits_for_sky:
         items.append(("held until the stars are back", "warn"))
     if engine.is_attached:
@@ -223,6 +227,15 @@ def _health_items(night: NightView, engine: EngineView) -> list[Item]:
         items += [(f"{name} for {n} more frame{'s' if n > 1 else ''}", "warn") for name, n in lent]
         items += [(f"{each.name} {each.text}", "" if each.ok else "warn") for each in engine.health]
     return items
+
+
+def _solver_items(night: NightView) -> list[Item]:
+    """How many of the last frames have found their place by their stars."""
+    known = [row.is_solved for row in night.rows[-SOLVER_FRAMES:] if row.is_solved is not None]
+    if not known:
+        return []
+    solved = sum(known)
+    return [(f"solver {solved} of {len(known)}", "warn" if 2 * solved < len(known) else "")]
 
 
 def _focus_items(night: NightView) -> list[Item]:

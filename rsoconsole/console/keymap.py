@@ -6,8 +6,8 @@ import unicodedata
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from textual.binding import Binding
-from textual.keys import Keys
+from textual.binding import Binding, InvalidBinding
+from textual.keys import KEY_NAME_REPLACEMENTS, Keys
 
 from rsoconsole.console.commands import BY_NAME, COMMANDS
 from rsoconsole.errors import ConfigError
@@ -21,9 +21,14 @@ RESERVED = {
     "enter": "for what is chosen or typed",
     "tab": "for the next field",
     "shift+tab": "for the field before",
+    "ctrl+i": "tab to a terminal",
+    "ctrl+m": "enter to a terminal",
+    "ctrl+j": "enter to a terminal",
+    "ctrl+h": "backspace to a terminal",
 }
-EXAMPLES = "g, f5, ctrl+n, slash or left_square_bracket"
-_NAMED_KEYS = {key.value for key in Keys}
+EXAMPLES = "g, f5, ctrl+n, R, slash or left_square_bracket"
+MODIFIERS = {"ctrl", "alt", "shift", "super"}
+_NAMED_KEYS = {key.value for key in Keys} | set(KEY_NAME_REPLACEMENTS.values())
 
 
 def load_keymap(path: Path) -> dict[str, str]:
@@ -48,7 +53,7 @@ def load_keymap(path: Path) -> dict[str, str]:
         )
     wrong = [name for name, keys in table.items() if not isinstance(keys, str) or not keys.strip()]
     if wrong:
-        raise ConfigError(f'{path}: {", ".join(wrong)} needs a key as text, such as "ctrl+g"')
+        raise ConfigError(f'{path}: {", ".join(wrong)} needs a key as text, such as "f5"')
     kept = [name for name in STOPS if name in table]
     if kept:
         raise ConfigError(f"{path}: {', '.join(kept)}: STOP keeps its keys, x and ctrl+x")
@@ -59,8 +64,11 @@ def load_keymap(path: Path) -> dict[str, str]:
 
 def _textual_keys(path: Path, name: str, keys: str) -> list[str]:
     """The keys by Textual's own names for them. Raises ConfigError for one that there is not."""
-    bindings_ = Binding.make_bindings([Binding(keys.replace(" ", ""), name)])
-    found = [binding.key for binding in bindings_]
+    try:
+        bindings = list(Binding.make_bindings([Binding(keys.replace(" ", ""), name)]))
+    except InvalidBinding as error:
+        raise ConfigError(f"{path}: {name} = {keys!r}: write it like {EXAMPLES}") from error
+    found = [binding.key for binding in bindings]
     for key in found:
         if key in RESERVED:
             raise ConfigError(f"{path}: {name}: {key} is {RESERVED[key]}")
@@ -70,7 +78,9 @@ def _textual_keys(path: Path, name: str, keys: str) -> list[str]:
 
 
 def _is_key(key: str) -> bool:
-    plain = key.rpartition("+")[2]
+    *modifiers, plain = key.split("+")
+    if not set(modifiers) <= MODIFIERS or (modifiers == ["shift"] and len(plain) == 1):
+        return False  # a terminal sends the capital itself
     if len(plain) == 1 or plain in _NAMED_KEYS:
         return True
     with contextlib.suppress(KeyError):

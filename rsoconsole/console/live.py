@@ -52,6 +52,10 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         self._is_log_open = False
+        self._drawn: tuple[list[Key], str] = ([], "")
+        """The keys and the notice that the last line shows."""
+        self._rows_of_alert = 0
+        """For which the panes have been laid out."""
         self._sight = 0
         self._stretch = 0
 
@@ -77,6 +81,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
     def on_resize(self) -> None:
         """Another terminal, other places."""
         self.place_panes()
+        self.call_after_refresh(self.mark_in_other_view)
 
     def on_key(self, event: events.Key) -> None:
         """While a mark is made, arrows and enter are the mark's."""
@@ -89,6 +94,8 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
     def on_night_seen(self, message: NightSeen) -> None:
         """The session has grown."""
         has_other_shape = self._aspect(message.picture) != self._aspect(self.picture)
+        if message.night.folder != self.night.folder:
+            self.forget_mark()
         self.night = message.night
         self.take_picture(message.picture)
         if has_other_shape:
@@ -146,10 +153,10 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         self._pane("top").show(partial(words.top_lines, night, engine, self.read_only))
         self._pane("facts").show(partial(fact_lines, night, engine, self.outlook))
         alert = self._alert
-        pane = self._pane("alert")
-        if self._alert_rows() != (pane.size.height if pane.display else 0):
+        if self._alert_rows() != self._rows_of_alert:
             self.place_panes()
-        pane.show(lambda width, height: words.wrapped(f" {alert}", width, height))
+            self.call_after_refresh(self.mark_in_other_view)
+        self._pane("alert").show(lambda width, height: words.wrapped(f" {alert}", width, height))
         self.show_keys()
 
     @property
@@ -167,6 +174,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
 
     def show_keys(self) -> None:
         """The keys that matter now, and a word about what was just done."""
+        self._drawn = self._keys, self.notice[0]
         self._pane("keys").show(key_line(self._keys, self.notice))
 
     @property
@@ -178,7 +186,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         pane = self._pane("keys")
         if event.widget is not pane:
             return
-        key = key_at(self._keys, self.notice[0], pane.size.width, event.x)
+        key = key_at(*self._drawn, pane.size.width, event.x)
         if key is not None and key.command:
             is_apps = BY_NAME[key.command].is_everywhere
             await self.run_action(f"app.{key.command}" if is_apps else key.command)
@@ -197,7 +205,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
     def place_panes(self) -> None:
         """Where each pane lies, for this terminal."""
         width, height = self.size
-        alert_rows = self._alert_rows()
+        alert_rows = self._rows_of_alert = self._alert_rows()
         boxes = fold(
             width,
             height,
@@ -301,6 +309,12 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
             self.show_stop(None)
         else:
             self.say("")
+
+    def action_mark(self) -> None:
+        """In the picture, which the log may lie over."""
+        if self._is_log_open and self.marking is None:
+            self.action_log()
+        super().action_mark()
 
     def action_filter_log(self) -> None:
         """Only lines with some words."""

@@ -53,6 +53,8 @@ class FrameRow:
     nis: float | None = None
     fwhm_px: float | None = None
     """Of its stars."""
+    is_solved: bool | None = None
+    """Whether its stars gave its place; None while that is not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,10 +220,12 @@ class Night:
         taken = self.detail(record.frame_id).taken
         t_ns = taken.t_start_utc_ns if taken is not None else None
         self._look(t_ns or t_utc_ns, record.ra_icrs_deg, record.dec_icrs_deg)
+        self._change(record.frame_id, is_solved=True)
         self._detail(record.frame_id, solution=record)
 
     @_fold.register
     def _(self, record: NotSolved, _t_utc_ns: int) -> None:
+        self._change(record.frame_id, is_solved=False)
         self._detail(record.frame_id, solution=record)
 
     @_fold.register

@@ -38,7 +38,6 @@ class OutlookWatch(Looker):
             self._reckon()
         except Exception:  # a panel without it is worth more than no panel
             log.exception("the outlook cannot be reckoned")
-            self._reckoned_s = time.monotonic()
 
     def _reckon(self) -> None:
         night, engine = self._night, self._engine
@@ -48,11 +47,11 @@ class OutlookWatch(Looker):
         of = (night.folder, night.state, night.track is None)
         if of == self._reckoned_of and time.monotonic() - self._reckoned_s < EVERY_S:
             return
+        self._reckoned_of, self._reckoned_s = of, time.monotonic()
         # Late: the sky's reckoning loads slowly, and the first paint does not wait for it.
         from rsoconsole.pipeline.outlook import outlook
 
         seen = outlook(night.config, now, _direction(night, engine), night.track)
-        self._reckoned_of, self._reckoned_s = of, time.monotonic()
         if not self._is_closing:
             self._on_seen(seen)
 

@@ -67,7 +67,7 @@ class StreakActions(Seat):
         if self.picture is None:
             self.say("no frame has been shown yet", "warn")
             return
-        self.app.push_screen(VerdictsDialog(self.picture.detail, self.night.tau))
+        self.app.push_screen(VerdictsDialog(self.picture.detail, self.night.tau, self.keymap))
 
     def action_seek(self) -> None:
         """Look for it again."""
@@ -94,6 +94,12 @@ class StreakActions(Seat):
         """Leave off; nothing is sent."""
         self._leave_mark()
         self.say("")
+
+    def forget_mark(self) -> None:
+        """Another session is shown: what was marked in has gone."""
+        if self.marking is not None:
+            self.say("the mark is left off: another session began", "warn")
+        self.marking = self.picture_waiting = None
 
     def _leave_mark(self) -> None:
         """Show again what is newest."""

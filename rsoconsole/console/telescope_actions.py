@@ -11,6 +11,7 @@ from rsoconsole.console.ask import (
     MoveDialog,
     SettingsDialog,
 )
+from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs import ConfirmDialog
 from rsoconsole.console.messages import OutcomeCame
 from rsoconsole.console.seat import Seat
@@ -209,6 +210,7 @@ class TelescopeActions(Seat):
                 self.send("goto", ra_icrs_deg=place[0], dec_icrs_deg=place[1])
 
         has_it = self.engine.holder == "autonomy"
-        caution = "autonomy has the mount: this takes it, h gives it back" if has_it else ""
+        back = first_key("hold_or_resume", self.keymap)
+        caution = f"autonomy has the mount: this takes it, {back} gives it back" if has_it else ""
         dialog = MoveDialog("centre the streak", place, caution, self.orders)
         self.app.push_screen(dialog, decided)

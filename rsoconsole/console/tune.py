@@ -101,9 +101,12 @@ class Tuning:
         present = self.present.get(tunable.name)
         if present is None:
             return
-        steps = self.steps.get(tunable.name, 0) + by
+        before = self.steps.get(tunable.name, 0)
+        steps = before + by
         from_preset = self.loaded.get(tunable.name)
         stepped = tunable.stepped(present if from_preset is None else from_preset, steps)
+        if before and stepped == self.tried.get(tunable.name):
+            return  # at its bound: no step that would have to be gone back
         if (steps == 0 and from_preset is None) or stepped == present:
             self.tried.pop(tunable.name, None)
             self.steps.pop(tunable.name, None)

@@ -1,6 +1,7 @@
 """Every streak of a frame, what became of it, and the reason."""
 
 import textwrap
+from collections.abc import Mapping
 from typing import ClassVar
 
 from textual.app import ComposeResult
@@ -8,6 +9,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.widgets import Static
 
+from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.words import short
@@ -23,9 +25,16 @@ class VerdictsDialog(Dialog[None]):
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("v,q", "put_away", "Back", show=False)]
 
-    def __init__(self, detail: FrameDetail, tau: float) -> None:
+    def __init__(
+        self, detail: FrameDetail, tau: float, keymap: Mapping[str, str] | None = None
+    ) -> None:
         super().__init__()
         self._detail, self._tau = detail, tau
+        keys = [first_key(name, keymap) for name in ("follow_next", "accept", "reject")]
+        self._help = (
+            "Back on the screen: {} follows the next one, {} takes the likeliest,"
+            " {} rejects.".format(*keys)
+        )
 
     def compose(self) -> ComposeResult:
         """One page of text."""
@@ -34,7 +43,8 @@ class VerdictsDialog(Dialog[None]):
             number = "" if taken is None else f" of frame {taken.frame_id:04d}"
             box.border_title = f"streaks{number}"
             box.border_subtitle = "esc back"
-            yield Static("\n".join(verdict_lines(self._detail, self._tau)), markup=False)
+            lines = [*verdict_lines(self._detail, self._tau), "", self._help]
+            yield Static("\n".join(lines), markup=False)
 
 
 def verdict_lines(detail: FrameDetail, tau: float) -> list[str]:
@@ -56,7 +66,7 @@ def verdict_lines(detail: FrameDetail, tau: float) -> list[str]:
     if left > 0:
         lines.append(f"  and {left} less likely ones, rejected")
     head = f"confidence against τ {short(tau)}; x, y in pixels of the frame"
-    return [head, "", *lines, "", "d follows the next one, y takes the likeliest, j rejects"]
+    return [head, "", *lines]
 
 
 def _fate(streak: Detection, detail: FrameDetail) -> tuple[str, str]:

@@ -51,6 +51,7 @@ class SessionWatch(Looker):
         self._seq = 0
         self._picture: Picture | None = None
         self._closed_seen_s = 0.0
+        self._has_fault = False
         self.indi: IndiConfig | None = None
         """How the session's engine reaches its instruments; None until that is read."""
 
@@ -63,6 +64,9 @@ class SessionWatch(Looker):
     def _look(self) -> None:
         try:
             self._read()
+            if self._has_fault:
+                self._has_fault = False
+                self._show()
         except SessionError as error:
             self._say_fault(str(error))
         except Exception as error:  # the seat must go on, whatever lies in the folder
@@ -178,6 +182,7 @@ class SessionWatch(Looker):
             self._on_seen(self._night.view(), self._picture)
 
     def _say_fault(self, text: str) -> None:
+        self._has_fault = True
         view = self._night.view() if self._night is not None else NightView(folder=self._wanted)
         self._on_seen(replace(view, fault=text), self._picture)
 

@@ -1,13 +1,14 @@
 """What the operator wants, on its way from the socket's threads to the loop."""
 
+import contextlib
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from rsoconsole.config import Config, with_setting
-from rsoconsole.engine.states import Happening, LimitMet, NightEnded
+from rsoconsole.engine.states import Happening, LimitMet, NightEnded, Stopped
 from rsoconsole.errors import ConfigError
 from rsoconsole.instruments.ports import StopResult
 from rsoconsole.records import OperatorAction, ParameterChange
@@ -50,6 +51,8 @@ URGENT = frozenset(("abort", "track", "disarm", "goto", "nudge", "park", "unpark
 
 OUTLIVES_STOP = frozenset(("disarm", "shutdown"))
 """Wishes that STOP does not undo: they move nothing."""
+MOVING = frozenset(("goto", "nudge", "arm", "resume", "seek"))
+"""Wishes that a limit and the end of the night undo: they may move the mount."""
 OVERTAKEN = "dropped by STOP"
 
 
@@ -90,6 +93,7 @@ class Intentions:
         self._alarms: deque[Alarm] = deque()
         self._stops_under_way = 0
         self._stops = 0
+        self._is_granting = False
         self._is_shutdown = False
 
     def put(self, wish: Wish, stamp: int | None = None) -> None:
@@ -104,7 +108,7 @@ class Intentions:
 
     @property
     def stops(self) -> int:
-        """How many STOPs and alarms have cut everything short."""
+        """How many STOPs there have been; limits and the end of the night do not count."""
         return self._stops
 
     def take_all(self) -> tuple[Wish, ...]:
@@ -121,9 +125,14 @@ class Intentions:
         """
         with self._lock:
             self._stops_under_way += 1
-            self._stops += 1
-            dropped = tuple(self._wishes)
-            self._wishes.clear()
+            is_stop = isinstance(happening, Stopped)
+            self._stops += is_stop
+            dropped = tuple(
+                wish
+                for wish in self._wishes
+                if (wish.verb not in OUTLIVES_STOP if is_stop else wish.verb in MOVING)
+            )
+            self._wishes = deque(wish for wish in self._wishes if wish not in dropped)
         result: StopResult | None = None
         try:
             result = abort()
@@ -138,6 +147,20 @@ class Intentions:
         """Cut the loop short for something that it must act on itself (any thread)."""
         with self._lock:
             self._alarms.append(Alarm(happening=happening))
+
+    def put_back(self, wishes: tuple[Wish, ...]) -> None:
+        """These were taken and not granted: they wait again, before all others."""
+        with self._lock:
+            self._wishes.extendleft(reversed(wishes))
+
+    @contextlib.contextmanager
+    def granting(self) -> Iterator[None]:
+        """While a wish is granted no other one cuts it short; STOP and alarms do."""
+        self._is_granting = True
+        try:
+            yield
+        finally:
+            self._is_granting = False
 
     def take_alarms(self) -> tuple[Alarm, ...]:
         """What has cut the loop short since last asked, in order."""
@@ -165,6 +188,8 @@ class Intentions:
         """Whether the loop is to drop what it does and look here."""
         if self._is_shutdown or self.is_stopping:
             return True
+        if self._is_granting:
+            return False
         with self._lock:
             return any(wish.verb in URGENT for wish in self._wishes)
 
@@ -194,6 +219,15 @@ def action_record(wish: Wish, outcome: str) -> OperatorAction:
     """The intention and its outcome for the record."""
     return OperatorAction(
         verb=wish.verb, arguments=dict(wish.arguments), outcome=outcome, by=wish.by
+    )
+
+
+def dropped_words(happening: Happening) -> str:
+    """Why a wish that waited was not granted."""
+    if isinstance(happening, Stopped):
+        return OVERTAKEN
+    return (
+        "dropped: a limit was met" if isinstance(happening, LimitMet) else "dropped: the night ends"
     )
 
 

@@ -11,7 +11,15 @@ from rsoconsole.engine.arming import pointing_check
 from rsoconsole.engine.chronicle import Chronicle, Recorder
 from rsoconsole.engine.exposures import Exposures
 from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
-from rsoconsole.engine.intentions import Alarm, Intentions, action_record, alarm_words
+from rsoconsole.engine.intentions import (
+    OUTLIVES_STOP,
+    OVERTAKEN,
+    Alarm,
+    Intentions,
+    action_record,
+    alarm_words,
+    dropped_words,
+)
 from rsoconsole.engine.parking import Parking
 from rsoconsole.engine.plan import Plan, Planner
 from rsoconsole.engine.preview import place_of_interest
@@ -93,6 +101,7 @@ class Engine:
         self._on_cycle = on_cycle
         self._plan: Plan | None = None
         self._is_first_look = False
+        self._must_check_pointing = True
         self._faults: list[str] = []
         self._clear_frames = 0
         self.last_track: TrackState | None = None
@@ -240,6 +249,8 @@ class Engine:
                 self._parking.want()
             elif action == "start search":
                 self._is_first_look = True
+                # Who set the clock has not turned the telescope: a cloud ends no night for that.
+                self._must_check_pointing = not isinstance(happening, ClockSet)
                 self.planner.start_search(self.hands.mount_report(), self.hands.now_utc_ns())
             elif action == "search home":
                 self.planner.go_home()
@@ -326,8 +337,8 @@ class Engine:
             self.planner.solved(result.reduction.solution)
         self.planner.followed(before, result.after, self.hands.now_utc_ns())
         self._count_frame()
-        if self._is_first_look:
-            self._is_first_look = False
+        is_first_look, self._is_first_look = self._is_first_look, False
+        if is_first_look and self._must_check_pointing:
             self._check_pointing(result.reduction)
         if self.charge.is_autonomous:
             self._plan = self._order_next()
@@ -349,6 +360,7 @@ class Engine:
 
     def _hear_clock_set(self, step_s: float) -> None:
         self.clock_set = (self.hands.now_utc_ns(), step_s)
+        self.last_track = None
         self.chronicle.say(
             "alarm",
             f"somebody has set the clock by {step_s:+.1f} s: what was under way is given up, and"
@@ -374,13 +386,21 @@ class Engine:
         for number, wish in enumerate(wishes):
             outcome = "done"
             try:
-                outcome = grant(self, wish)
+                with self._intentions.granting():
+                    outcome = grant(self, wish)
             except (ValueError, InstrumentError, StoppedElsewhere) as error:
                 outcome = f"refused: {error}"
                 self.chronicle.say("warning", f"{wish.verb} refused: {error}")
             except Interrupted:
-                for dropped in wishes[number:]:
-                    self.chronicle.append(action_record(dropped, "dropped by STOP"))
+                # Taken from the queue already: what STOP undoes there, it undoes here too.
+                left = wishes[number:]
+                kept = left
+                if self._intentions.is_stopping or self._intentions.is_shutdown:
+                    kept = tuple(each for each in left if each.verb in OUTLIVES_STOP)
+                    for dropped in left:
+                        if dropped not in kept:
+                            self.chronicle.append(action_record(dropped, OVERTAKEN))
+                self._intentions.put_back(kept)
                 raise
             self.chronicle.append(action_record(wish, outcome))
 
@@ -405,7 +425,7 @@ class Engine:
         again = self.hands.instruments.mount.abort()
         for alarm in alarms:
             for wish in alarm.dropped:
-                self.chronicle.append(action_record(wish, "dropped by STOP"))
+                self.chronicle.append(action_record(wish, dropped_words(alarm.happening)))
             self._heed(alarm, again.stopped)
 
     def _heed(self, alarm: Alarm, is_stopped_again: bool) -> None:

@@ -111,7 +111,8 @@ class Planner:
         return command_for(back, *here)
 
     def _stands_at(self, report: MountReport) -> None:
-        self.last_report = report
+        # On its way nobody knows where it will be.
+        self.last_report = None if report.is_slewing else report
         self._pier_side = report.pier_side
         self._centre = self.looking_at(report)
         # A mount that stands still loses its place among the stars before the next frame.

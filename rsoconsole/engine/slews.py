@@ -59,9 +59,12 @@ class Slews:
             report = self._hands.wait_for_arrival(*self._planner.command(plan.slew))
             return self._planner.arrived(plan.slew, report)
         report = self._hands.mount_report()
-        if report.is_slewing and is_held:
-            # The hold came while the loop's own slew was under way.
-            self._planner.moved_by_hand(self._hands.wait_for_rest())
+        if report.is_slewing:
+            # A hold came while the loop's own slew was under way, or somebody set the clock.
+            rested = self._hands.wait_for_rest()
+            if not is_held:
+                self._expect_mount_where_left(rested)
+            self._planner.moved_by_hand(rested)
             return True
         self._expect_mount_where_left(report)
         return False

@@ -72,14 +72,23 @@ def _choose(shown: Shown, arguments: Mapping[str, Any], by: str, config: Config)
 
 def _accept(shown: Shown, folds: Folds, by: str, config: Config) -> Ruling:
     """The likeliest streak that was not taken is taken."""
+    refused = shown.ruling.refused if shown.ruling is not None else ()
     already = folds.taken(shown.taken.frame_id)
-    measured = sorted((m for m in shown.measurements if m != already), key=lambda m: -m.confidence)
-    rejected = sorted(shown.detections.rejected, key=lambda r: -r.detection.confidence)
+    out = {(m.x_px, m.y_px) for m in (*refused, already) if m is not None}
+    measured = [m for m in shown.measurements if (m.x_px, m.y_px) not in out]
+    rejected = [
+        each.detection
+        for each in shown.detections.rejected
+        if (each.detection.x_px, each.detection.y_px) not in out
+    ]
+    taken = None
     if measured:
-        return Ruling(frame_id=shown.taken.frame_id, taken=measured[0], by=by)
-    if rejected:
-        taken = _measurement_of(rejected[0].detection, shown, config)
-        return Ruling(frame_id=shown.taken.frame_id, taken=taken, by=by)
+        taken = max(measured, key=lambda m: m.confidence)
+    elif rejected:
+        likeliest = max(rejected, key=lambda d: d.confidence)
+        taken = _measurement_of(likeliest, shown, config)
+    if taken is not None:
+        return Ruling(frame_id=shown.taken.frame_id, taken=taken, refused=refused, by=by)
     raise ValueError(
         f"frame {shown.taken.frame_id} has no candidate to accept: mark the streak by hand"
     )

@@ -119,11 +119,13 @@ def understand(text: str, site: Site, t_utc_ns: int, names: Names | None = None)
         raise ValueError(f"{' and '.join(sorted(kinds))} do not go together: {USAGE}")
     if first.kind == "dec" or second.kind == "ra":
         first, second = second, first
-    ra, dec = parse_ra_deg(first.text), parse_dec_deg(second.text)
+    is_degrees = is_marked(first.text, "°", "d")
+    ra = _ra_of_degrees(first.text) if is_degrees else parse_ra_deg(first.text)
+    dec = parse_dec_deg(second.text)
     if _OF_DATE.search(plain):
         ra, dec = jnow_to_icrs(ra, dec, t_utc_ns)
         return Understood(words="RA and Dec of date", ra_icrs_deg=ra, dec_icrs_deg=dec)
-    is_degrees = number_of_fields(first.text) == 1 and not is_marked(first.text, "h", "ʰ")
+    is_degrees |= number_of_fields(first.text) == 1 and not is_marked(first.text, "h", "ʰ")
     words = "RA and Dec, ICRS, in degrees" if is_degrees else "RA and Dec, ICRS"
     return Understood(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
 
@@ -140,6 +142,13 @@ def _horizontal(first: WrittenAngle, second: WrittenAngle, site: Site, t_utc_ns:
     return Understood(
         words="altitude and azimuth, as it stands now", ra_icrs_deg=ra, dec_icrs_deg=dec
     )
+
+
+def _ra_of_degrees(text: str) -> float:
+    ra_deg = parse_sexagesimal(text)
+    if not 0.0 <= ra_deg < 360.0:
+        raise ValueError(f"{text!r}: right ascension lies between 0 and 360 degrees")
+    return ra_deg
 
 
 def _hour_angle_deg(text: str) -> float:

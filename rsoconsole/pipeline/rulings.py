@@ -56,22 +56,23 @@ class Folds:
 
     def shown(self, frame_id: int) -> Shown:
         """What a frame showed. Raises ValueError where nothing can be said on it any more."""
-        return self._folds[self._place(frame_id)].shown
+        return self._fold(frame_id).shown
 
     def taken(self, frame_id: int) -> Measurement | None:
         """What the track took of a frame. Raises ValueError as ``shown`` does."""
-        taken = self._folds[self._place(frame_id)].folded.following.taken
+        taken = self._fold(frame_id).folded.following.taken
         return taken if taken is not None and taken.frame_id == frame_id else None
 
     def newest(self) -> Shown:
         """The last frame. Raises ValueError where there is none."""
-        if not self._folds:
+        folds = self._folds
+        if not folds:
             raise ValueError("no frame has been followed yet that a word could be said on")
-        return self._folds[-1].shown
+        return folds[-1].shown
 
     def rule(self, ruling: Ruling) -> tuple[Fold, ...]:
         """The frame and those after it, followed again. Raises ValueError as ``shown`` does."""
-        place = self._place(ruling.frame_id)
+        place = _place(self._folds, ruling.frame_id)
         before = self._folds[place].before
         again: list[Fold] = []
         for old in self._folds[place:]:
@@ -82,10 +83,15 @@ class Folds:
         self._folds = (*self._folds[:place], *again)
         return tuple(again)
 
-    def _place(self, frame_id: int) -> int:
-        for number, each in enumerate(self._folds):
-            if each.shown.taken.frame_id == frame_id:
-                return number
-        known = [each.shown.taken.frame_id for each in self._folds]
-        reach = f", only on frames {known[0]} to {known[-1]}" if known else " until the next one"
-        raise ValueError(f"nothing can be said on frame {frame_id} any more{reach}")
+    def _fold(self, frame_id: int) -> Fold:
+        folds = self._folds  # another thread may put others in their place meanwhile
+        return folds[_place(folds, frame_id)]
+
+
+def _place(folds: tuple[Fold, ...], frame_id: int) -> int:
+    for number, each in enumerate(folds):
+        if each.shown.taken.frame_id == frame_id:
+            return number
+    known = [each.shown.taken.frame_id for each in folds]
+    reach = f", only on frames {known[0]} to {known[-1]}" if known else " until the next one"
+    raise ValueError(f"nothing can be said on frame {frame_id} any more{reach}")

@@ -71,8 +71,8 @@ def _first_scale(measurement: Measurement, settings: FilterConfig) -> float:
     if settings.preset == "paper":
         return 1.0
     ee, _, nn = measurement.cov_sky_arcsec2
-    terms = (settings.r_ra_multiplier + settings.r_dec_multiplier) / 2.0
-    variance = max((ee + nn) / 2.0, SIGMA_FLOOR_ARCSEC**2) * settings.r_multiplier * terms
+    ee, nn = ee * settings.r_ra_multiplier, nn * settings.r_dec_multiplier
+    variance = max((ee + nn) / 2.0, SIGMA_FLOOR_ARCSEC**2) * settings.r_multiplier
     return min(max(variance / _SAFE_FOR_ARCSEC**2, _SMALLEST_START), 1.0)
 
 
