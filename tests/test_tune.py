@@ -200,8 +200,8 @@ def test_in_a_lower_pane_the_settings_move_so_that_the_chosen_one_is_seen(height
         texts = ["".join(part for part, _ in line) for line in lines]
         assert len(texts) == height
         assert [text for text in texts if "▸" in text and tunable.label in text]
-        assert any(text.startswith("▲") for text in texts) or row < height // 2
-        assert any(text.startswith("▼") for text in texts) or row > 2
+        assert any(text.startswith(" ▲") for text in texts) or row < height // 2
+        assert any(text.startswith(" ▼") for text in texts) or row > 2
         assert "state" in texts[-2]
 
 

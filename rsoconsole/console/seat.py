@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook
 
 NOTICE_S = 4.0
+NAMES_OF_VERBS = {"ask_seat": "seat", "answer_seat": "seat", "set": "setting"}
 BANNER_S = 15.0
 """A confirmed STOP is shown so long; one that is not confirmed stays."""
 
@@ -116,8 +117,9 @@ class Seat(Screen[None]):
         self.ask_now()
         if message.stops != self._stops and verb != "shutdown":
             return
+        name = NAMES_OF_VERBS.get(verb, verb)
         if outcome.ok:
-            self.say(f"{verb}: {outcome.message or 'done'}", "good")
+            self.say(f"{name}: {outcome.message or 'done'}", "good")
             if verb == "arm":
                 self.show_stop(None)
             elif verb == "shutdown":
@@ -127,7 +129,7 @@ class Seat(Screen[None]):
         elif verb == "arm":
             self._ask_to_override(outcome)
         else:
-            self.app.push_screen(MessageDialog(f"{verb}: not done", outcome.message))
+            self.app.push_screen(MessageDialog(f"{name}: not done", outcome.message))
 
     def _ask_for_seat(self, holder: str) -> None:
         def decided(is_wanted: bool | None) -> None:

@@ -205,10 +205,16 @@ def _settings(tuning: Tuning, room: int) -> list[Line]:
     shown = range(first, min(first + room, len(TUNABLES)))
     lines = [_setting(tuning, number, TUNABLES[number]) for number in shown]
     if lines and first > 0:
-        lines[0] = [("▲", "dim"), (lines[0][0][0][1:], lines[0][0][1]), *lines[0][1:]]
+        lines[0] = _with_sign("▲", lines[0])
     if lines and shown.stop < len(TUNABLES):
-        lines[-1] = [("▼", "dim"), (lines[-1][0][0][1:], lines[-1][0][1]), *lines[-1][1:]]
+        lines[-1] = _with_sign("▼", lines[-1])
     return lines
+
+
+def _with_sign(sign: str, line: Line) -> Line:
+    """There are more beyond this one, which is never the chosen one then."""
+    (text, ink), *rest = line
+    return [(f" {sign}", "dim"), (text[2:], ink), *rest]
 
 
 def _setting(tuning: Tuning, number: int, tunable: Tunable) -> Line:
