@@ -210,15 +210,20 @@ def test_a_nudge_up_moves_what_is_up_in_the_picture_to_the_middle(wire: FakeWire
 # -- what is asked first --------------------------------------------------------------------------
 
 
+async def typed_into_goto(app: ConsoleApp, pilot: Pilot[str], text: str) -> Static:
+    """Open the dialog and type; where it says what it makes of that."""
+    await pilot.press("g")
+    await until(pilot, lambda: app.screen is not app.live)
+    app.screen.query_one(Input).value = text
+    return app.screen.query_one("#understood", Static)
+
+
 def test_go_to_shows_the_way_before_anything_moves(wire: FakeWire):
     wire.outcomes["preview"] = Outcome(ok=True, data=PREVIEW)
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        await pilot.press("g")
-        await until(pilot, lambda: app.screen is not app.live)
-        field, said = app.screen.query_one(Input), app.screen.query_one("#understood", Static)
-        field.value = "83.05 -4.87"
+        said = await typed_into_goto(app, pilot, "83.05 -4.87")
         await until(pilot, lambda: "way" in str(said.render()))
         text = str(said.render())
         for words in ("RA and Dec, ICRS, in degrees", "alt 47.2 az 201.3", "12.4°, 9s"):
@@ -239,10 +244,7 @@ def test_a_move_that_is_refused_says_why_and_enter_does_nothing(wire: FakeWire):
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        await pilot.press("g")
-        await until(pilot, lambda: app.screen is not app.live)
-        said = app.screen.query_one("#understood", Static)
-        app.screen.query_one(Input).value = "alt 3 az 180"
+        said = await typed_into_goto(app, pilot, "alt 3 az 180")
         await until(pilot, lambda: "REFUSED" in str(said.render()))
         assert refusal in str(said.render())
         await pilot.press("enter")
@@ -347,6 +349,19 @@ def test_a_streak_is_marked_with_arrows_and_enter(wire: FakeWire):
         assert said["y_b"] - said["y_a"] == pytest.approx(1.0)
         assert said["sigma_px"] == 1.0
         assert app.live.marking is None
+
+    play(wire, scene, LARGE)
+
+
+def test_where_nothing_can_be_measured_no_mark_is_begun(wire: FakeWire):
+    wire.status |= {"holder": "nobody", "state": "IDLE"}
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: "a Arm" in pane(app, "keys"))
+        assert "Mark" not in pane(app, "keys")
+        await pilot.press("m")
+        assert app.live.marking is None
+        assert "nothing is followed" in pane(app, "keys")
 
     play(wire, scene, LARGE)
 
@@ -472,10 +487,7 @@ def test_an_answer_without_a_preview_is_told_and_goes_nowhere(wire: FakeWire):
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        await pilot.press("g")
-        await until(pilot, lambda: app.screen is not app.live)
-        app.screen.query_one(Input).value = "83.05 -4.87"
-        said = app.screen.query_one("#understood", Static)
+        said = await typed_into_goto(app, pilot, "83.05 -4.87")
         await until(pilot, lambda: "cannot be read" in str(said.render()))
         await pilot.press("enter", "escape")
         assert "goto" not in wire.verbs
@@ -488,10 +500,7 @@ def test_where_the_sky_stands_is_asked_again_when_one_goes(wire: FakeWire):
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        await pilot.press("g")
-        await until(pilot, lambda: app.screen is not app.live)
-        app.screen.query_one(Input).value = "alt 47 az 201"
-        said = app.screen.query_one("#understood", Static)
+        said = await typed_into_goto(app, pilot, "alt 47 az 201")
         await until(pilot, lambda: "way" in str(said.render()))
         first = dict(wire.sent[-1][1])
         now_ns = wire.status["now_utc_ns"] + 600 * NS

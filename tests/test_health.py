@@ -21,10 +21,13 @@ class StandingClock:
         return T0_UTC_NS
 
     def wait_until(self, t_utc_ns: int) -> bool:
-        raise NotImplementedError
+        raise AssertionError("a reading waits for nothing")
 
     def wake(self) -> None:
-        raise NotImplementedError
+        raise AssertionError("a reading wakes nobody")
+
+    def take_step_s(self) -> float:
+        raise AssertionError("the loop alone asks for that")
 
 
 def report(age_s: float = 1.0, **other: bool) -> MountReport:

@@ -10,6 +10,7 @@ import pytest
 
 from rsoconsole.control import ControlClient, ControlServer, Intention, Outcome
 from rsoconsole.engine.desk import Desk
+from rsoconsole.engine.hands import Interrupted
 from rsoconsole.engine.states import LimitMet
 from rsoconsole.instruments.ports import MountReport
 from rsoconsole.records import OperatorAction
@@ -127,3 +128,23 @@ def test_nudges_that_come_while_one_is_granted_add_up(armed: Rig):
     assert len(done) == 3
     assert armed.engine.hand_move is not None
     assert armed.engine.hand_move.direction[1] - before[1] == pytest.approx(0.3, abs=1e-3)
+
+
+def test_a_limit_that_cuts_into_a_move_drops_it_and_keeps_the_hold_behind_it(armed: Rig):
+    desk, plain = desk_of(armed), armed.engine.hands.order_slew
+
+    def order_slew(*direction: float) -> None:
+        armed.intentions.stop(LimitMet(words="pier by 0.1 deg"), armed.mount.abort)
+        plain(*direction)
+
+    for verb, arguments in (("goto", ASIDE), ("hold", {})):
+        assert desk.handle(Intention(verb=verb, arguments=arguments)).ok
+    armed.engine.hands.order_slew = order_slew  # type: ignore[method-assign]
+    slews = len(armed.mount.slews)
+    with pytest.raises(Interrupted):
+        armed.engine._apply_wishes()
+    heed(armed)
+    outcomes = {a.verb: a.outcome for a in armed.memory.of(OperatorAction)}
+    assert outcomes == {"goto": "dropped: a limit was met", "hold": "done"}
+    assert armed.engine.charge.is_held
+    assert len(armed.mount.slews) == slews

@@ -83,7 +83,9 @@ def keys_for(
         keys.append(key("arm_or_disarm", arm, is_weighty=True))
         if engine.holder in {"autonomy", "operator"}:
             keys.append(key("hold_or_resume", "Resume" if engine.wants_resuming else "Hold"))
-        named = {"goto": "Go to", "mark": "Mark", "tune": "Tune", "note": "Note", "park": "Park"}
+        named = {"goto": "Go to", "tune": "Tune", "note": "Note", "park": "Park"}
+        if engine.holder == "autonomy":
+            named = {"goto": "Go to", "mark": "Mark", **named}
         keys += [key(command, name) for command, name in named.items()]
     return [
         *keys,

@@ -292,8 +292,14 @@ class Night:
         else:
             self._set_aside = self._view.track if record.after == "MANUAL" else None
             track = None
+        is_new = record.before in {"IDLE", "FAULT"}
         self._view = replace(
-            self._view, state=record.after, state_since_utc_ns=t_utc_ns, track=track
+            self._view,
+            state=record.after,
+            state_since_utc_ns=t_utc_ns,
+            track=track,
+            # Where it was sent before it was armed again says nothing of now.
+            slew=None if is_new else self._view.slew,
         )
 
     @_fold.register

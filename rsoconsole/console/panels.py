@@ -17,7 +17,7 @@ from rsoconsole.console.plot import (
     residual_strip,
     sparkline,
 )
-from rsoconsole.console.words import arcsec_text, clipped, unsigned_text
+from rsoconsole.console.words import arcsec_text, clipped, short, unsigned_text
 from rsoconsole.tracking.consistency import NIS_BAND, WINDOW, consistency
 
 MISS = "○"
@@ -33,11 +33,9 @@ def confidence_lines(night: NightView, width: int, height: int) -> list[Line]:
     last = next((row for row in reversed(night.rows) if row.is_reduced), None)
     now = _confidence_words(last)
     if height <= 1:
-        label = f" conf {now} τ {_share(night.tau)}"
+        label = f" conf {now} τ {short(night.tau)}"
         return [_strip(label, width, confidence_strip(columns, night.tau, _strip_room(width)))]
-    title = rule(
-        f"confidence {now}", f"{MISS} miss {REFUSED} refused  τ {_share(night.tau)}", width
-    )
+    title = rule(f"confidence {now}", f"{MISS} miss {REFUSED} refused  τ {short(night.tau)}", width)
     return [title, *confidence_plot(columns, night.tau, width, height - 1)]
 
 
@@ -51,8 +49,8 @@ def residual_lines(night: NightView, axis: str, width: int, height: int) -> list
         value = f"{MISS} coasted"
     bound = "3σ -" if last is None or last.bound is None else f"3σ {unsigned_text(last.bound)}"
     if height <= 1:
-        short = {"east": "RA", "north": "δ "}[axis]
-        label = f" {short} {value or '-'} {bound}"
+        name = {"east": "RA", "north": "δ "}[axis]
+        label = f" {name} {value or '-'} {bound}"
         return [_strip(label, width, residual_strip(columns, _strip_room(width)))]
     return [
         rule(f"{name} residual {value}", bound, width),
@@ -72,8 +70,13 @@ def nis_lines(night: NightView, width: int, height: int) -> list[Line]:
     mean = f"NIS {judged.mean:.1f} of 2"
     if height <= 1:
         spark = sparkline(values[-NIS_FRAMES:], 12.0, NIS_FRAMES)
-        words = {"over-confident": "TOO LARGE", "under-confident": "too small"}
-        return [rule(f"{mean} {spark} {words.get(judged.verdict, 'in band')}", frames, width)]
+        words = {
+            "sound": "in band",
+            "over-confident": "TOO LARGE",
+            "under-confident": "too small",
+            "too few": "",
+        }
+        return [rule(f"{mean} {spark} {words[judged.verdict]}", frames, width)]
     columns = [
         Column(value=row.nis, mark=MISS if row.miss is not None and row.sigma_arcsec else "")
         for row in _shown(night, width)
@@ -134,14 +137,10 @@ def _confidence_words(row: FrameRow | None) -> str:
         return ""
     refused = _refused(row)
     if refused is not None:
-        return f"{REFUSED} {_share(refused[0])} {refused[1]}"
+        return f"{REFUSED} {short(refused[0])} {refused[1]}"
     if row.confidence is not None:
-        return _share(row.confidence)
+        return short(row.confidence)
     return "no detection"
-
-
-def _share(value: float) -> str:
-    return f"{value:.2f}".removeprefix("0")
 
 
 def _strip_room(width: int) -> int:

@@ -83,6 +83,9 @@ class StreakActions(Seat):
             return
         if not self.may_act():
             return
+        if self.engine.holder != "autonomy":
+            self.say("nothing is followed that a mark could measure: arm or resume first", "warn")
+            return
         drawing = self.query_one("#frame", FramePane).drawing
         if self.picture is None or drawing is None:
             self.say("there is no picture to mark in", "warn")

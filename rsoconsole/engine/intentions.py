@@ -94,6 +94,8 @@ class Intentions:
         self._stops_under_way = 0
         self._stops = 0
         self._is_granting = False
+        self._cut_by: Happening | None = None
+        """What cut the loop short last."""
         self._is_shutdown = False
 
     def put(self, wish: Wish, stamp: int | None = None) -> None:
@@ -125,13 +127,9 @@ class Intentions:
         """
         with self._lock:
             self._stops_under_way += 1
-            is_stop = isinstance(happening, Stopped)
-            self._stops += is_stop
-            dropped = tuple(
-                wish
-                for wish in self._wishes
-                if (wish.verb not in OUTLIVES_STOP if is_stop else wish.verb in MOVING)
-            )
+            self._stops += isinstance(happening, Stopped)
+            self._cut_by = happening
+            dropped = tuple(wish for wish in self._wishes if is_undone(wish, happening))
             self._wishes = deque(wish for wish in self._wishes if wish not in dropped)
         result: StopResult | None = None
         try:
@@ -146,12 +144,19 @@ class Intentions:
     def interrupt(self, happening: Happening) -> None:
         """Cut the loop short for something that it must act on itself (any thread)."""
         with self._lock:
+            self._cut_by = happening
             self._alarms.append(Alarm(happening=happening))
 
-    def put_back(self, wishes: tuple[Wish, ...]) -> None:
-        """These were taken and not granted: they wait again, before all others."""
+    def put_back(self, wishes: tuple[Wish, ...]) -> tuple[tuple[Wish, ...], str]:
+        """These were taken and not granted: they wait again, before all others.
+
+        Gives those that do not, since what cut in undoes them, and why in words.
+        """
         with self._lock:
-            self._wishes.extendleft(reversed(wishes))
+            cut_by = self._cut_by if self.is_stopping else None
+            dropped = tuple(w for w in wishes if cut_by is not None and is_undone(w, cut_by))
+            self._wishes.extendleft(wish for wish in reversed(wishes) if wish not in dropped)
+        return dropped, "" if cut_by is None else dropped_words(cut_by)
 
     @contextlib.contextmanager
     def granting(self) -> Iterator[None]:
@@ -220,6 +225,13 @@ def action_record(wish: Wish, outcome: str) -> OperatorAction:
     return OperatorAction(
         verb=wish.verb, arguments=dict(wish.arguments), outcome=outcome, by=wish.by
     )
+
+
+def is_undone(wish: Wish, happening: Happening) -> bool:
+    """Whether what cuts the loop short undoes a wish that has not been granted."""
+    if isinstance(happening, Stopped):
+        return wish.verb not in OUTLIVES_STOP
+    return wish.verb in MOVING
 
 
 def dropped_words(happening: Happening) -> str:

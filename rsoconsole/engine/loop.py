@@ -12,8 +12,6 @@ from rsoconsole.engine.chronicle import Chronicle, Recorder
 from rsoconsole.engine.exposures import Exposures
 from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
 from rsoconsole.engine.intentions import (
-    OUTLIVES_STOP,
-    OVERTAKEN,
     Alarm,
     Intentions,
     action_record,
@@ -392,15 +390,10 @@ class Engine:
                 outcome = f"refused: {error}"
                 self.chronicle.say("warning", f"{wish.verb} refused: {error}")
             except Interrupted:
-                # Taken from the queue already: what STOP undoes there, it undoes here too.
-                left = wishes[number:]
-                kept = left
-                if self._intentions.is_stopping or self._intentions.is_shutdown:
-                    kept = tuple(each for each in left if each.verb in OUTLIVES_STOP)
-                    for dropped in left:
-                        if dropped not in kept:
-                            self.chronicle.append(action_record(dropped, OVERTAKEN))
-                self._intentions.put_back(kept)
+                # Taken from the queue already: what is undone there is undone here too.
+                undone, words = self._intentions.put_back(wishes[number:])
+                for each in undone:
+                    self.chronicle.append(action_record(each, words))
                 raise
             self.chronicle.append(action_record(wish, outcome))
 
