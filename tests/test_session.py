@@ -44,6 +44,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.session import writer as writer_module
 from rsoconsole.session.codec import KINDS
+from rsoconsole.session.faults import Faults
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.schema import SCHEMA_VERSION, VIEWS
 from rsoconsole.session.store import list_sessions, new_session_folder, size_bytes
@@ -580,6 +581,16 @@ def test_a_full_disk_raises_nothing_and_loses_no_record_once_it_has_room(folder:
     assert reader.frame_path(1) is None
     assert reader.frame_path(2) is not None
     assert not list((folder / "frames").glob("*.part"))
+
+
+def test_the_gravest_fault_is_named_first_whichever_came_first() -> None:
+    faults = Faults(None)
+    for place in ("preview", "frame", "log"):
+        faults.report(place, place)
+    assert faults.texts() == ("log", "frame", "preview")
+    faults.clear("log")
+    faults.report("frame", "another frame")
+    assert faults.texts() == ("another frame", "preview")
 
 
 KILLED = """

@@ -3,6 +3,9 @@
 import threading
 from collections.abc import Callable
 
+_GIVEN_UP = ("frame", "closeup", "preview")
+"""Places of what is lost without harm to the night, the gravest first."""
+
 
 class Faults:
     """Faults by their place; each is announced once, when it appears."""
@@ -30,6 +33,11 @@ class Faults:
             self._texts.pop(place, None)
 
     def texts(self) -> tuple[str, ...]:
-        """Every present fault."""
+        """Every present fault; pictures that are given up come after what harms the night."""
         with self._lock:
-            return tuple(self._texts.values())
+            present = dict(self._texts)
+        return tuple(present[place] for place in sorted(present, key=_rank))
+
+
+def _rank(place: str) -> int:
+    return _GIVEN_UP.index(place) if place in _GIVEN_UP else -1
