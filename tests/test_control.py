@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -293,11 +294,13 @@ def test_another_users_peer_is_turned_away(path: Path, monkeypatch: pytest.Monke
 def test_a_path_too_long_for_a_socket_falls_back_to_a_short_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     long_path = tmp_path / ("observatory" * 12) / "engine.sock"
-    with ControlServer(long_path, echo):
-        assert ControlClient(long_path).send("status").ok
-        assert address_of(long_path).parent.stat().st_mode & 0o777 == 0o700
+    # A folder of pytest's own may already be too long.
+    with tempfile.TemporaryDirectory() as short:
+        monkeypatch.setattr("tempfile.tempdir", short)
+        with ControlServer(long_path, echo):
+            assert ControlClient(long_path).send("status").ok
+            assert address_of(long_path).parent.stat().st_mode & 0o777 == 0o700
 
 
 def test_a_fallback_folder_open_to_others_is_refused(
