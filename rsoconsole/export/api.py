@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -35,7 +35,7 @@ class ExportOptions:
     """Tables also hold what the operator refused and what his word replaced."""
     track: int | None = None
     """TDM and IOD of this track alone."""
-    target: Target = Target()
+    target: Target = field(default_factory=Target)
     """What the track's object is called."""
     station: str = STATION
     """IOD: the observing site's number."""
@@ -79,7 +79,7 @@ def export(
     text, made = render(session, kind, options)  # type: ignore[arg-type]
     path = default_path(session, kind) if out is None else out
     write_file(path, text.encode("utf-8"), is_forced=options.is_forced)
-    return _placed(made, path, (path,))
+    return replace(made, path=path, files=(path,))
 
 
 def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str, Export]:
@@ -206,9 +206,3 @@ def _export_frames(
         left_out={words: number for words, number in left_out.items() if number},
         is_simulated=night.is_simulated,
     )
-
-
-def _placed(made: Export, path: Path, files: tuple[Path, ...]) -> Export:
-    from dataclasses import replace
-
-    return replace(made, path=path, files=files)

@@ -1,4 +1,4 @@
-"""What is on record of single frames: plate, streaks, what was measured and where it was expected."""
+"""What is on record of single frames: plate, measurements, where the track expected its object."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -7,8 +7,6 @@ from pathlib import Path
 from rsoconsole.errors import ExportError
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.records import (
-    Detection,
-    Detections,
     FollowedAgain,
     FrameTaken,
     Solution,
@@ -16,7 +14,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.session.reader import SessionReader
 
-_KINDS = (FrameTaken, Detections, Solution, TrackState, FollowedAgain)
+_KINDS = (FrameTaken, Solution, TrackState, FollowedAgain)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -25,7 +23,6 @@ class FrameOnRecord:
 
     taken: FrameTaken
     solution: Solution | None = None
-    detections: tuple[Detection, ...] = ()
     predicted: TrackState | None = None
     rows: list[MeasuredRow] = field(default_factory=list)
     """Its measurements that count."""
@@ -46,8 +43,6 @@ def frames_on_record(session: Path, rows: Iterable[MeasuredRow]) -> dict[int, Fr
         if frame is None:
             continue
         match record:
-            case Detections():
-                frame.detections = record.detections
             case Solution():
                 frame.solution = record
             case FollowedAgain():

@@ -15,26 +15,26 @@ from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
 
 _LINE = re.compile(
     r"""
-    (?:(?P<norad>\d{5})\ (?P<year>\d{2})\ (?P<launch>\d{3})(?P<piece>[A-Z]{3}|[A-Z]{2}\ |[A-Z]\ \ )
-       \ |\ {16})
-    (?P<station>[0-9A-HJ-NP-Z]{4})\ 
-    (?P<sky>[EGFPBTCO\ ])\ 
+    (?:(?P<norad>\d{5})[ ](?P<year>\d{2})[ ](?P<launch>\d{3})
+       (?P<piece>[A-Z]{3}|[A-Z]{2}[ ]|[A-Z][ ][ ])[ ]|[ ]{16})
+    (?P<station>[0-9A-HJ-NP-Z]{4})[ ]
+    (?P<sky>[EGFPBTCO ])[ ]
     (?P<date>\d{8})
-    (?:(?P<short_time>\d{0,9})\ *$
-       |(?=[\d\ ]{9}\ )(?P<time>\d{0,9})\ *(?<=^.{41})
-        (?P<time_mx>\d{2})\ 
-        (?:(?P<code>[1-7])(?P<epoch>[0-6\ ])\ 
-           (?=[\d\ ]{7}[+-])(?P<first>\d{1,7})\ *
-           (?P<sign>[+-])(?=[\d\ ]{6}(?:\ |$))(?P<second>\d{1,6})\ *(?<=^.{62})
+    (?:(?P<short_time>\d{0,9})[ ]*$
+       |(?=[\d ]{9}[ ])(?P<time>\d{0,9})[ ]*(?<=^.{41})
+        (?P<time_mx>\d{2})[ ]
+        (?:(?P<code>[1-7])(?P<epoch>[0-6 ])[ ]
+           (?=[\d ]{7}[+-])(?P<first>\d{1,7})[ ]*
+           (?P<sign>[+-])(?=[\d ]{6}(?:[ ]|$))(?P<second>\d{1,6})[ ]*(?<=^.{62})
            (?P<position_mx>\d{2})
-           |\ {20})
-        (?:\ (?P<behaviour>[EFIRSXBHPADMNV])
-           (?:(?P<magnitude_sign>[+-])(?=[\d\ ]{3}(?:\ |$))(?P<magnitude>\d{1,3})\ *(?<=^.{70})
-              (?:\ (?=[\d\ ]{2}|\d$)(?P<magnitude_sigma>\d{1,2})\ *
-                 (?:(?<=^.{74})(?=[\d\ ]{1,6}$)\ *(?P<flash>\d{1,6}))?
+           |[ ]{20})
+        (?:[ ](?P<behaviour>[EFIRSXBHPADMNV])
+           (?:(?P<magnitude_sign>[+-])(?=[\d ]{3}(?:[ ]|$))(?P<magnitude>\d{1,3})[ ]*(?<=^.{70})
+              (?:[ ](?=[\d ]{2}|\d$)(?P<magnitude_sigma>\d{1,2})[ ]*
+                 (?:(?<=^.{74})(?=[\d ]{1,6}$)[ ]*(?P<flash>\d{1,6}))?
               )?
            )?
-        )?\ *$
+        )?[ ]*$
     )
     """,
     re.VERBOSE | re.ASCII,

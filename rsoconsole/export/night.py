@@ -183,7 +183,7 @@ def _rows(stories: Mapping[int, _FrameStory], everything: bool) -> Iterator[Meas
         corrected = stories[frame_id].last.corrected
         track += corrected is not None and corrected.kind == "initial"
         numbers[frame_id] = track
-    for frame_id, story in stories.items():
+    for story in stories.values():
         for told in story.told:
             is_last = told is story.last
             if is_last or everything:

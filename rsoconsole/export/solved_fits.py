@@ -10,6 +10,8 @@ import math
 import re
 from typing import Any
 
+import erfa
+
 from rsoconsole.config import Config
 from rsoconsole.errors import ExportError
 from rsoconsole.export.frames import FrameOnRecord
@@ -75,7 +77,7 @@ def _write_plate(header: Any, frame: FrameOnRecord, solution: Solution, config: 
     taken = frame.taken
     words = {
         "CRPIX1": "1-based",
-        "RADESYS": "Gaia and its kin; no equinox",
+        "RADESYS": "its axes; there is no equinox",
     }
     for key, value in wcs_cards(solution.wcs, taken.width_px, taken.height_px).items():
         header[key] = (value, words.get(key, ""))
@@ -83,9 +85,11 @@ def _write_plate(header: Any, frame: FrameOnRecord, solution: Solution, config: 
     header["PLTRMS"] = (solution.rms_arcsec, "[arcsec] residual of a star, per axis")
     _write_time(header, frame, config)
     site = config.site.to_site()
-    header["OBSGEO-B"] = (site.latitude_deg, "[deg] latitude, WGS84")
-    header["OBSGEO-L"] = (site.longitude_deg, "[deg] longitude, east positive")
-    header["OBSGEO-H"] = (site.elevation_m, "[m] height")
+    place_m = erfa.gd2gc(
+        1, math.radians(site.longitude_deg), math.radians(site.latitude_deg), site.elevation_m
+    )
+    for axis, value in zip("XYZ", place_m, strict=True):
+        header[f"OBSGEO-{axis}"] = (float(value), "[m] site, ITRS")
     header["EXTNAME"] = ("IMAGE", "pixels as the camera gave them")
     header.add_history("Plate solution, times and the table STREAKS by rsoconsole")
 
@@ -96,16 +100,20 @@ def _write_time(header: Any, frame: FrameOnRecord, config: Config) -> None:
     if mid_ns is None or exposure_s is None:
         return
     half_ns = round(exposure_s * 5e8)
+    start_ns = frame.taken.t_start_utc_ns or 0
     header["TIMESYS"] = ("UTC", "of all times here")
-    if "DATE-OBS" not in header:
-        header["DATE-OBS"] = (_date(frame.taken.t_start_utc_ns or 0), "start, as given")
-    if "EXPTIME" not in header:
-        header["EXPTIME"] = (exposure_s, "[s]")
-    header["DATE-BEG"] = (_date(mid_ns - half_ns), "shutter opens")
-    header["DATE-AVG"] = (_date(mid_ns), "mid-exposure")
-    header["DATE-END"] = (_date(mid_ns + half_ns), "shutter closes")
-    header["MJD-AVG"] = (MJD_UNIX + mid_ns / NS_PER_DAY, "[d] mid-exposure, UTC")
+    header["DATE-OBS"] = header.get("DATE-OBS") or _date(start_ns)
+    header["EXPTIME"] = header.get("EXPTIME", exposure_s)
+    instants = (("BEG", mid_ns - half_ns, "shutter opens"), ("AVG", mid_ns, "mid-exposure"))
+    for name, t_utc_ns, words in (*instants, ("END", mid_ns + half_ns, "shutter closes")):
+        header[f"DATE-{name}"] = (_date(t_utc_ns), words)
+        header[f"MJD-{name}"] = (_mjd(t_utc_ns), f"[d] {words}, UTC")
+    header["MJD-OBS"] = (_mjd(start_ns), "[d] start, as DATE-OBS has it")
     header["XPOSURE"] = (exposure_s, "[s]")
+
+
+def _mjd(t_utc_ns: int) -> float:
+    return MJD_UNIX + t_utc_ns / NS_PER_DAY
 
 
 def _date(t_utc_ns: int) -> str:
@@ -119,9 +127,11 @@ def _streaks(frame: FrameOnRecord) -> Any:
 
     rows = frame.rows
     values = [
-        (r.x_px, r.y_px, r.ra_icrs_deg, r.dec_icrs_deg, r.sigma_ra_arcsec, r.sigma_dec_arcsec)
-        + (r.correlation, r.confidence, r.ra_a_icrs_deg, r.dec_a_icrs_deg)
-        + (r.ra_b_icrs_deg, r.dec_b_icrs_deg)
+        (
+            *(r.x_px, r.y_px, r.ra_icrs_deg, r.dec_icrs_deg, r.sigma_ra_arcsec, r.sigma_dec_arcsec),
+            *(r.correlation, r.confidence, r.ra_a_icrs_deg, r.dec_a_icrs_deg),
+            *(r.ra_b_icrs_deg, r.dec_b_icrs_deg),
+        )
         for r in rows
     ]
     table = np.array(values, dtype=np.float64).reshape(len(rows), len(_COLUMNS))

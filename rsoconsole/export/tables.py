@@ -7,6 +7,7 @@ Missing is an empty field in CSV, a masked one in ECSV, null in JSON.
 import csv
 import io
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -167,7 +168,9 @@ def _checked(column: Column, value: Any, where: str) -> Any:
     is_truth = isinstance(value, bool)
     if not isinstance(value, expected[column.kind]) or is_truth != (column.kind == "truth"):
         raise ExportError(f"{where}: {value!r} is no {column.name}")
-    return float(value) if column.kind == "real" else value
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ExportError(f"{where}: {column.name} is {value}")
+    return float(value) if isinstance(value, int) and column.kind == "real" else value
 
 
 def _text(path: Path) -> str:
