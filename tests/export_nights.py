@@ -142,7 +142,9 @@ _text = st.text(
 def made_up_rows(**more: st.SearchStrategy[Any]) -> st.SearchStrategy[MeasuredRow]:
     """Rows of any content that a session could have."""
     hints = MeasuredRow.__annotations__
-    optional = {name: st.none() | _real for name, hint in hints.items() if "float | None" in str(hint)}
+    optional = {
+        name: st.none() | _real for name, hint in hints.items() if "float | None" in str(hint)
+    }
     fields: dict[str, st.SearchStrategy[Any]] = {
         **optional,
         "frame_id": st.integers(0, 2**31),
