@@ -31,7 +31,7 @@ _LINE = re.compile(
         (?:[ ](?P<behaviour>[EFIRSXBHPADMNV])
            (?:(?P<magnitude_sign>[+-])(?=[\d ]{3}(?:[ ]|$))(?P<magnitude>\d{1,3})[ ]*(?<=^.{70})
               (?:[ ](?=[\d ]{2}|\d$)(?P<magnitude_sigma>\d{1,2})[ ]*
-                 (?:(?<=^.{74})(?=[\d ]{1,6}$)[ ]*(?P<flash>\d{1,6}))?
+                 (?:(?<=^.{74})(?=[\d ]{1,6}[ ]*$)[ ]*(?P<flash>\d{1,6}))?
               )?
            )?
         )?[ ]*$
@@ -99,7 +99,7 @@ def read_iod(path: Path) -> tuple[IodObservation, ...]:
 
 def parse_iod(line: str) -> IodObservation:
     """The observation in one line. Raises ExportError."""
-    match = _LINE.match(line.rstrip())
+    match = _LINE.match(line.rstrip("\r\n"))
     if match is None:
         raise ExportError(f"{line.strip()[:50]!r} does not keep the columns of an IOD line")
     found = match.groupdict()

@@ -8,6 +8,7 @@ Shupe et al. 2005 (SIP), Rots et al. 2015 (time), Pence et al. 2010 (tiled image
 import io
 import math
 import re
+import warnings
 from typing import Any
 
 import erfa
@@ -55,18 +56,23 @@ def solved_fits(frame: FrameOnRecord, config: Config) -> bytes:
     if frame.solution is None:
         raise ExportError(f"frame {number} has no plate solution")
     from astropy.io import fits
+    from astropy.utils.exceptions import AstropyUserWarning
 
+    content = io.BytesIO()
     try:
-        # Without decompression the image's bytes pass through as they are.
-        with fits.open(frame.file, disable_image_compression=True, memmap=False) as hdus:
+        # Without decompression the image's bytes pass through as they are. Of a file that was cut
+        # astropy only warns.
+        with (
+            warnings.catch_warnings(action="error", category=AstropyUserWarning),
+            fits.open(frame.file, disable_image_compression=True, memmap=False) as hdus,
+        ):
             image = hdus[1]
             if image.header.get("ZIMAGE") is not True:
                 raise ExportError(f"{frame.file} holds no image of a session")
             _write_plate(image.header, frame, frame.solution, config)
             parts = fits.HDUList([fits.PrimaryHDU(), image, _streaks(frame)])
-            content = io.BytesIO()
             parts.writeto(content, checksum=True)
-    except (OSError, IndexError, TypeError, ValueError) as error:
+    except (OSError, IndexError, TypeError, ValueError, AstropyUserWarning) as error:
         raise ExportError(f"frame {number} cannot be read from {frame.file}: {error}") from error
     return content.getvalue()
 
