@@ -101,9 +101,8 @@ def test_astropy_finds_every_star_where_the_plate_has_it(frame_id, exported: Pat
     assert theirs.wcs.radesys == "ICRS"
     ours = wcs_from_cards(header)
     assert ours.cd == pytest.approx(wcs.cd, rel=1e-14)  # a card holds 15 digits
-    assert [term[:2] for term in ours.sip_a + ours.sip_b] == [
-        term[:2] for term in wcs.sip_a + wcs.sip_b
-    ]
+    assert set(ours.sip_a) == set(wcs.sip_a)
+    assert set(ours.sip_b) == set(wcs.sip_b)
 
 
 def test_nothing_is_left_of_the_drivers_own_plate(exported: Path):
