@@ -213,7 +213,9 @@ def _later(record, shift, by, replace):
     return replace(record, **changes)
 
 
-def test_what_is_no_session_is_refused(tmp_path: Path):
+def test_what_is_no_session_and_what_is_no_format_is_refused(tmp_path: Path):
+    with pytest.raises(ExportError, match="none of csv"):
+        export(SAMPLE, "html", tmp_path / "x")
     with pytest.raises(SessionError, match="does not exist"):
         export(tmp_path / "none", "csv")
 

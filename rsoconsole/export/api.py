@@ -74,6 +74,11 @@ def export(
     exported, for files that exist (unless ``is_forced``) and where nothing can be written.
     """
     options = options or ExportOptions()
+    if kind not in (*TEXT_FORMATS, *FRAME_FORMATS):
+        formats = ", ".join((*TEXT_FORMATS, *FRAME_FORMATS))
+        raise ExportError(
+            f"{kind!r} is none of {formats}; html is made by notebook.report.write_report"
+        )
     if kind in FRAME_FORMATS:
         return _export_frames(session, kind, out, options)  # type: ignore[arg-type]
     text, made = render(session, kind, options)  # type: ignore[arg-type]

@@ -47,6 +47,7 @@ class Report:
     html: str
     measurements: int
     tracks: int
+    is_simulated: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +111,12 @@ def render_report(session: Path) -> Report:
             version=__version__,
         )
     )
-    return Report(html=html, measurements=len(rows), tracks=len(tracks))
+    return Report(
+        html=html,
+        measurements=len(rows),
+        tracks=len(tracks),
+        is_simulated=exported.is_simulated,
+    )
 
 
 def _environment() -> Any:
@@ -127,6 +133,7 @@ def _environment() -> Any:
     environment.filters["dec"] = lambda deg: _minus(format_dec(deg, 2))
     environment.filters["clock"] = clock
     environment.filters["fixed"] = _fixed
+    environment.filters["nis"] = lambda value: _fixed(value, 2 if (value or 0.0) < 100.0 else 0)
     environment.filters["signed"] = lambda value, digits=2: _fixed(value, digits, "+")
     return environment
 
