@@ -198,6 +198,7 @@ def test_seconds_are_rounded_as_time_goes(iso, written):
     assert to_iod(night_of([row]), (1,), target=Target())[23:40] == written
 
 
+@settings(deadline=None)
 @given(st.integers(LEAP - 3 * NS, LEAP + 3 * NS))
 def test_no_rounding_is_wrong_by_a_second(t_utc_ns):
     assert abs(to_the_millisecond(t_utc_ns) - t_utc_ns) <= 1_000_000
@@ -205,6 +206,7 @@ def test_no_rounding_is_wrong_by_a_second(t_utc_ns):
     assert (to_the_millisecond(t_utc_ns) >= LEAP) == (t_utc_ns >= LEAP)
 
 
+@settings(deadline=None)
 @given(st.floats(1e-8, 90.0))
 def test_an_uncertainty_is_written_to_one_digit(value):
     text = mx(value)

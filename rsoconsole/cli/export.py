@@ -8,6 +8,7 @@ import typer
 
 from rsoconsole.cli import output
 from rsoconsole.cli.telescope import JsonOption
+from rsoconsole.errors import ExportError
 
 AnyFormat: TypeAlias = Literal["csv", "ecsv", "jsonl", "tdm", "iod", "fits", "regions", "html"]
 STDOUT = "-"
@@ -95,19 +96,18 @@ def export(
     from rsoconsole.export.frames import parse_numbers
 
     try:
-        numbers = None if frames is None else parse_numbers(frames)
-    except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="--frames") from error
-    options = ExportOptions(
-        everything=everything,
-        track=track,
-        target=Target(norad_id=norad, cospar=cospar),
-        station=station,
-        sky=sky,
-        originator=originator,
-        frames=numbers,
-        is_forced=force,
-    )
+        options = ExportOptions(
+            everything=everything,
+            track=track,
+            target=Target(norad_id=norad, cospar=cospar),
+            station=station,
+            sky=sky,
+            originator=originator,
+            frames=None if frames is None else parse_numbers(frames),
+            is_forced=force,
+        )
+    except (ValueError, ExportError) as error:
+        raise typer.BadParameter(str(error)) from error
     _export(wish, options, json_)
 
 

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 from rsoconsole.errors import ExportError
 from rsoconsole.export import frames as on_record
-from rsoconsole.export.iod import STATION, to_iod
+from rsoconsole.export.iod import STATION, check_station, to_iod
 from rsoconsole.export.night import ExportedNight, read_night
 from rsoconsole.export.regions import to_regions
 from rsoconsole.export.solved_fits import solved_fits
@@ -47,6 +47,10 @@ class ExportOptions:
     """FITS and regions of these frames alone."""
     is_forced: bool = False
     """Existing files are written over."""
+
+    def __post_init__(self) -> None:
+        """Raises ExportError for what cannot be written."""
+        check_station(self.station, self.sky)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

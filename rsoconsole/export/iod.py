@@ -48,18 +48,23 @@ def to_iod(
     A streak that the frame cuts is left out. Raises ExportError for a station or a sky that
     cannot be written.
     """
-    if _STATION.fullmatch(station) is None:
-        raise ExportError(
-            f"{station!r} is no station: four digits or capitals without I and O, such as 9999"
-        )
-    if len(sky) != 1 or sky not in SKIES:
-        raise ExportError(f"{sky!r} is no state of the sky: one of E, G, F, P, B, T")
+    check_station(station, sky)
     offset_s = night.about.get("clock_offset_s")
     clock_s = float(offset_s) if isinstance(offset_s, int | float) else 0.0
     time_sigma_s = math.hypot(night.config.exposure.timing_sigma_s, clock_s)
     rows = [row for track in tracks for row in whole(night.of_track(track))]
     rows.sort(key=lambda row: row.t_mid_utc_ns)
     return "".join(_line(row, target, station, sky, time_sigma_s) + "\n" for row in rows)
+
+
+def check_station(station: str, sky: str) -> None:
+    """Raises ExportError for a station or a state of the sky that a line cannot say."""
+    if _STATION.fullmatch(station) is None:
+        raise ExportError(
+            f"{station!r} is no station: four digits or capitals without I and O, such as 9999"
+        )
+    if len(sky) != 1 or sky not in SKIES:
+        raise ExportError(f"{sky!r} is no state of the sky: one of E, G, F, P, B, T")
 
 
 def _line(row: MeasuredRow, target: Target, station: str, sky: str, time_sigma_s: float) -> str:

@@ -15,7 +15,7 @@ from rsoconsole.errors import SessionError
 from rsoconsole.export.night import ExportedNight
 from rsoconsole.export.night import read_night as read_rows
 from rsoconsole.export.rows import MeasuredRow
-from rsoconsole.notebook.night import Night, NightFrame, read_night
+from rsoconsole.notebook.night import Night, read_night
 from rsoconsole.notebook.report_facts import (
     Course,
     TrackFacts,
@@ -26,13 +26,10 @@ from rsoconsole.notebook.report_facts import (
     track_facts,
 )
 from rsoconsole.notebook.report_figures import inline_figures
-from rsoconsole.notebook.report_pictures import Picture, chosen_frames, pictures
+from rsoconsole.notebook.report_pictures import shown_frames
 from rsoconsole.pipeline.what_if import TrackFigures
-from rsoconsole.records import FrameTaken, Solution
-from rsoconsole.session.reader import SessionReader
 from rsoconsole.sky.angles import format_dec, format_ra
 from rsoconsole.sky.times import utc_ns_to_iso
-from rsoconsole.sky.wcs import sky_to_pixel
 
 TEMPLATE = "report.html.j2"
 MOST_ROWS = 2000
@@ -48,17 +45,6 @@ class Report:
     measurements: int
     tracks: int
     is_simulated: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Shown:
-    """One picture with the marks on it, in per cent of its size."""
-
-    picture: Picture
-    caption: str
-    is_missed: bool
-    taken: tuple[float, float] | None
-    predicted: tuple[float, float] | None
 
 
 def write_report(session: Path, out: Path) -> Path:
@@ -85,7 +71,7 @@ def render_report(session: Path) -> Report:
     figures = figures_on_record(night, course.last_state)
     tracks = track_facts(exported.rows)
     said = filter_words(night)
-    shown = _shown(session, night, exported.rows)
+    shown = shown_frames(session, night, exported.rows)
     rows = exported.rows
     html = (
         _environment()
@@ -267,56 +253,6 @@ def _alts(night: Night, figures: TrackFigures) -> dict[str, str]:
     if figures.nis_mean is not None:
         alts["nis"] = f"Normalised innovation squared against time: mean {figures.nis_mean:.2f}."
     return alts
-
-
-def _shown(session: Path, night: Night, rows: tuple[MeasuredRow, ...]) -> list[_Shown]:
-    frames = {frame.frame_id: frame for frame in night.frames}
-    missed = [number for number, frame in frames.items() if frame.missed is not None]
-    reader = SessionReader(session)
-    sizes: dict[int, tuple[int, int]] = {}
-    plates: dict[int, Solution] = {}
-    for _, _, record in reader.records(kinds=(FrameTaken, Solution)):
-        if isinstance(record, FrameTaken):
-            sizes[record.frame_id] = (record.width_px, record.height_px)
-        elif isinstance(record, Solution):
-            plates[record.frame_id] = record
-    taken = {row.frame_id: row for row in rows if row.is_taken and not row.is_superseded}
-    shown = []
-    for picture in pictures(session, chosen_frames(list(frames), missed)):
-        number = picture.frame_id
-        frame, size, row = frames[number], sizes[number], taken.get(number)
-        shown.append(
-            _Shown(
-                picture=picture,
-                caption=_caption(frame, row),
-                is_missed=frame.missed is not None,
-                taken=None if row is None else _per_cent(row.x_px, row.y_px, size),
-                predicted=_predicted(frame, plates.get(number), size),
-            )
-        )
-    return shown
-
-
-def _caption(frame: NightFrame, row: MeasuredRow | None) -> str:
-    words = f"{frame.frame_id} · {clock(frame.t_mid_utc_ns)}"
-    if frame.missed is not None:
-        return f"{words} · missed: {frame.missed}"
-    return words if row is None else f"{words} · {row.confidence:.2f}"
-
-
-def _predicted(
-    frame: NightFrame, plate: Solution | None, size: tuple[int, int]
-) -> tuple[float, float] | None:
-    if frame.predicted is None or plate is None:
-        return None
-    x_px, y_px = sky_to_pixel(plate.wcs, frame.predicted.x[0], frame.predicted.x[2])
-    return _per_cent(float(x_px), float(y_px), size)
-
-
-def _per_cent(x_px: float, y_px: float, size: tuple[int, int]) -> tuple[float, float] | None:
-    """None for what lies outside the frame."""
-    x, y = (x_px + 0.5) / size[0] * 100.0, (y_px + 0.5) / size[1] * 100.0
-    return (x, y) if 0.0 <= x <= 100.0 and 0.0 <= y <= 100.0 else None
 
 
 def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
