@@ -193,7 +193,10 @@ def _export_frames(
         left_out["not solved"] = len(usable) - len(numbers)
     if not numbers:
         why = ", ".join(f"{number} {words}" for words, number in left_out.items() if number)
-        raise ExportError(f"the session has no frame to export ({why or 'it has none'})")
+        raise ExportError(
+            f"the session has no frame to export ({why or 'it has none'});"
+            " session.keep_frames says which frames keep their pixels"
+        )
     folder = session / FOLDER / f"{session.resolve().name}-frames" if out is None else out
     paths = [folder / f"{number:06d}{_SUFFIXES[kind]}" for number in numbers]
     there = next((path for path in paths if path.exists()), None)
