@@ -245,6 +245,7 @@ def test_the_views_spread_every_record_into_columns(writer: SessionWriter, folde
         "file_bytes",
         "not_kept_because",
         "preview",
+        "file_sha256",
         "frame_id",
     }
 

@@ -1,6 +1,5 @@
 """Sessions under one root: their names, what is in each, how much disk they take."""
 
-import os
 import re
 import unicodedata
 from dataclasses import dataclass
@@ -8,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rsoconsole.errors import SessionError
+from rsoconsole.session.liveness import is_written
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.schema import DATABASE
 
@@ -78,21 +78,9 @@ def cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
         except SessionError:
             continue
         if about.get("is_simulated") is is_simulated:
-            is_over = about.get("is_closed") is True or _is_alive(about.get("pid"))
+            is_over = about.get("is_closed") is True or is_written(about)
             return None if is_over else folder
     return None
-
-
-def _is_alive(pid: object) -> bool:
-    if not isinstance(pid, int):
-        return False
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True
 
 
 def summarise(folder: Path) -> SessionSummary:
