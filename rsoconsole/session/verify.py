@@ -18,7 +18,9 @@ from rsoconsole.session.verification import REPAIR, Verification, state_of
 from rsoconsole.session.verify_files import FileRow, FilesCheck
 
 _MOST_SQLITE_WORDS = 5
-_FILE_ROWS = "SELECT path, bytes, sha256 FROM files WHERE path IS NOT NULL ORDER BY role = 'frame' DESC, path"
+_FILE_ROWS = """
+SELECT path, bytes, sha256 FROM files WHERE path IS NOT NULL ORDER BY role = 'frame' DESC, path
+"""
 
 
 def verify_session(place: Path, on_bytes: Callable[[int, int], None] | None = None) -> Verification:

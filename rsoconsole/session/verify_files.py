@@ -1,4 +1,4 @@
-"""Whether a session's files are those that were written: hashes, or contents where none was kept."""
+"""Whether a session's files are those that were written: by hash, or where none is, by contents."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
