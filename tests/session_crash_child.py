@@ -1,9 +1,9 @@
 """Writes sessions until it is killed: a process that is prepared once and forks one life a cut.
 
-Orders come by standard input, one JSON line each: ``folder``, ``delay_s``, and ``in_closing``:
-whether the delay begins with the session, or with its closing. The answer is one JSON line: what
-the life had been told is on disk when it was cut. A fork, so that no interpreter's start is paid
-for; no thread is begun before it.
+Orders come by standard input, one JSON line each: ``folder``, ``words`` and ``delay_s``: after how
+many words of its own, and how long after the last of them, the life ends; ``words`` null: when it
+closes its session. The answer is one JSON line: what the life had been told is on disk when it was
+cut. A fork, so that no interpreter's start is paid for; no thread is begun before it.
 """
 
 import json
@@ -84,23 +84,23 @@ def heard(pipe: int) -> Iterator[tuple[int, int]]:
         yield SAID.unpack(said)
 
 
-def cut(folder: Path, delay_s: float, in_closing: bool) -> dict[str, int]:
+def cut(folder: Path, words: int | None, delay_s: float) -> dict[str, int]:
     """One life, and what it had been told when it was killed."""
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
         os.close(reading)
         try:
-            live(folder, writing, in_closing)
+            live(folder, writing, words is None)
         finally:
             os._exit(1)
     os.close(writing)
     told = dict.fromkeys((BEGUN, RECORD, FRAME, CLOSING, CLOSED), 0)
     says = heard(reading)
     try:
-        for what, number in says:
+        for place, (what, number) in enumerate(says):
             told[what] = max(told[what], number)
-            if what == (CLOSING if in_closing else BEGUN):
+            if place == words or what == CLOSING:
                 break
         time.sleep(delay_s)
     finally:
@@ -120,7 +120,7 @@ def main() -> None:
     print("ready", flush=True)
     for line in sys.stdin:
         order = json.loads(line)
-        told = cut(Path(order["folder"]), order["delay_s"], order["in_closing"])
+        told = cut(Path(order["folder"]), order["words"], order["delay_s"])
         print(json.dumps(told), flush=True)
 
 

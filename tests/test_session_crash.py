@@ -30,11 +30,11 @@ from tests.session_crash_child import T0_UTC_NS, pixels, record
 
 ROOT = Path(__file__).parents[1]
 CUTS = 200
-CUTS_IN_CLOSING = 60
+CUTS_IN_CLOSING = 40
 TRUNCATIONS = 250
 GARBAGE = 100
-LONGEST_DELAY_S = 0.07
-LONGEST_CLOSING_S = 0.03
+MOST_WORDS = 6
+LONGEST_DELAY_S = 0.03
 NOW_UTC_NS = T0_UTC_NS + 10**15
 
 
@@ -53,25 +53,28 @@ class Lives:
         assert self._line() == "ready"
 
     def cuts(
-        self, folders: Iterable[Path], delays_s: Iterable[float], *, in_closing: bool
+        self, folders: Iterable[Path], moments: random.Random, *, most_words: int | None
     ) -> Iterator[tuple[Path, dict[str, int]]]:
         """Each folder with what its writer had been told when it was killed.
 
-        The next life is lived while the last one is looked at.
+        ``most_words``: at most so many acknowledgements before a random delay begins; None: the
+        delay begins with the closing. The next life is lived while the last one is looked at.
         """
         before: Path | None = None
-        for folder, delay_s in zip(folders, delays_s, strict=False):
+        for folder in folders:
             told = None if before is None else json.loads(self._line())
-            self._order(folder, delay_s, in_closing)
+            self._order(folder, moments, most_words)
             if before is not None and told is not None:
                 yield before, told
             before = folder
         assert before is not None
         yield before, json.loads(self._line())
 
-    def _order(self, folder: Path, delay_s: float, in_closing: bool) -> None:
+    def _order(self, folder: Path, moments: random.Random, most_words: int | None) -> None:
         assert self._process.stdin is not None
-        order = {"folder": str(folder), "delay_s": delay_s, "in_closing": in_closing}
+        words = None if most_words is None else moments.randint(0, most_words)
+        delay_s = moments.uniform(0.0, LONGEST_DELAY_S)
+        order = {"folder": str(folder), "words": words, "delay_s": delay_s}
         self._process.stdin.write(json.dumps(order) + "\n")
         self._process.stdin.flush()
 
@@ -128,18 +131,10 @@ def check_a_cut(folder: Path, told: dict[str, int]) -> str:
     return found.state
 
 
-def random_delays_s(seed: int, longest_s: float) -> Iterator[float]:
-    """Moments of a cut."""
-    moments = random.Random(seed)
-    while True:
-        yield moments.uniform(0.0, longest_s)
-
-
 def test_two_hundred_cuts_lose_nothing_that_was_acknowledged(lives: Lives, tmp_path: Path) -> None:
     folders = [tmp_path / str(number) for number in range(CUTS)]
-    delays_s = random_delays_s(1, LONGEST_DELAY_S)
     records = frames = 0
-    for folder, told in lives.cuts(folders, delays_s, in_closing=False):
+    for folder, told in lives.cuts(folders, random.Random(1), most_words=MOST_WORDS):
         assert check_a_cut(folder, told) == "cut off"
         records, frames = records + told["records"], frames + told["frames"]
         shutil.rmtree(folder)
@@ -152,9 +147,8 @@ def test_a_cut_while_the_session_is_closed_loses_nothing_either(
     lives: Lives, tmp_path: Path
 ) -> None:
     folders = [tmp_path / str(number) for number in range(CUTS_IN_CLOSING)]
-    delays_s = random_delays_s(2, LONGEST_CLOSING_S)
     states = set()
-    for folder, told in lives.cuts(folders, delays_s, in_closing=True):
+    for folder, told in lives.cuts(folders, random.Random(2), most_words=None):
         states.add(check_a_cut(folder, told))
         shutil.rmtree(folder)
     assert states == {"cut off", "closed"}
