@@ -81,6 +81,8 @@ class TarHoldings:
             inside = PurePosixPath(member.name).parts[1:]
             if member.isfile() and inside:
                 self._members["/".join(inside)] = member
+        if not _has_end(tar):
+            raise tarfile.ReadError("it breaks off")
         if DATABASE not in self._members:
             raise SessionError(f"{place} holds no session: it has no {DATABASE} in one folder")
         self._scratch = scratch
@@ -136,6 +138,13 @@ def parse_manifest(text: str) -> dict[str, str]:
     """Hash by path, from lines as ``sha256sum`` writes them; other lines are passed over."""
     pairs = (line.partition("  ") for line in text.splitlines())
     return {path: digest for digest, _, path in pairs if path}
+
+
+def _has_end(tar: tarfile.TarFile) -> bool:
+    """Whether two empty blocks stand behind the last file: one that breaks off has none."""
+    assert tar.fileobj is not None
+    tar.fileobj.seek(tar.offset)
+    return tar.fileobj.read(2 * tarfile.BLOCKSIZE) == bytes(2 * tarfile.BLOCKSIZE)
 
 
 def _raise(error: OSError) -> None:

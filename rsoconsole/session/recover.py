@@ -1,8 +1,7 @@
 """What can be saved of a session whose database is damaged, as a new session beside it.
 
 The damaged one is only copied from. Its rows are read twice: by SQLite itself around the pages that
-it cannot read, and by the ``.recover`` of SQLite's own shell, where that is installed, which finds
-rows even without the table's root. Source: sqlite.org/recovery.html.
+it cannot read, and page by page, which finds rows that no table leads to any more.
 """
 
 import errno
@@ -10,7 +9,7 @@ import json
 import os
 import shutil
 import sqlite3
-import subprocess
+import struct
 import tomllib
 from collections.abc import Iterator
 from contextlib import closing, suppress
@@ -27,26 +26,32 @@ from rsoconsole.session.digest import META_KEY as DIGEST_KEY
 from rsoconsole.session.digest import Row, mark_closed, sha256_of
 from rsoconsole.session.frame_files import PART, sync_folder
 from rsoconsole.session.holdings import FolderHoldings
+from rsoconsole.session.pages import MAGIC, Fields, Pages
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.schema import (
     BESIDE_DATABASE,
     BRANCHES,
     CONFIG,
     DATABASE,
+    FOLDERS,
     SCHEMA_VERSION,
+    WAL,
     role_of,
 )
 from rsoconsole.session.upkeep import add_note
 
 RECOVERED = ".recovered"
-SHELL_TIMEOUT_S = 3600.0
 PAGE_BYTES = 4096
 """What SQLite reads at a time, and disks too."""
 MAX_DEAD_ROWS = 20_000
 """So many records in a row that cannot be read are the end of the log."""
+MAX_GROWTH = 1000
+"""A header that promises so many times more than there is, is damaged itself."""
+_HEADER = struct.Struct(">16sH10xI")
+"""Magic, page size, pages. Source: sqlite.org/fileformat.html, 1.3."""
 _LOG_COLUMNS = "seq, t_utc_ns, kind, frame_id, body"
 _FILE_COLUMNS = "frame_id, role, path, bytes, ms, reason"
-_LOST_LOG_FIELDS = 5
+_LOG_FIELDS, _META_FIELDS, _FILES_FIELDS = 5, 2, (6, 7)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,11 +122,14 @@ def _save_log(folder: Path, target: Path) -> tuple[int, int]:
             # The shared-memory file is only an index of the log beside it: SQLite makes it anew.
             if (folder / name).exists() and not name.endswith("-shm"):
                 _copy_readable(folder / name, Path(scratch) / name)
-        read = [_walked(copy), *_by_shell(copy, Path(scratch) / "recovered.db")]
+        # SQLite's own reading comes last, and wins; it may fold the log, so the pages come first.
+        parts = [_scanned(copy, Path(scratch) / WAL)]
+        _fill_up(copy)
+        parts.append(_walked(copy))
     log: dict[int, Row] = {}
     meta: dict[str, str] = {}
     files: dict[tuple[int, str], tuple[Any, ...]] = {}
-    for part in reversed(read):
+    for part in parts:
         log.update(part.log)
         meta.update(part.meta)
         files.update(part.files)
@@ -182,49 +190,17 @@ def _log_around_damage(connection: sqlite3.Connection) -> Iterator[tuple[Any, ..
             yield from connection.execute(sql.format("="), (seq,))
 
 
-def _by_shell(database: Path, target: Path) -> list[_Read]:
-    """The rows that SQLite's own shell finds; empty where it is not installed."""
-    installed = shutil.which("sqlite3")
-    if installed is None:
-        return []
-    shell = [installed, "-batch", "-init", os.devnull]
-    script = target.with_suffix(".sql")
-    try:
-        with script.open("wb") as stream:
-            _run([*shell, str(database), ".recover --ignore-freelist"], stdout=stream)
-        with script.open("rb") as stream:
-            _run([*shell, str(target)], stdin=stream, stdout=subprocess.DEVNULL)
-        if not target.exists():
-            return []
-        read = _Read({}, {}, {})
-        with closing(sqlite3.connect(target)) as connection:
-            with suppress(sqlite3.Error):
-                for row in connection.execute(f"SELECT {_LOG_COLUMNS} FROM log"):
-                    _take_log(read, row)
-            _take_rest(read, connection)
-            _take_lost(read, connection)
-    except (OSError, sqlite3.Error, subprocess.TimeoutExpired):
-        return []
-    return [read]
-
-
-def _run(command: list[str], **streams: Any) -> None:
-    # Errors of single statements are what a damaged database is made of: they are passed over.
-    subprocess.run(
-        command, stderr=subprocess.DEVNULL, timeout=SHELL_TIMEOUT_S, check=False, **streams
-    )
-
-
-def _take_lost(read: _Read, connection: sqlite3.Connection) -> None:
-    """Records whose table was lost: the shell keeps their columns under plain names."""
-    with suppress(sqlite3.Error):
-        tables = connection.execute(
-            "SELECT name FROM sqlite_master WHERE type = 'table' AND name LIKE 'lost_and_found%'"
-        ).fetchall()
-        for (name,) in tables:
-            sql = f'SELECT id, c1, c2, c3, c4 FROM "{name}" WHERE nfield = {_LOST_LOG_FIELDS}'
-            for row in connection.execute(sql):
-                _take_log(read, row)
+def _scanned(database: Path, wal: Path) -> _Read:
+    """The rows that still stand on some page, told apart by their shape."""
+    read = _Read({}, {}, {})
+    for rowid, fields in Pages(database, wal).rows():
+        if rowid is not None and len(fields) == _LOG_FIELDS:
+            _take_log(read, (rowid, *fields[1:]))
+        elif rowid is None and len(fields) == _META_FIELDS:
+            _take_fact(read, fields)
+        elif rowid is None and len(fields) in _FILES_FIELDS:
+            _take_file(read, fields)
+    return read
 
 
 def _take_log(read: _Read, row: tuple[Any, ...]) -> None:
@@ -249,17 +225,33 @@ def _take_log(read: _Read, row: tuple[Any, ...]) -> None:
 
 def _take_rest(read: _Read, connection: sqlite3.Connection) -> None:
     with suppress(sqlite3.Error):
-        for key, value in connection.execute("SELECT key, value FROM meta"):
-            if isinstance(key, str) and _is_json(value):
-                read.meta.setdefault(key, value)
-    columns: set[str] = set()
+        for row in connection.execute("SELECT key, value FROM meta"):
+            _take_fact(read, row)
     with suppress(sqlite3.Error):
-        columns = {str(row[1]) for row in connection.execute("PRAGMA table_info(files)")}
-    sha256 = "sha256" if "sha256" in columns else "NULL"
-    with suppress(sqlite3.Error):
-        for row in connection.execute(f"SELECT {_FILE_COLUMNS}, {sha256} FROM files"):
-            if isinstance(row[0], int) and isinstance(row[1], str):
-                read.files.setdefault((row[0], row[1]), row)
+        for row in connection.execute("SELECT * FROM files"):
+            _take_file(read, row)
+
+
+def _take_fact(read: _Read, row: Fields) -> None:
+    key, value = row
+    if isinstance(key, str) and key.isidentifier() and _is_json(value):
+        read.meta.setdefault(key, str(value))
+
+
+def _take_file(read: _Read, row: Fields) -> None:
+    """Keep a row of ``files``; that of schema 1 ends before the hash."""
+    frame_id, role, path, size, ms, reason, *rest = row
+    is_shaped = (
+        isinstance(frame_id, int)
+        and isinstance(role, str)
+        and role in FOLDERS
+        and isinstance(path, str | None)
+        and isinstance(size, int | None)
+        and isinstance(reason, str | None)
+    )
+    if is_shaped:
+        key = (int(frame_id or 0), str(role))
+        read.files.setdefault(key, (frame_id, role, path, size, ms, reason, *(rest or (None,))))
 
 
 def _is_json(value: object) -> bool:
@@ -322,6 +314,19 @@ def _copy_readable(source: Path, target: Path) -> None:
                 if error.errno != errno.EIO:
                     raise
                 good.write(bytes(PAGE_BYTES))
+
+
+def _fill_up(copy: Path) -> None:
+    """Give a database that breaks off its length back: SQLite reads none that is too short."""
+    with copy.open("r+b") as stream:
+        header = stream.read(_HEADER.size)
+        if len(header) < _HEADER.size:
+            return
+        magic, page_bytes, pages = _HEADER.unpack(header)
+        size = (65536 if page_bytes == 1 else page_bytes) * pages
+        held = stream.seek(0, os.SEEK_END)
+        if magic == MAGIC and held < size <= MAX_GROWTH * held:
+            stream.truncate(size)
 
 
 def _link_or_copy(source: Path, target: Path) -> None:
