@@ -42,7 +42,8 @@ from rsoconsole.session.schema import (
 from rsoconsole.session.worker import BoundedWorker
 
 MAX_FRAMES_WAITING = 3
-MAX_PREVIEWS_WAITING = 16
+MAX_PREVIEWS_WAITING = 64
+"""Pictures of 0.3 MB: the disk is waited for with each, and they come in bursts."""
 RESERVE_BYTES = 200_000_000
 """Frames are given up below this much free disk: the log must have room."""
 
