@@ -8,7 +8,17 @@ import platformdirs
 import typer
 
 from rsoconsole import __version__
-from rsoconsole.cli import demo, export, figures, frames, house, seat, service, telescope
+from rsoconsole.cli import (
+    demo,
+    export,
+    figures,
+    frames,
+    house,
+    seat,
+    service,
+    sessions,
+    telescope,
+)
 from rsoconsole.config import APP
 from rsoconsole.errors import RsoconsoleError
 
@@ -21,7 +31,17 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Find and follow satellites that nobody told you about. Start with: rsoconsole demo",
 )
-for group in (demo, seat, telescope, frames, house, service, figures, export):
+for group in (
+    demo,
+    seat,
+    telescope,
+    frames,
+    house,
+    sessions,
+    service,
+    figures,
+    export,
+):
     group.register(app)
 
 
