@@ -38,3 +38,7 @@ class SessionError(RsoconsoleError):
 
 class ControlError(RsoconsoleError):
     """The engine cannot be reached or refused an intention."""
+
+
+class BatchError(RsoconsoleError):
+    """Work over many sessions cannot be shared out."""
