@@ -16,17 +16,14 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, TypeVar
+from typing import Literal, TypeAlias, TypeVar
 
-from rsoconsole import __version__
 from rsoconsole.errors import BatchError
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 Kind: TypeAlias = Literal["serial", "processes", "dask"]
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
-REACHED_S = 30.0
-"""How long a scheduler and its workers are waited for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +90,18 @@ def share_out(
     elif crew.kind == "processes":
         yield from _by_processes(work, tasks, crew.workers, failed, on_done)
     else:
-        yield from _by_dask(work, tasks, crew, failed, paths, on_done)
+        from rsoconsole.pipeline.batch_dask import by_dask
+
+        with one_thread():
+            yield from by_dask(
+                work,
+                tasks,
+                workers=crew.workers,
+                scheduler=crew.scheduler,
+                failed=failed,
+                paths=paths,
+                on_done=on_done,
+            )
 
 
 def _by_processes(
@@ -127,7 +135,7 @@ def _as_processes_end(
 ) -> Iterator[tuple[int, Result]]:
     """(number, result) as they come; ends early where a worker dies."""
     ours = set(multiprocessing.active_children())
-    with _one_thread():
+    with one_thread():
         executor = ProcessPoolExecutor(
             max_workers=workers,
             mp_context=multiprocessing.get_context("spawn"),
@@ -166,7 +174,7 @@ def _become_worker() -> None:
 
 
 @contextlib.contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
     """Processes begun meanwhile compute with one thread."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
@@ -178,98 +186,3 @@ def _one_thread() -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
-
-
-def _by_dask(
-    work: Callable[[Task], Result],
-    tasks: Sequence[Task],
-    crew: Crew,
-    failed: Callable[[Task, str], Result],
-    paths: Sequence[Path],
-    on_done: Callable[[], None],
-) -> Iterator[Result]:
-    from distributed import as_completed as as_dask_completed
-
-    with _client(crew) as client:
-        if crew.scheduler is not None:
-            _check_workers(client, paths)
-        # A task that takes its worker's process along is not tried over and over.
-        futures = [client.submit(work, task, pure=False, retries=0) for task in tasks]
-        numbers = {future.key: number for number, future in enumerate(futures)}
-        done: dict[int, Result] = {}
-        given = 0
-        for future in as_dask_completed(futures):
-            number = numbers[future.key]
-            if future.status == "finished":
-                done[number] = future.result()
-            else:
-                done[number] = failed(tasks[number], f"its worker failed: {future.exception()}")
-            on_done()
-            while given in done:
-                yield done.pop(given)
-                given += 1
-
-
-@contextlib.contextmanager
-def _client(crew: Crew) -> Iterator[Any]:
-    """A Dask client, of the scheduler that is named or of a cluster on this machine alone."""
-    import logging
-
-    import dask
-    from distributed import Client, LocalCluster
-
-    settings = {
-        "distributed.worker.daemon": False,  # the plate solver is a child of the worker
-        "distributed.scheduler.allowed-failures": 0,
-        "distributed.comm.timeouts.connect": f"{REACHED_S:.0f}s",
-        # The night's own log tells what matters.
-        "distributed.admin.log-format": "%(message)s",
-    }
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    with dask.config.set(settings), contextlib.ExitStack() as stack:
-        address: Any = crew.scheduler
-        if crew.scheduler is None:
-            with _one_thread():
-                address = stack.enter_context(
-                    LocalCluster(
-                        n_workers=crew.workers,
-                        threads_per_worker=1,
-                        processes=True,
-                        host="127.0.0.1",
-                        dashboard_address=None,
-                        silence_logs=logging.CRITICAL,
-                        memory_limit=0,
-                    )
-                )
-        try:
-            client = stack.enter_context(Client(address, timeout=REACHED_S))
-        except (OSError, ValueError, TimeoutError) as error:
-            raise BatchError(
-                f"no Dask scheduler answers at {crew.scheduler}: {error}; start one with"
-                " 'dask scheduler' and workers with 'dask worker ADDRESS --nthreads 1 --no-nanny'"
-            ) from error
-        yield client
-
-
-def _check_workers(client: Any, paths: Sequence[Path]) -> None:
-    """Raises BatchError where a worker has another version or cannot reach what it needs."""
-    try:
-        client.wait_for_workers(1, timeout=REACHED_S)
-        answers: dict[str, Any] = client.run(_what_a_worker_lacks, [str(p) for p in paths])
-    except Exception as error:  # whatever the workers raise, rsoconsole's absence above all
-        raise BatchError(
-            f"the scheduler's workers cannot do this work ({type(error).__name__}: {error}):"
-            " they need rsoconsole, and one at least must be running"
-        ) from error
-    for worker, (version, missing) in answers.items():
-        if version != __version__:
-            raise BatchError(f"{worker} runs rsoconsole {version}, this is {__version__}: use one")
-        if missing:
-            raise BatchError(
-                f"{worker} cannot reach {missing[0]}: give paths that mean the same on every"
-                " machine, such as a shared disk's"
-            )
-
-
-def _what_a_worker_lacks(paths: Sequence[str]) -> tuple[str, list[str]]:
-    return __version__, [path for path in paths if not os.access(path, os.R_OK)]
