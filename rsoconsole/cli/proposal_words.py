@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsoconsole.cli.what_if_words import figures_lines, figures_report
@@ -11,7 +12,9 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline.what_if_session import WhatIf
 
 
-def proposal_report(proposal: "Proposal", effects: "Sequence[WhatIf]") -> dict[str, Any]:
+def proposal_report(
+    proposal: "Proposal", effects: "Sequence[WhatIf]", branches: Sequence[Path]
+) -> dict[str, Any]:
     """The object of ``rsoconsole what-if --propose``."""
     figures = [
         {
@@ -26,6 +29,7 @@ def proposal_report(proposal: "Proposal", effects: "Sequence[WhatIf]") -> dict[s
         **alone,
         "tried": dict(proposal.tried),
         "sessions": figures,
+        "branches": [str(folder) for folder in branches],
         "proposal": {
             **asdict(proposal),
             "sessions": [str(folder) for folder in proposal.sessions],
@@ -74,9 +78,10 @@ def proposal_lines(proposal: "Proposal", effects: "Sequence[WhatIf]") -> Iterato
         yield f"  {effect.session} with what is proposed:"
         yield from figures_lines(effect.recorded, effect.what_if)
     yield ""
-    settings = " ".join(f"--set {name} {value:.4g}" for name, value in proposal.tried.items())
-    yield f"  look at it again: rsoconsole what-if SESSION {settings}"
-    yield "  use it: " + ", ".join(f"{n} = {v:.4g}" for n, v in proposal.tried.items())
+    yield "  to use it, in the configuration:"
+    yield "    [filter]"
+    for name, value in proposal.tried.items():
+        yield f"    {name.removeprefix('filter.')} = {value:g}"
 
 
 def _evidence(proposal: "Proposal", before: "Soundness", after: "Soundness") -> Iterator[str]:

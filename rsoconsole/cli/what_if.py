@@ -132,9 +132,8 @@ def what_if(
         _drop_branch(sessions[0], drop, json_)
         return
     if propose:
-        tried = _propose(sessions, json_, is_asked_again=save is not None)
-        if save is None or not tried:
-            return
+        _propose(sessions, save, json_, force=force)
+        return
     questions = [
         Question(
             session=path,
@@ -216,20 +215,30 @@ def _resolved(questions: "list[Question]") -> "Iterable[tuple[Question, Path]]":
     return zip(questions, everywhere([q.session for q in questions]), strict=True)
 
 
-def _propose(sessions: list[Path], json_: bool, *, is_asked_again: bool) -> dict[str, float | str]:
+def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool) -> None:
     from rsoconsole.cli.proposal_words import proposal_lines, proposal_report
+    from rsoconsole.pipeline.branches import check_name, save_branch
     from rsoconsole.pipeline.propose import propose
     from rsoconsole.pipeline.what_if_session import what_if_session
 
+    if save is not None:
+        for session in sessions:
+            check_name(session, save, force=force)
     with counting("filter run") as on_evaluation:
         found = propose(sessions, on_evaluation=on_evaluation)
     effects = [what_if_session(folder, found.tried) for folder in found.sessions]
-    if json_ and not (is_asked_again and found.tried):
-        output.emit_json(proposal_report(found, effects))
-    elif not json_:
-        for line in proposal_lines(found, effects):
-            output.say(line)
-    return dict(found.tried)
+    branches: list[Path] = []
+    if save is not None and found.tried:
+        branches = [save_branch(effect, save, force=force) for effect in effects]
+    if json_:
+        output.emit_json(proposal_report(found, effects, branches))
+        return
+    for line in proposal_lines(found, effects):
+        output.say(line)
+    for folder in branches:
+        output.say(f"  kept as {folder}")
+    if save is not None and not branches:
+        output.say("  nothing is proposed that could be kept")
 
 
 def _list_branches(session: Path, json_: bool) -> None:

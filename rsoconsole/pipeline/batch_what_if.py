@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.pipeline.branches import save_branch
+from rsoconsole.pipeline.branches import check_name, save_branch
 from rsoconsole.pipeline.rerun import RerunCounts
 from rsoconsole.pipeline.what_if import TrackFigures
 from rsoconsole.pipeline.what_if_session import what_if_session
@@ -41,6 +41,8 @@ class Answer:
 def answer(question: Question, on_frame: Callable[[], None] = lambda: None) -> Answer:
     """Try, and keep the result where a name is given; never raises for what is broken."""
     try:
+        if question.save is not None:
+            check_name(question.session, question.save, force=question.force)
         found = what_if_session(
             question.session,
             question.tried,

@@ -62,17 +62,23 @@ def branch_folder(session: Path, name: str) -> Path:
     return session / BRANCHES / name
 
 
+def check_name(session: Path, name: str, *, force: bool = False) -> Path:
+    """Where a branch of that name is to lie. Raises SessionError where it cannot."""
+    folder = branch_folder(session, name)
+    if folder.exists() and not force:
+        raise SessionError(f"{session} has a branch '{name}' already: --force replaces it")
+    if folder.exists() and not _is_branch(folder):
+        raise SessionError(f"{folder} is no branch: move it away, or choose another name")
+    return folder
+
+
 def save_branch(what_if: WhatIf, name: str, *, force: bool = False) -> Path:
     """Keep a what-if as a branch of its session; returns its folder.
 
     It is whole or not there: it is written beside its place and renamed. Raises SessionError for
     a name that cannot be one or is taken (unless ``force``), and where it cannot be written.
     """
-    folder = branch_folder(what_if.session, name)
-    if folder.exists() and not force:
-        raise SessionError(f"{what_if.session} has a branch '{name}' already: --force replaces it")
-    if folder.exists() and not _is_branch(folder):
-        raise SessionError(f"{folder} is no branch: move it away, or choose another name")
+    folder = check_name(what_if.session, name, force=force)
     beside = folder.with_name(f".{name}.part")
     try:
         folder.parent.mkdir(exist_ok=True)

@@ -24,6 +24,7 @@ OF_THE_FOLD = (
     "site.",
 )
 """Settings that have a part in what is followed, by how their names begin."""
+OF_A_PRESET = {"filter.sigma_arcsec": "paper", "filter.q_arcsec2_s3": "tuned"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,6 +130,12 @@ def check_tried(
                 break
         else:
             raise ConfigError(f"{name} has no part in what is followed: there is nothing to try")
+    preset = tried.get("filter.preset", config.filter.preset)
+    for name, belongs_to in OF_A_PRESET.items():
+        if name in tried and preset != belongs_to:
+            raise ConfigError(
+                f"{name} belongs to preset {belongs_to}: --preset {belongs_to} has it"
+            )
 
 
 def _value(config: Config, name: str) -> Any:
