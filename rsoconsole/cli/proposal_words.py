@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rsoconsole.cli.what_if_words import figures_lines, figures_report
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline.propose import Proposal, Soundness
+    from rsoconsole.pipeline.propose_evidence import Proposal, Soundness
     from rsoconsole.pipeline.what_if_session import WhatIf
 
 

@@ -1,4 +1,4 @@
-"""What one set of tracks says of Q and R: the models that are compared, and their evidence. Pure."""
+"""What one set of tracks says of Q and R: models compared, and their evidence. Pure."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
