@@ -22,6 +22,9 @@ LEAST = 15
 """Fewer innovations say nothing of Q and R."""
 CHANCE, CHANCE_OF_A_TERM = 0.05, 0.01
 """How often idle parameters may gain as much as is asked for."""
+WORTH_A_FIT = 0.3
+"""Share of the gain that is needed which a term must show alone, before all is sought with it."""
+_ABOUT = (0.01, 0.1, 0.5, 2.0, 10.0, 100.0)
 FLAT_DECADES = 4.0
 """A 68 % interval of so many powers of ten says that the likelihood is flat."""
 
@@ -95,9 +98,12 @@ class Inquiry:
         return Fit(parameters=fit.parameters, values=values, log_likelihood=_total(found))
 
     def _try_term(self, other: Parameter) -> None:
-        fit = self.search.fit((*self._chosen.parameters, other), start=self._chosen)
-        gain = fit.log_likelihood - self._chosen.log_likelihood
         needed = _needed(CHANCE_OF_A_TERM, 1)
+        gain = self.search.gain_along(other, self._chosen)
+        fit = self._chosen
+        if gain >= WORTH_A_FIT * needed:
+            fit = self.search.fit((*self._chosen.parameters, other), start=self._chosen)
+            gain = fit.log_likelihood - self._chosen.log_likelihood
         term = Term(label=other.label, gain=gain, needed=needed, is_taken=gain >= needed)
         self._terms.append(term)
         if term.is_taken:
@@ -191,7 +197,7 @@ class Inquiry:
 
         search = Search(of_first_half, self.search.on_evaluation)
         start = self._chosen if self._chosen.parameters else self._both
-        fit = search.fit(parameters, start=start)
+        fit = search.fit(parameters, start=start, is_coarse=True)
         before, after = self._run({}), self._run(fit.settings())
         assert before is not None
         assert after is not None
@@ -211,7 +217,11 @@ class Inquiry:
         """Q, R, and the terms that may have a value of their own."""
 
         def parameter(
-            label: str, low: float, high: float, *names: str, scan: tuple[float, ...] = (0.3, 3.0)
+            label: str,
+            low: float,
+            high: float,
+            *names: str,
+            scan: tuple[float, ...] = (0.01, 0.1, 0.5, 2.0, 10.0, 100.0),
         ) -> Parameter:
             dotted = tuple(f"filter.{name}" for name in names)
             recorded = _in_force(self._configs(), names[0])

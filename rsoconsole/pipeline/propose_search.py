@@ -12,7 +12,9 @@ HALF_WIDTH = 0.5
 """By how much log L falls to the ends of a 68 % interval of one parameter (Wilks 1938)."""
 _WORST = -1e12
 _FINE = {"xatol": 0.02, "fatol": 0.01}
-_COARSE = {"xatol": 0.1, "fatol": 0.03}
+_COARSE = {"xatol": 0.1, "fatol": 0.05}
+_STRIDE = 0.2
+"""Of a parabola's three points, in natural logarithms."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,21 +87,36 @@ class Search:
             self._known[key] = value if math.isfinite(value) else _WORST
         return self._known[key]
 
-    def fit(self, parameters: tuple[Parameter, ...], start: Fit | None = None) -> Fit:
-        """The likeliest values; ``start``: a fit that is near, in the place of a coarse scan."""
+    def fit(
+        self,
+        parameters: tuple[Parameter, ...],
+        start: Fit | None = None,
+        *,
+        is_coarse: bool = False,
+    ) -> Fit:
+        """The likeliest values; ``start``: a fit that is near, in the place of a scan."""
         if not parameters:
             return Fit(parameters=(), values=(), log_likelihood=self.at((), ()))
         if start is None:
             logs = self._scanned(parameters)
         else:
             logs = np.log([start.value(parameter) for parameter in parameters])
-        return self._refined(parameters, logs, _FINE)
+        return self._refined(parameters, logs, _COARSE if is_coarse else _FINE)
 
     def interval(self, parameter: Parameter, best: Fit) -> tuple[float, float]:
         """68 % profile interval of one of a fit's parameters; a bound where it is that wide."""
         place = best.parameters.index(parameter)
         ends = tuple(self._end(place, best, sense) for sense in (-1.0, 1.0))
         return math.exp(ends[0]), math.exp(ends[1])
+
+    def gain_along(self, parameter: Parameter, best: Fit) -> float:
+        """By how much one parameter more raises log L at least: the others stay where they are."""
+        logs = [math.log(parameter.recorded), *np.log(best.values)]
+        heights = [best.log_likelihood]
+        for factor in parameter.scan:
+            logs[0] = parameter.clipped(math.log(parameter.recorded * factor))
+            heights.append(self.at((parameter, *best.parameters), logs))
+        return max(heights) - best.log_likelihood
 
     def open_ends(self, parameter: Parameter, best: Fit) -> tuple[bool, bool]:
         """Whether the likelihood stays as good as the best down to the search's edge, and up."""
@@ -191,24 +208,35 @@ class Search:
         best: Fit,
     ) -> tuple[float, FloatArray]:
         """(by how much the profile lies below the best, where the others are then)."""
-        if not others:
-            return best.log_likelihood - self.at((parameter,), (log_value,)), logs
-        from scipy.optimize import minimize
-
         together = (parameter, *others)
-        bounds = [(math.log(each.low), math.log(each.high)) for each in others]
-        found = minimize(
-            lambda x: -self.at(together, (log_value, *x)),
-            logs,
-            method="Nelder-Mead",
-            bounds=bounds,
-            options={
-                **_COARSE,
-                "initial_simplex": _simplex(logs, bounds, 0.2),
-                "maxfev": 8 + 5 * len(others),
-            },
-        )
-        return best.log_likelihood + float(found.fun), np.asarray(found.x)
+        logs, height = np.array(logs, float), self.at(together, (log_value, *logs))
+        for place in [*range(len(others))] * min(len(others), 2):
+            logs, height = self._climbed(together, log_value, logs, height, place)
+        return best.log_likelihood - height, logs
+
+    def _climbed(
+        self,
+        together: Sequence[Parameter],
+        log_value: float,
+        logs: FloatArray,
+        height: float,
+        place: int,
+    ) -> tuple[FloatArray, float]:
+        """To the top of the parabola through three points along one of the others."""
+        heights = []
+        for side in (-_STRIDE, _STRIDE):
+            beside = logs.copy()
+            beside[place] = together[place + 1].clipped(logs[place] + side)
+            heights.append(self.at(together, (log_value, *beside)))
+        bend = heights[0] - 2.0 * height + heights[1]
+        step = math.copysign(3.0 * _STRIDE, heights[1] - heights[0])
+        if bend < 0.0:
+            step = _STRIDE * (heights[0] - heights[1]) / (2.0 * bend)
+            step = min(max(step, -6.0 * _STRIDE), 6.0 * _STRIDE)
+        there = logs.copy()
+        there[place] = together[place + 1].clipped(logs[place] + step)
+        above = self.at(together, (log_value, *there))
+        return (there, above) if above > height else (logs, height)
 
 
 def _simplex(
