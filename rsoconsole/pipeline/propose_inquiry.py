@@ -63,12 +63,10 @@ class Inquiry:
         return self._chosen.settings()
 
     def _fewest(self, both: Fit) -> Fit:
-        """R or Q alone where the other adds nothing that chance would not."""
-        for alone in (self._r, self._q):
-            fit = self.search.fit((alone,), start=both)
-            if both.log_likelihood - fit.log_likelihood < _needed(CHANCE, 1):
-                return fit
-        return both
+        """R alone where Q adds nothing that chance would not; Q never alone, as R answers to it."""
+        alone = self.search.fit((self._r,), start=both)
+        is_enough = both.log_likelihood - alone.log_likelihood < _needed(CHANCE, 1)
+        return alone if is_enough else both
 
     def _heed_limits(self) -> None:
         """Where the data give a parameter no more than a limit, the limit is proposed.
