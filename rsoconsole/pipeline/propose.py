@@ -20,8 +20,8 @@ from rsoconsole.pipeline.propose_likelihood import Arc, arcs_of
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.session.reader import SessionReader
 
-WIDE_GATE_NIS = 50.0
-"""The gate at first, so that an R too small has not cut off the innovations that show it."""
+FIRST_GATE_NIS, GATE_NIS = 50.0, 25.0
+"""The gate at first and later: wide, so that an R too small cuts off none that show it."""
 MOST_ROUNDS = 3
 
 
@@ -72,11 +72,12 @@ def _load(folder: Path) -> _Session:
 
 
 def _arcs(sessions: Sequence[_Session], tried: Mapping[str, float] | None) -> list[Arc]:
-    """Tracks as they would be with what is tried; behind a wide gate with None."""
+    """Tracks as they would be with what is tried; None: with what was recorded."""
     arcs: list[Arc] = []
+    wide = FIRST_GATE_NIS if tried is None else GATE_NIS
     for session in sessions:
-        gate = max(session.config.filter.gate_nis, WIDE_GATE_NIS)
-        held = {"filter.gate_nis": gate} if tried is None else tried
+        gate = max(session.config.filter.gate_nis, wide)
+        held = {**(tried or {}), "filter.gate_nis": gate}
         arcs.extend(arcs_of(replay(session.records, session.config, tried=held)))
     return arcs
 

@@ -20,7 +20,8 @@ class Proposed:
     """As recorded where no change of it is called for."""
     likeliest: float
     interval_68: tuple[float, float]
-    """Within which the profile of log L falls by 0.5 at most."""
+    """Within which the profile of log L falls by 0.5 at most; by 2 for preset tuned, whose log L is
+    too sharp (``propose_inquiry.WIDENED``)."""
     is_on_bound: bool
     """The likeliest value lies where the search ended."""
     is_flat: bool

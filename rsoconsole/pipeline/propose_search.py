@@ -103,10 +103,15 @@ class Search:
             logs = np.log([start.value(parameter) for parameter in parameters])
         return self._refined(parameters, logs, _COARSE if is_coarse else _FINE)
 
-    def interval(self, parameter: Parameter, best: Fit) -> tuple[float, float]:
-        """68 % profile interval of one of a fit's parameters; a bound where it is that wide."""
+    def interval(
+        self, parameter: Parameter, best: Fit, fall: float = HALF_WIDTH
+    ) -> tuple[float, float]:
+        """Profile interval of one of a fit's parameters; a bound where it is that wide.
+
+        ``fall``: of log L to its ends; 68 % with the one that is given.
+        """
         place = best.parameters.index(parameter)
-        ends = tuple(self._end(place, best, sense) for sense in (-1.0, 1.0))
+        ends = tuple(self._end(place, best, sense, fall) for sense in (-1.0, 1.0))
         return math.exp(ends[0]), math.exp(ends[1])
 
     def gain_along(self, parameter: Parameter, best: Fit) -> float:
@@ -171,8 +176,8 @@ class Search:
             log_likelihood=-float(found.fun),
         )
 
-    def _end(self, place: int, best: Fit, sense: float) -> float:
-        """Where the profile has fallen by ``HALF_WIDTH``, as a logarithm."""
+    def _end(self, place: int, best: Fit, sense: float, most: float) -> float:
+        """Where the profile has fallen by so much at most, as a logarithm."""
         parameter = best.parameters[place]
         at = math.log(best.values[place])
         bound = math.log(parameter.high if sense > 0.0 else parameter.low)
@@ -182,7 +187,7 @@ class Search:
         for _ in range(12):
             width = min(step, abs(bound - at))
             fall, logs = self._fall(parameter, at + sense * width, others, logs, best)
-            if fall >= HALF_WIDTH:
+            if fall >= most:
                 outside = (width, fall)
                 break
             inside = (width, fall)
@@ -192,12 +197,10 @@ class Search:
         if outside is None:
             return bound
         for _ in range(2):
-            width = _between(inside, outside)
+            width = _between(inside, outside, most)
             fall, _ = self._fall(parameter, at + sense * width, others, logs, best)
-            inside, outside = (
-                (inside, (width, fall)) if fall >= HALF_WIDTH else ((width, fall), outside)
-            )
-        return at + sense * _between(inside, outside)
+            inside, outside = (inside, (width, fall)) if fall >= most else ((width, fall), outside)
+        return at + sense * _between(inside, outside, most)
 
     def _fall(
         self,
@@ -251,9 +254,9 @@ def _simplex(
     return np.array(corners)
 
 
-def _between(inside: tuple[float, float], outside: tuple[float, float]) -> float:
-    """Where a parabola through both falls by ``HALF_WIDTH``."""
+def _between(inside: tuple[float, float], outside: tuple[float, float], fall: float) -> float:
+    """Where a parabola through both has fallen so far."""
     (w0, f0), (w1, f1) = inside, outside
     r0, r1 = math.sqrt(max(f0, 0.0)), math.sqrt(f1)
-    share = (math.sqrt(HALF_WIDTH) - r0) / max(r1 - r0, 1e-9)
+    share = (math.sqrt(fall) - r0) / max(r1 - r0, 1e-9)
     return w0 + min(max(share, 0.05), 0.95) * (w1 - w0)
