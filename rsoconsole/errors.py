@@ -42,3 +42,7 @@ class ExportError(RsoconsoleError):
 
 class ControlError(RsoconsoleError):
     """The engine cannot be reached or refused an intention."""
+
+
+class BatchError(RsoconsoleError):
+    """Work over many sessions cannot be shared out."""

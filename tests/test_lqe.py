@@ -312,3 +312,38 @@ def test_a_measurement_of_boundless_sigma_is_weighed_as_nothing(sigma_across_arc
     assert np.all(np.isfinite(after.P))
     assert (after.x[2] - predicted.x[2]) * 3600 == pytest.approx(0.0, abs=0.01)
     assert math.isfinite(after.nis)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    preset=st.sampled_from(["tuned", "paper"]),
+    sigma_arcsec=st.floats(0.1, 10.0),
+)
+@settings(max_examples=30, deadline=None)
+def test_another_kalman_filter_comes_to_the_same(seed, preset, sigma_arcsec):
+    """filterpy's, given the same F, Q, C and R, through ten measurements of a wandering target."""
+    from filterpy.kalman import KalmanFilter
+
+    config = FilterConfig(preset=preset)
+    shaken = np.random.default_rng(seed).normal(0.0, 3.0 / 3600.0, (12, 2))
+    measurements = [
+        measurement(k, 355.0 + 0.125 * k + east, -5.0 + north, sigma_arcsec)
+        for k, (east, north) in enumerate(shaken)
+    ]
+    pairs = run(measurements, config)
+    state = lqe.initialise(measurements[0], measurements[1], config)
+    for (predicted, updated), m in zip(pairs, measurements[2:], strict=True):
+        other = KalmanFilter(dim_x=4, dim_z=2)
+        other.x, other.P, other.H = np.array(state.x), np.array(state.P), lqe.C
+        Q = state.q_scale * lqe.process_noise(CADENCE_S, state.x[2], config)
+        other.predict(F=lqe.transition(CADENCE_S), Q=Q)
+        assert predicted.x[2] == pytest.approx(other.x[2], abs=1e-12)
+        assert np.array(predicted.P) == pytest.approx((other.P + other.P.T) / 2, rel=1e-9)
+        z = np.array([m.ra_icrs_deg, m.dec_icrs_deg])
+        z[0] += 360.0 * round((other.x[0] - z[0]) / 360.0)
+        other.update(z, R=lqe.measurement_noise(m, config))
+        assert updated.x[0] == pytest.approx(other.x[0] % 360.0, abs=1e-10)
+        assert updated.x[1:] == pytest.approx(other.x[1:], abs=1e-10)
+        assert np.array(updated.P) == pytest.approx((other.P + other.P.T) / 2, rel=1e-6, abs=1e-20)
+        assert updated.nis == pytest.approx(other.y @ other.SI @ other.y, rel=1e-9)
+        state = updated

@@ -18,6 +18,7 @@ from rsoconsole.cli import (
     service,
     sessions,
     telescope,
+    what_if,
 )
 from rsoconsole.config import APP
 from rsoconsole.errors import RsoconsoleError
@@ -36,6 +37,7 @@ for group in (
     seat,
     telescope,
     frames,
+    what_if,
     house,
     sessions,
     service,

@@ -4,12 +4,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.measure import measure
-from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.detector import Proposer, StreakDetector
@@ -33,11 +33,24 @@ class Reduction:
     stage_ms: dict[str, float] = field(default_factory=dict)
 
 
+class Plate(Protocol):
+    """Who tells a frame's plate; ``pipeline.plate.PlateFinder`` finds it."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+
+    def forget(self) -> None:
+        """What was known of the camera holds no more."""
+
+    def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved | None:
+        """The plate of one frame; None where nobody asks for one."""
+
+
 class FrameReducer:
     """Detector and plate finder in the order of Algorithm 1."""
 
     def __init__(
-        self, network: Proposer, curve: ConfidenceCurve, plate: PlateFinder, config: Config
+        self, network: Proposer, curve: ConfidenceCurve, plate: Plate, config: Config
     ) -> None:
         self._network = network
         self._curve = curve
