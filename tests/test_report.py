@@ -172,7 +172,7 @@ def _config():
 def test_its_figures_are_those_that_a_replay_gives():
     records = [record for _, _, record in SessionReader(SAMPLE).records()]
     replayed = figures_of(replay(records, _config()))
-    assert figures_on_record(read_night(SAMPLE), replayed.state) == replayed
+    assert figures_on_record(SAMPLE, read_night(SAMPLE), replayed.state) == replayed
 
 
 def test_rings_lie_on_the_streaks(sample: Page):

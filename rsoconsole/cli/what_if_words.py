@@ -60,7 +60,7 @@ def figures_lines(then: "TrackFigures", now: "TrackFigures") -> Iterator[str]:
     yield f"  {'':{LABEL}}{'recorded':>{COLUMN}}{'what if':>{COLUMN}}"
     for label, words, worth in _ROWS:
         mark = _mark(None if worth is None else (worth(then), worth(now)))
-        yield f"  {label:{LABEL}}{words(then):>{COLUMN}}{words(now):>{COLUMN}}{mark}".rstrip()
+        yield f"  {label:{LABEL}}{words(then):>{COLUMN}} {words(now):>{COLUMN - 1}}{mark}".rstrip()
     for state in sorted({*then.states, *now.states}):
         counts = then.states.get(state, 0), now.states.get(state, 0)
         yield f"  {'frames in ' + state:{LABEL}}{counts[0]:>{COLUMN}}{counts[1]:>{COLUMN}}"
@@ -90,7 +90,7 @@ def _nis(figures: "TrackFigures") -> str:
         return "-"
     low, high = figures.nis_band
     sign = "" if figures.is_nis_sound else " !"
-    return f"{_number(figures.nis_mean, '.3g')} of {low:.2f}..{high:.2f}{sign}"
+    return f"{_number(figures.nis_mean, '.3g')} in {low:.2f}..{high:.2f}{sign}"
 
 
 def _nis_worth(figures: "TrackFigures") -> float | None:

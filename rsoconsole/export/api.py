@@ -15,7 +15,7 @@ from rsoconsole.export.solved_fits import solved_fits
 from rsoconsole.export.tables import to_csv, to_ecsv, to_jsonl
 from rsoconsole.export.target import Target
 from rsoconsole.export.tdm import ORIGINATOR, to_tdm, whole
-from rsoconsole.session.frame_files import write_beside_and_rename
+from rsoconsole.session.frame_files import write_durably
 
 TextFormat = Literal["csv", "ecsv", "jsonl", "tdm", "iod"]
 FrameFormat = Literal["fits", "regions"]
@@ -126,7 +126,7 @@ def write_file(path: Path, content: bytes, *, is_forced: bool) -> None:
         raise ExportError(f"{path} is there already: --force writes it anew, --out names another")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_beside_and_rename(path, content, must_last=True)
+        write_durably(path, content)
     except OSError as error:
         raise ExportError(
             f"{path} cannot be written: {error.strerror or error}; name another place with --out"

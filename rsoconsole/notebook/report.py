@@ -53,12 +53,12 @@ def write_report(session: Path, out: Path) -> Path:
     Raises SessionError when the session cannot be read, holds no frame, or ``out`` cannot be
     written.
     """
-    from rsoconsole.session.frame_files import write_beside_and_rename
+    from rsoconsole.session.frame_files import write_durably
 
     content = render_report(session).html.encode("utf-8")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        write_beside_and_rename(out, content, must_last=True)
+        write_durably(out, content)
     except OSError as error:
         raise SessionError(f"{out} cannot be written: {error}") from error
     return out
@@ -68,7 +68,7 @@ def render_report(session: Path) -> Report:
     """The report of a session or a branch. Raises SessionError as ``write_report`` does."""
     night, exported = read_night(session), read_rows(session)
     course = read_course(session, night)
-    figures = figures_on_record(night, course.last_state)
+    figures = figures_on_record(session, night, course.last_state)
     tracks = track_facts(exported.rows)
     said = filter_words(night)
     shown = shown_frames(session, night, exported.rows)

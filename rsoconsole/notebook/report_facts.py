@@ -4,13 +4,15 @@ import json
 import math
 import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.errors import ConfigError
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.notebook.night import Night, NightFrame
-from rsoconsole.pipeline.what_if import TrackFigures
+from rsoconsole.pipeline.replay import replay
+from rsoconsole.pipeline.what_if import TrackFigures, figures_of
 from rsoconsole.records import (
     Event,
     OperatorAction,
@@ -87,14 +89,21 @@ def clock(t_utc_ns: int) -> str:
     return utc_ns_to_iso(t_utc_ns, decimals=0)[11:19]
 
 
-def figures_on_record(night: Night, state: str) -> TrackFigures:
+def figures_on_record(session: Path, night: Night, state: str) -> TrackFigures:
     """The figures that a what-if compares, of the night as it was followed."""
+    reader = SessionReader(session)
+    try:
+        replayed = figures_of(replay((record for _, _, record in reader.records()), night.config))
+    except ConfigError:  # a setting of another version
+        replayed = figures_of(())
     updates = [f.corrected for f in night.frames if _innovation(f) is not None]
     states = [s for s in updates if s is not None]
     squares = [e * e + n * n for e, n in (s.innovation_arcsec or (0.0, 0.0) for s in states)]
     nis = [s.nis for s in states if s.nis is not None]
     inside = [_is_inside(s) for s in states]
-    return TrackFigures(
+    # What stands on record has the last word, whatever a replay makes of it today.
+    return replace(
+        replayed,
         frames=len(night.frames),
         updates=len(states),
         misses=sum(frame.missed is not None for frame in night.frames),

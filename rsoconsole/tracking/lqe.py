@@ -11,6 +11,7 @@ Li & Kirubarajan 2001, chapters 5 and 6.
 """
 
 import math
+import threading
 from typing import Any
 
 import numpy as np
@@ -81,19 +82,19 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
 
     ``misses`` counts that frame as missed until ``update`` takes a measurement of it.
     """
-    x, P = np.array(state.x), np.array(state.P)
+    kalman = _kalman(state)
     dt_s = (t_utc_ns - state.t_utc_ns) / 1e9
     # Innovations speak of the frames near to them: over a long coast or look ahead a calm target
     # may turn, and the full noise holds again. A single miss forgets nothing.
     is_near = (state.misses + 1) * abs(dt_s) <= ADAPTED_SPAN_S
     q_scale = state.q_scale if is_near else max(state.q_scale, 1.0)
-    F, Q = transition(dt_s), q_scale * process_noise(dt_s, state.x[2], settings)
+    kalman.predict(F=transition(dt_s), Q=q_scale * process_noise(dt_s, state.x[2], settings))
     return _state(
         "predicted",
         frame_id,
         t_utc_ns,
-        F @ x,
-        F @ P @ F.T + Q,
+        kalman.x,
+        kalman.P,
         misses=state.misses + 1,
         q_scale=state.q_scale,
         innovations=state.innovations,
@@ -107,28 +108,21 @@ def update(predicted: TrackState, measurement: Measurement, settings: FilterConf
     """
     if measurement.t_mid_utc_ns != predicted.t_utc_ns:
         raise ValueError("the measurement and the prediction are of different instants")
-    x, P = np.array(predicted.x), np.array(predicted.P)
+    kalman = _kalman(predicted)
     z = np.array([measurement.ra_icrs_deg, measurement.dec_icrs_deg])
     # Measured right ascension on the branch that lies nearest to the prediction.
-    z[0] = x[0] + wrap_180(z[0] - x[0])
-    R = measurement_noise(measurement, settings)
-    y = z - C @ x
-    PCt = P @ C.T
-    S = C @ PCt + R
-    S_inverse = np.linalg.inv(S)
-    L = PCt @ S_inverse
-    # Joseph's form of P+ = (I - L C) P-, which stays symmetric and positive.
-    I_LC = np.eye(4) - L @ C
+    z[0] = kalman.x[0] + wrap_180(z[0] - kalman.x[0])
+    kalman.update(z, R=measurement_noise(measurement, settings))
     cos_dec = _cos_dec(predicted.x[2])
     to_sky = np.array([cos_dec, 1.0]) * ARCSEC_PER_DEG
-    innovation, sigma = y * to_sky, np.sqrt(np.diag(S)) * to_sky
-    nis = float(y @ S_inverse @ y)
+    innovation, sigma = kalman.y * to_sky, np.sqrt(np.diag(kalman.S)) * to_sky
+    nis = float(kalman.y @ kalman.SI @ kalman.y)
     return _state(
         "updated",
         measurement.frame_id,
         measurement.t_mid_utc_ns,
-        x + L @ y,
-        I_LC @ P @ I_LC.T + L @ R @ L.T,
+        kalman.x,
+        kalman.P,
         nis=nis,
         innovation_arcsec=(float(innovation[0]), float(innovation[1])),
         sigma_innovation_arcsec=(float(sigma[0]), float(sigma[1])),
@@ -267,6 +261,22 @@ def _initial_covariance(
     P[np.ix_(angles, rates)] = P[np.ix_(rates, angles)] = R2 / dt_s
     P[np.ix_(rates, rates)] = (R1 + R2) / dt_s**2 + slopes
     return P
+
+
+_own = threading.local()
+"""Each thread's filter: making one takes as long as a step with it."""
+
+
+def _kalman(state: TrackState) -> Any:
+    # filterpy pulls in scipy, most of a second: only who filters pays for it.
+    from filterpy.kalman import KalmanFilter
+
+    kalman = getattr(_own, "kalman", None)
+    if kalman is None:
+        kalman = _own.kalman = KalmanFilter(dim_x=4, dim_z=2)
+        kalman.H = C
+    kalman.x, kalman.P = np.array(state.x), np.array(state.P)
+    return kalman
 
 
 def _cos_dec(dec_deg: float) -> float:
