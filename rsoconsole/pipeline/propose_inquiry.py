@@ -193,9 +193,11 @@ class Inquiry:
 
     def _warn(self, parameters: Sequence[Proposed]) -> None:
         for each in parameters:
+            if each.label in self._limited:
+                continue
             if each.is_flat:
                 self.warnings.append(f"{each.label}: the likelihood is flat, the data do not tell")
-            elif each.is_on_bound and each.label not in self._limited:
+            elif each.is_on_bound:
                 self.warnings.append(f"{each.label}: the likeliest value lies on the search's edge")
         for parameter in (self._q, self._r):
             values = {getattr(c, _field(parameter)) for c in self._configs()}
