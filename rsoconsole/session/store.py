@@ -78,12 +78,13 @@ def cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
         except SessionError:
             continue
         if about.get("is_simulated") is is_simulated:
-            is_over = about.get("is_closed") is True or _is_alive(about.get("pid"))
+            is_over = about.get("is_closed") is True or is_alive(about.get("pid"))
             return None if is_over else folder
     return None
 
 
-def _is_alive(pid: object) -> bool:
+def is_alive(pid: object) -> bool:
+    """Whether the process that a session names as its engine still runs on this machine."""
     if not isinstance(pid, int):
         return False
     try:
