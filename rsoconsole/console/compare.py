@@ -73,7 +73,7 @@ def _course(a: Moment, b: Moment) -> list[Compared]:
         Compared(label="frame", a=_number(ids[0]), b=_number(ids[1]), difference=frames),
         _both("state", a, b, lambda m: m.view.state),
         _both("mount", a, b, lambda m: holder_then(m.view)),
-        _both("tau", a, b, lambda m: short(m.view.tau)),
+        _both("τ", a, b, lambda m: short(m.view.tau)),
         _both("filter", a, b, _filter_words),
         _both("Q, R", a, b, _multiplier_words),
     ]

@@ -72,6 +72,11 @@ class Moments:
         """What is known of the night's course."""
         return self._timeline.so_far(self.read_seq, is_closed=self._head.is_closed)
 
+    @property
+    def last_seq(self) -> int:
+        """The last place of the log that is known."""
+        return self._timeline.last_seq
+
     def log(self) -> tuple[LogLine, ...]:
         """Every line of what has been read, oldest first."""
         return self._head.log

@@ -258,8 +258,8 @@ class ReviewScreen(ReviewCompare):
         absent = "no picture of it was kept" if self.night.frame is not None else "no frame yet"
         if self.moment is None:
             absent = "" if self.folder is None else "reading …"
-        for pane in self.query(FramePane):
-            pane.absent = absent
+        self.query_one("#frame", FramePane).absent = absent
+        self.query_one("#closeup", FramePane).absent = ""
         super().show_picture()
 
     def show_log(self) -> None:

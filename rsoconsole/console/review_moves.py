@@ -164,7 +164,7 @@ class ReviewMoves(NightScreen):
         else:
             happening = self.timeline.jump(self.seq, self.kinds, is_on=is_on)
             seq = None if happening is None else self.timeline.moment_of(happening)
-            what = self.kind if happening is None else happening.kind
+            what = self.kind if seq is None else ", ".join(self.timeline.kinds_at(seq))
         if seq is None:
             what = "event" if what == ANY else what
             unread = "" if self.timeline.is_whole else " in what has been read so far"

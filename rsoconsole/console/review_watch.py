@@ -59,10 +59,15 @@ class ReviewWatch(Looker):
         try:
             self._work(folder)
         except SessionError as error:
-            self._on_fault(folder, str(error))
+            self._say_fault(folder, str(error))
         except Exception as error:  # the seat must go on, whatever lies in the folder
             log.exception("the session cannot be reviewed")
-            self._on_fault(folder, f"the session cannot be reviewed: {error}")
+            self._say_fault(folder, f"the session cannot be reviewed: {error}")
+
+    def _say_fault(self, folder: Path, text: str) -> None:
+        self._told = None  # what is told next ends the fault
+        if not self._is_closing:
+            self._on_fault(folder, text)
 
     def _work(self, folder: Path) -> None:
         moments = self._moments
@@ -108,13 +113,12 @@ class ReviewWatch(Looker):
     def _tell(self, moments: Moments, *, is_due: bool) -> None:
         """The time line, where it has changed; while the log is read, now and then."""
         now_s = time.monotonic()
-        timeline = moments.timeline() if is_due or now_s - self._told_s > TELL_S else None
-        if timeline is None:
+        if self._is_closing or not (is_due or now_s - self._told_s > TELL_S):
             return
-        told = (timeline.read_seq, timeline.last_seq, timeline.is_closed)
-        if told != self._told and not self._is_closing:
+        told = (moments.read_seq, moments.last_seq, moments.is_closed)
+        if told != self._told:
             self._told, self._told_s = told, now_s
-            self._on_timeline(moments.reader.folder, timeline, moments.log())
+            self._on_timeline(moments.reader.folder, moments.timeline(), moments.log())
 
     def _see_whether_closed(self, moments: Moments) -> None:
         now_s = time.monotonic()

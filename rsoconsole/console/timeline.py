@@ -119,6 +119,14 @@ class Timeline:
         at = bisect_left(chosen, seq, key=self.moment_of) - 1
         return chosen[at] if at >= 0 else None
 
+    def kinds_at(self, moment: int) -> tuple[Kind, ...]:
+        """Everything that is best seen from that place."""
+        index = self.index_of(moment)
+        first = 0 if index is None else self.frames[index].seq
+        near = [each for each in self.happenings if first <= each.seq <= moment]
+        kinds = {each.kind for each in near if self.moment_of(each) == moment}
+        return tuple(kind for kind in KINDS if kind in kinds)
+
     def cadence_s(self) -> float:
         """The usual time from frame to frame; 1 where there are too few to tell."""
         steps = [

@@ -35,7 +35,7 @@ KIND_INKS: dict[Kind, Ink] = {
 FREQUENT: frozenset[Kind] = frozenset(("miss", "rejection"))
 FOUND, HERE, KEPT, UNREAD = "/", "┃", "A", "░"
 SHARE = 0.25
-"""Of its frames that a cell must have before it shows what is frequent."""
+"""Of its frames that a cell must have before it shows what is frequent, among other kinds."""
 FILLS: dict[LoopState | None, tuple[str, Ink]] = {
     "TRACK": ("━", "good"),
     "COAST": ("╍", "warn"),
@@ -196,7 +196,8 @@ def _events(
     for column, count in counts.items():
         frames = _frames_in(timeline, column, columns)
         for kind, sign in SIGNS.items():
-            if count[kind] and (kind not in FREQUENT or count[kind] >= SHARE * frames):
+            is_shown = kind not in FREQUENT or len(kinds) == 1 or count[kind] >= SHARE * frames
+            if count[kind] and is_shown:
                 cells[column] = (sign, KIND_INKS[kind])
                 break
     return cells
