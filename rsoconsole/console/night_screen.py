@@ -45,7 +45,7 @@ class NightScreen(TuneActions):
     )
     LOG: ClassVar[type[LogPane]] = LogPane
     AUTO_FOCUS = None
-    CSS = """
+    DEFAULT_CSS = """
     NightScreen { layers: base over; overflow: hidden; }
     NightScreen > LinesPane, NightScreen > FramePane, NightScreen > LogPane { position: absolute; }
     NightScreen > #alert { background: $error; color: $text; text-style: bold; text-wrap: wrap; }

@@ -57,12 +57,9 @@ class ReviewScreen(ReviewCompare):
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("review")]
     PANES: ClassVar[tuple[Name, ...]] = (*ReviewCompare.PANES, "timeline")
     LOG: ClassVar[type[LogPane]] = ReviewLogPane
-    CSS = (
-        ReviewCompare.CSS
-        + """
+    DEFAULT_CSS = """
     ReviewScreen > #timeline { background: $surface; }
     """
-    )
 
     def __init__(
         self,
@@ -137,6 +134,7 @@ class ReviewScreen(ReviewCompare):
             last = self.timeline.step(self.timeline.last_seq, 0)
             if last is not None and last != self.seq:
                 self.want(last)
+        self._ask_outlook()
         self.show_place()
         self.show_engine()
         if self.is_log_open:
@@ -165,14 +163,17 @@ class ReviewScreen(ReviewCompare):
         self.engine = engine_then(moment.view)
         if has_other_shape and moment.picture is not None:
             self.place_panes()
-        if self.timeline.is_whole:
-            # The sky's reckoning takes the processor from what is still being read.
-            self._outlook_watch.tell(self.night, self.engine)
+        self._ask_outlook()
         self.show_night()
         self.show_engine()
         self.show_place()
         if not self.player.is_playing:
             self.reckon_now_and_then()
+
+    def _ask_outlook(self) -> None:
+        """The sky's reckoning takes the processor: not before the night has been read."""
+        if self.timeline.is_whole and self.moment is not None:
+            self._outlook_watch.tell(self.night, self.engine)
 
     def on_review_failed(self, message: ReviewFailed) -> None:
         """Why nothing comes."""
