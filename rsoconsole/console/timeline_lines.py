@@ -49,6 +49,7 @@ FILLS: dict[LoopState | None, tuple[str, Ink]] = {
 }
 GRAVE: tuple[LoopState, ...] = ("FAULT", "LOST", "MANUAL")
 """States that are shown however short they were."""
+LONG_RUN_COLUMNS = 24
 END_COLUMNS = 7
 LEAST_STRIP_COLUMNS = 20
 
@@ -154,11 +155,14 @@ def _states(timeline: Timeline, columns: int) -> tuple[tuple[str, Ink], ...]:
             shares[column][mark.state] += min(b, column + 1) - max(a, column)  # type: ignore[assignment]
     states = [_of(share) for share in shares]
     cells: list[tuple[str, Ink]] = []
+    named: LoopState | None = None
     for state, group in groupby(states):
         length = len(list(group))
         fill, ink = FILLS[state]
-        name = f"{state or ''}"
-        word = name if length > len(name) + 1 else name[:1] if length > 2 else ""
+        # A state that is left for a moment only needs no second word.
+        is_known = state == named and length < LONG_RUN_COLUMNS
+        word = "" if is_known else _word(f"{state or ''}", length)
+        named = state if word else named
         cells += [(character, ink) for character in word.ljust(length, fill)]
     read = timeline.time_of(timeline.read_seq)
     if not timeline.is_whole and read is not None:
@@ -167,6 +171,13 @@ def _states(timeline: Timeline, columns: int) -> tuple[tuple[str, Ink], ...]:
             (UNREAD if text in "━╍:·═ !" else text, "dim") for text, _ in cells[unread:]
         ]
     return tuple(cells)
+
+
+def _word(name: str, columns: int) -> str:
+    """The state's name, or its letter, where a run of so many cells has room for it."""
+    if columns > len(name) + 1:
+        return name
+    return name[:1] if columns > 2 else ""
 
 
 def _of(share: Counter[LoopState]) -> LoopState | None:
