@@ -1,5 +1,6 @@
 """A night made up record by record, for whoever shows sessions; no engine has a part in it."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -44,10 +45,13 @@ def armed(writer: SessionWriter) -> None:
     _state(writer, 0, "IDLE", "SEARCH", "armed by operator")
 
 
-def add_frames(writer: SessionWriter, frames: range) -> None:
-    """Frames in order: two empty ones, a track from the fourth on, frame 12 missed."""
+def add_frames(writer: SessionWriter, frames: range, missed: Collection[int] = (MISSED,)) -> None:
+    """Frames in order: two empty ones, a track from the fourth on, frame 12 missed.
+
+    ``missed``: others, none of them beside another.
+    """
     for frame_id in frames:
-        _add_frame(writer, frame_id)
+        add_one(writer, frame_id, missed)
     assert writer.flush()
 
 
@@ -68,9 +72,10 @@ def add_previews(writer: SessionWriter, frames: range) -> None:
     assert writer.flush()
 
 
-def _add_frame(writer: SessionWriter, n: int) -> None:
+def add_one(writer: SessionWriter, n: int, missed: Collection[int]) -> None:
+    """One frame of it."""
     ns = t_of(n)
-    is_seen = n >= FIRST_MEASURED and n != MISSED
+    is_seen = n >= FIRST_MEASURED and n not in missed
     pointing = geo_measurement(n, cadence_s=CADENCE_S)
     ra, dec = pointing.ra_icrs_deg, pointing.dec_icrs_deg
     writer.append(taken(n, ra, dec), ns)
@@ -90,14 +95,14 @@ def _add_frame(writer: SessionWriter, n: int) -> None:
         writer.append(measurement, ns)
         _track(writer, n, measurement)
     elif n > FIRST_MEASURED:
-        writer.append(_state_of(n, ra, dec, "predicted"), ns)
+        writer.append(state_of(n, ra, dec, "predicted"), ns)
         writer.append(Miss(frame_id=n, reason="no detection"), ns)
         _state(writer, n, "TRACK", "COAST", "no detection")
     if n == FIRST_MEASURED:
         _state(writer, n, "SEARCH", "ACQUIRE", "1 detection, waiting for a second frame")
     elif n == FIRST_MEASURED + 1:
         _state(writer, n, "ACQUIRE", "TRACK", "two frames agree on one motion")
-    elif n == MISSED + 1:
+    elif n - 1 in missed:
         _state(writer, n, "COAST", "TRACK", "measured again")
     if n == 7:
         writer.append(Event(level="warning", text="slew refused: altitude", frame_id=n), ns)
@@ -115,11 +120,12 @@ def _track(writer: SessionWriter, n: int, measurement: Measurement) -> None:
     ra, dec = measurement.ra_icrs_deg, measurement.dec_icrs_deg
     kind = "initial" if n == FIRST_MEASURED + 1 else "updated"
     if kind == "updated":
-        writer.append(_state_of(n, ra, dec, "predicted"), t_of(n))
-    writer.append(_state_of(n, ra, dec, kind), t_of(n))
+        writer.append(state_of(n, ra, dec, "predicted"), t_of(n))
+    writer.append(state_of(n, ra, dec, kind), t_of(n))
 
 
-def _state_of(n: int, ra: float, dec: float, kind: Any) -> TrackState:
+def state_of(n: int, ra: float, dec: float, kind: Any) -> TrackState:
+    """The filter after a frame."""
     is_updated = kind == "updated"
     variance = (1.0 / 3600) ** 2
     return TrackState(

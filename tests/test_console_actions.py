@@ -11,7 +11,7 @@ from textual.widgets import Input, Static
 
 from rsoconsole.config import Config, default_config_path
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.commands import BY_NAME, COMMANDS, key_words
+from rsoconsole.console.commands import commands_in, key_words
 from rsoconsole.console.dialogs import help_text
 from rsoconsole.console.keymap import load_keymap
 from rsoconsole.console.log_pane import LogPane
@@ -48,7 +48,7 @@ def test_every_command_has_an_action_a_key_words_and_a_place_in_help_and_palette
     async def scene(app: ConsoleApp, _pilot: Pilot[str]) -> None:
         titles = {command.title for command in app.get_system_commands(app.live)}
         text = help_text()
-        for command in COMMANDS:
+        for command in commands_in("live"):
             owner = app if command.is_everywhere else app.live
             assert callable(getattr(owner, f"action_{command.name}")), command.name
             assert command.help
@@ -57,13 +57,13 @@ def test_every_command_has_an_action_a_key_words_and_a_place_in_help_and_palette
                 assert command.title in titles
         bound = {binding.id for _, binding in app.live._bindings if binding.id}
         bound |= {binding.id for _, binding in app._bindings if binding.id}
-        assert bound == set(BY_NAME)
+        assert bound == {command.name for command in commands_in("live")}
 
     play(wire, scene)
 
 
 def test_no_key_does_two_things_and_none_needs_a_chord_that_terminals_lack():
-    keys = [key for command in COMMANDS for key in command.keys.split(",")]
+    keys = [key for command in commands_in("live") for key in command.keys.split(",")]
     assert len(keys) == len(set(keys))
     assert not [
         key for key in keys if "shift+" in key or key in {"ctrl+enter", "f10", "f11", "f12"}

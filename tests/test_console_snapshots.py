@@ -13,6 +13,7 @@ import pytest
 from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.fold import has_tune_of_its_own
 from rsoconsole.control import Outcome
 from rsoconsole.records import StateChange
 from tests import made_up_night as night
@@ -84,6 +85,8 @@ def test_the_screen_looks_as_it_was_agreed(
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         nonlocal seen
         await until(pilot, lambda: app.live.outlook is not None)
+        if has_tune_of_its_own(*size):
+            await until(pilot, lambda: app.live._figures[0] is not None)
         if state == "engine-dead":
             wire.is_gone = True
         await act(app, pilot)

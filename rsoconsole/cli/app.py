@@ -14,6 +14,7 @@ from rsoconsole.cli import (
     figures,
     frames,
     house,
+    review,
     seat,
     service,
     sessions,
@@ -35,6 +36,7 @@ app = typer.Typer(
 for group in (
     demo,
     seat,
+    review,
     telescope,
     frames,
     what_if,

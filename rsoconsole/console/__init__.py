@@ -4,6 +4,6 @@ May touch session, control, sky, tracking, records and config below; never the e
 instrument or the simulator.
 """
 
-from rsoconsole.console.run import run_console
+from rsoconsole.console.run import run_console, run_review
 
-__all__ = ["run_console"]
+__all__ = ["run_console", "run_review"]

@@ -19,16 +19,20 @@ from textual.widgets import Input, TextArea
 from rsoconsole.config import ConsoleConfig, IndiConfig
 from rsoconsole.console.alerts import alerts_between, notification
 from rsoconsole.console.colours import COLOURS, NIGHT_CSS, THEMES
-from rsoconsole.console.commands import COMMANDS, bindings
+from rsoconsole.console.command import Place
+from rsoconsole.console.commands import bindings, commands_in
 from rsoconsole.console.dialogs import HelpDialog
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.live import LiveScreen
 from rsoconsole.console.messages import EngineSeen, NightSeen, OutlookSeen
 from rsoconsole.console.night import NightView
+from rsoconsole.console.night_screen import NightScreen
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.outlook_watch import OutlookWatch
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.plain import PlainFilter
+from rsoconsole.console.review import ReviewScreen
+from rsoconsole.console.seat import Seat
 from rsoconsole.console.watch import EngineWatch, SessionWatch, Wire
 
 log = logging.getLogger(__name__)
@@ -74,7 +78,7 @@ class ConsoleApp(App[str]):
     TITLE = "rsoconsole"
     CSS = NIGHT_CSS
     BINDINGS: ClassVar[list[BindingType]] = [
-        *bindings(is_everywhere=True),
+        *bindings(None),
         # Leaving is never by accident: the screen asks first.
         Binding("ctrl+q,ctrl+c", "leave", "Leave", priority=True, show=False),
     ]
@@ -91,16 +95,20 @@ class ConsoleApp(App[str]):
         settings: ConsoleConfig | None = None,
         seat_name: str = "",
         graphics: "Kind | None" = None,
+        review: tuple[Path | None, str] | None = None,
+        sessions_root: Path | None = None,
     ) -> None:
         """``keymap``: other keys for commands, by name; ``seat_name``: for the engine;
-        ``graphics``: the terminal's own, for the pictures."""
+        ``graphics``: the terminal's own, for the pictures; ``review``: open no live seat but a
+        review, of that session (None: asks which) from that frame or time on;
+        ``sessions_root``: where recorded nights lie."""
         super().__init__()
         self.graphics = graphics
         self._settings = settings or ConsoleConfig()
         self._last: tuple[NightView, EngineView] = (NightView(), EngineView())
         self._own_keys = dict(keymap or {})
         self._loop_of_app: asyncio.AbstractEventLoop | None = None
-        self._is_recorded = session is not None
+        self._is_recorded = session is not None or review is not None
         self._engine_watch = EngineWatch(wire(), self._engine_seen)
         self._session_watch = SessionWatch(self._night_seen)
         self._session_watch.follow(session)
@@ -121,7 +129,23 @@ class ConsoleApp(App[str]):
             on_known=self._known,
             seat_name=seat_name,
             keymap=self._own_keys,
+            sessions_root=sessions_root,
         )
+        self.root: Seat = self.live
+        """The screen under all others: STOP is its."""
+        if review is not None:
+            self.root = ReviewScreen(
+                self.live.orders,
+                read_only=True,
+                owns_engine=False,
+                ask_now=lambda: None,
+                from_thread=self._from_thread,
+                on_known=lambda _night, _engine: None,
+                keymap=self._own_keys,
+                sessions_root=sessions_root,
+                folder=review[0],
+                start=review[1],
+            )
 
     def on_mount(self) -> None:
         """The screen first, the watches after it."""
@@ -139,7 +163,9 @@ class ConsoleApp(App[str]):
         if "TEXTUAL_THEME" not in os.environ:
             self.theme = THEMES[0].name
         self.set_keymap(self._own_keys)
-        self.push_screen(self.live)
+        self.push_screen(self.root)
+        if self.root is not self.live:
+            return
         self._session_watch.start()
         self._outlook_watch.start()
         if self._is_recorded:
@@ -159,14 +185,25 @@ class ConsoleApp(App[str]):
             return not isinstance(self.focused, Input | TextArea)
         return super().check_action(action, parameters)
 
-    def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:  # noqa: ARG002 -- the same on each
+    @property
+    def shown(self) -> NightScreen:
+        """The live seat or the review, whatever lies over it."""
+        screens = [screen for screen in self.screen_stack if isinstance(screen, NightScreen)]
+        return screens[-1] if screens else self.live
+
+    @property
+    def place(self) -> Place:
+        """Which of the two that is."""
+        return "review" if isinstance(self.shown, ReviewScreen) else "live"
+
+    def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:  # noqa: ARG002 -- the one that is shown counts
         """Every command by name."""
-        for command in COMMANDS:
+        for command in commands_in(self.place):
             if command.name in {"stop_by_letter", "put_away"}:
                 continue
             if command.acts and self.live.read_only:
                 continue
-            owner = self if command.is_everywhere else self.live
+            owner = self if command.is_everywhere else self.shown
             action = getattr(owner, f"action_{command.name}")
             yield SystemCommand(command.title, command.help, action)
 
@@ -187,28 +224,29 @@ class ConsoleApp(App[str]):
 
     def action_stop(self) -> None:
         """STOP, on every screen."""
-        self.live.stop()
+        self.root.stop()
 
     def action_stop_by_letter(self) -> None:
         """STOP."""
-        self.live.stop()
+        self.root.stop()
 
     def action_help(self) -> None:
         """Keys and signs."""
         if not isinstance(self.screen, HelpDialog):
-            self.push_screen(HelpDialog(self._own_keys, self.live.mode))
+            self.push_screen(HelpDialog(self._own_keys, self.shown.mode, self.place))
 
     def action_colours(self) -> None:
         """The next of night, dark, light and the terminal's own."""
         names = [theme for theme in COLOURS if theme in self.available_themes]
         at = names.index(self.theme) if self.theme in names else -1
         self.theme = names[(at + 1) % len(names)]
-        self.live.say(f"colours: {COLOURS[self.theme]}")
+        self.shown.say(f"colours: {COLOURS[self.theme]}")
 
     def action_leave(self) -> None:
         """As the screen has it."""
-        if self.screen is self.live:
-            self.live.action_leave()
+        screen = self.screen
+        if isinstance(screen, NightScreen):
+            screen.action_leave()
 
     def take_notice(self, night: NightView, engine: EngineView) -> None:
         """Ring or notify for what has come to pass since the last look."""

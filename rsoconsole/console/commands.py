@@ -4,45 +4,14 @@ A command is called by its name in a keymap file, which gives it other keys.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
 
 from textual.binding import Binding
 
-Group = Literal["safety", "telescope", "streaks", "picture", "console"]
-GROUPS: dict[Group, str] = {
-    "safety": "Safety",
-    "telescope": "Telescope",
-    "streaks": "Streaks and track",
-    "picture": "Picture",
-    "console": "Console",
-}
+from rsoconsole.console.command import BOTH, Command, Place
+from rsoconsole.console.command import command as _command
+from rsoconsole.console.review_commands import REVIEW_COMMANDS
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
-    """One thing to do."""
-
-    name: str
-    """By which a keymap calls it; the action is ``action_<name>``."""
-    keys: str
-    """As Textual writes them, several parted by commas."""
-    title: str
-    help: str
-    group: Group
-    acts: bool = False
-    """Whether it needs an engine, and a seat that may act; others are not offered it."""
-    priority: bool = False
-    """Whether it works over dialogs and inside fields too."""
-    is_everywhere: bool = False
-    """Whether the application has it, on every screen; else the live screen."""
-
-
-def _command(name: str, keys: str, title: str, help_: str, group: Group, **more: Any) -> Command:
-    return Command(name=name, keys=keys, title=title, help=help_, group=group, **more)
-
-
-COMMANDS: tuple[Command, ...] = (
+SEAT_COMMANDS: tuple[Command, ...] = (
     _command(
         "stop",
         "ctrl+x",
@@ -177,6 +146,7 @@ COMMANDS: tuple[Command, ...] = (
         "Verdicts",
         "every streak of the frame, what became of it and why",
         "streaks",
+        where=BOTH,
     ),
     _command(
         "follow_next",
@@ -232,12 +202,23 @@ COMMANDS: tuple[Command, ...] = (
         "Tune",
         "tau, Q, R, gate and limits, with the effect on what was recorded shown first",
         "streaks",
+        where=BOTH,
     ),
     _command(
-        "zoom", "z", "Zoom", "the field, the close-up, the close-up pixel by pixel", "picture"
+        "zoom",
+        "z",
+        "Zoom",
+        "the field, the close-up, the close-up pixel by pixel",
+        "picture",
+        where=BOTH,
     ),
     _command(
-        "stretch", "f", "Stretch", "how light becomes grey: streaks, asinh, linear", "picture"
+        "stretch",
+        "f",
+        "Stretch",
+        "how light becomes grey: streaks, asinh, linear",
+        "picture",
+        where=BOTH,
     ),
     _command(
         "give_seat",
@@ -246,6 +227,7 @@ COMMANDS: tuple[Command, ...] = (
         "to the console that asks for it; said nothing, it goes there after 30 s",
         "console",
         acts=True,
+        where=BOTH,
     ),
     _command(
         "keep_seat",
@@ -254,17 +236,41 @@ COMMANDS: tuple[Command, ...] = (
         "though another console asks for it",
         "console",
         acts=True,
+        where=BOTH,
+    ),
+    _command(
+        "sessions",
+        "r",
+        "Sessions and review",
+        "the recorded nights, and this one: any moment of them again",
+        "console",
+        where=BOTH,
     ),
     _command("note", "n", "Note", "a remark into the session", "console", acts=True),
-    _command("log", "l", "Log", "all of it, and back; slash filters it", "console"),
-    _command("filter_log", "slash", "Filter the log", "only lines with what you type", "console"),
-    _command("leave", "q", "Leave", "asks what becomes of the engine", "console"),
+    _command("log", "l", "Log", "all of it, and back; slash filters it", "console", where=BOTH),
+    _command(
+        "filter_log",
+        "slash",
+        "Filter the log",
+        "only lines with what you type",
+        "console",
+        where=BOTH,
+    ),
+    _command(
+        "leave",
+        "q",
+        "Leave",
+        "asks what becomes of the engine; from a review: back",
+        "console",
+        where=BOTH,
+    ),
     _command(
         "put_away",
         "escape",
         "Put away",
         "the log, a mark, what came of a STOP, a notice",
         "console",
+        where=BOTH,
     ),
     _command(
         "help", "f1,question_mark", "Help", "the keys and signs", "console", is_everywhere=True
@@ -278,12 +284,25 @@ COMMANDS: tuple[Command, ...] = (
         is_everywhere=True,
     ),
 )
+COMMANDS: tuple[Command, ...] = (*SEAT_COMMANDS, *REVIEW_COMMANDS)
 BY_NAME: Mapping[str, Command] = {command.name: command for command in COMMANDS}
 KEY_WORDS = {
     "left_square_bracket": "[",
     "right_square_bracket": "]",
     "question_mark": "?",
     "slash": "/",
+    "comma": ",",
+    "full_stop": ".",
+    "less_than_sign": "<",
+    "greater_than_sign": ">",
+    "plus": "+",
+    "minus": "-",
+    "colon": ":",
+    "pageup": "PgUp",
+    "pagedown": "PgDn",
+    "home": "Home",
+    "end": "End",
+    "space": "space",
     "escape": "esc",
     "up": "↑",
     "down": "↓",
@@ -293,8 +312,13 @@ KEY_WORDS = {
 }
 
 
-def bindings(*, is_everywhere: bool) -> list[Binding]:
-    """For the application, or for the live screen."""
+def commands_in(place: Place) -> tuple[Command, ...]:
+    """Those whose keys work on that screen, the application's own among them."""
+    return tuple(command for command in COMMANDS if command.is_in(place))
+
+
+def bindings(place: Place | None) -> list[Binding]:
+    """For a screen, or with None for the application."""
     return [
         Binding(
             command.keys,
@@ -306,7 +330,8 @@ def bindings(*, is_everywhere: bool) -> list[Binding]:
             tooltip=command.help,
         )
         for command in COMMANDS
-        if command.is_everywhere is is_everywhere
+        if (command.is_everywhere if place is None else not command.is_everywhere)
+        and (place is None or place in command.where)
     ]
 
 

@@ -11,7 +11,8 @@ from textual.events import Key
 from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
-from rsoconsole.console.commands import COMMANDS, GROUPS, key_words
+from rsoconsole.console.command import GROUPS, Place
+from rsoconsole.console.commands import commands_in, key_words
 from rsoconsole.console.key_line import MODE_WORDS, Mode, mode_keys
 
 HELP_COLUMNS = 70
@@ -26,19 +27,30 @@ Picture    [━] followed   (━) other detections   ‹ › rejected, from near
 Plots      fat dots measured, small dots 3 sigma, ○ nothing measured,
            ▲ ▼ beyond the axis; the newest frame at the right
 Times are UTC; under simulation they are the observatory's own."""
+REVIEW_SIGNS = """\
+Time line  the night from its first record to its last; its words are states,
+           ┃ is here, A the moment kept to compare with, ░ not read yet
+           ○ miss   × refused   ▼ lost   ▲ operator   ✎ note   ! alarm   / found
+           a cell of many frames shows what a quarter of them have; the mouse
+           goes where it is clicked or drawn"""
 
 
-def help_text(keymap: Mapping[str, str] | None = None, mode: Mode = "live") -> str:
+def help_text(
+    keymap: Mapping[str, str] | None = None, mode: Mode = "live", place: Place = "live"
+) -> str:
     """What the keys are for at this moment, every command by group, then the signs."""
     lines: list[str] = []
-    if mode != "live":
+    if MODE_WORDS[mode]:
         lines.append(MODE_WORDS[mode])
         lines += [f"  {key.key:<9}{key.name}" for key in mode_keys(mode)]
         lines.append("")
     for group, title in GROUPS.items():
+        here = [command for command in commands_in(place) if command.group == group]
+        if not here:
+            continue
         lines.append(title)
-        for command in COMMANDS:
-            if command.group == group and command.name != "stop_by_letter":
+        for command in here:
+            if command.name != "stop_by_letter":
                 keys = (keymap or {}).get(command.name, command.keys)
                 shown = f"x {key_words(keys)}" if command.name == "stop" else key_words(keys)
                 words = f"{command.title}: {command.help}"
@@ -46,7 +58,8 @@ def help_text(keymap: Mapping[str, str] | None = None, mode: Mode = "live") -> s
                     words, HELP_COLUMNS, initial_indent=f"  {shown:<9}", subsequent_indent=" " * 11
                 )
         lines.append("")
-    return "\n".join([*lines, f"  {'^p':<9}every command by name", "", SIGNS])
+    signs = SIGNS if place == "live" else f"{SIGNS}\n{REVIEW_SIGNS}"
+    return "\n".join([*lines, f"  {'^p':<9}every command by name", "", signs])
 
 
 class Dialog(ModalScreen[Result], Generic[Result]):
@@ -79,9 +92,14 @@ class Dialog(ModalScreen[Result], Generic[Result]):
 class HelpDialog(Dialog[None]):
     """The keys and the signs."""
 
-    def __init__(self, keymap: Mapping[str, str] | None = None, mode: Mode = "live") -> None:
+    def __init__(
+        self,
+        keymap: Mapping[str, str] | None = None,
+        mode: Mode = "live",
+        place: Place = "live",
+    ) -> None:
         super().__init__()
-        self._keymap, self._mode = keymap, mode
+        self._keymap, self._mode, self._place = keymap, mode, place
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("question_mark,f1,q", "put_away", "Back", show=False)
@@ -92,7 +110,7 @@ class HelpDialog(Dialog[None]):
         with VerticalScroll() as box:
             box.border_title = "help"
             box.border_subtitle = "esc back"
-            yield Static(help_text(self._keymap, self._mode), markup=False)
+            yield Static(help_text(self._keymap, self._mode, self._place), markup=False)
 
 
 class Tick(Static, can_focus=True):

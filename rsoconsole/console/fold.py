@@ -15,6 +15,8 @@ LARGE = (112, 36)
 THREE_COLUMNS = (180, 50)
 WITH_PICTURE = (60, 16)
 ONE_LINE_TOP_COLUMNS = 74
+LOW_LINES = 20
+"""Below which a time line has one row."""
 TUNE_ROWS, OWN_TUNE_ROWS, SKY_ROWS = 24, 17, 20
 BANNER_ROWS = {"wide": 3, "narrow": 5}
 WIDE_BANNER_COLUMNS = 72
@@ -33,6 +35,7 @@ Name = Literal[
     "facts",
     "sky",
     "log",
+    "timeline",
     "keys",
 ]
 
@@ -53,27 +56,29 @@ def fold(
     *,
     alert_rows: int = 0,
     is_log_open: bool = False,
+    timeline_rows: int = 0,
     aspect: float = 4 / 3,
 ) -> dict[Name, Box]:
     """The box of every pane that has room; panes without one are not shown.
 
     ``alert_rows``: how many the alert takes; ``aspect`` is the camera's width over its height;
-    ``is_log_open`` gives the log all panes.
+    ``is_log_open`` gives the log all panes; ``timeline_rows``: over the keys, for a time line.
     """
     boxes: dict[Name, Box] = {}
     top_rows = 1 if width >= ONE_LINE_TOP_COLUMNS else 2
     y0 = top_rows + alert_rows
-    y1 = height - 1
+    y1 = max(height - 1 - timeline_rows, min(y0, height - 1))
     _put(boxes, "top", Box(x=0, y=0, width=width, height=min(top_rows, height)))
     _put(boxes, "alert", Box(x=0, y=top_rows, width=width, height=min(alert_rows, y1 - top_rows)))
-    if y1 >= top_rows:
-        boxes["keys"] = Box(x=0, y=y1, width=width, height=1)
+    _put(boxes, "timeline", Box(x=0, y=y1, width=width, height=height - 1 - y1))
+    if height - 1 >= top_rows:
+        boxes["keys"] = Box(x=0, y=height - 1, width=width, height=1)
     if is_log_open:
         _put(boxes, "log", Box(x=0, y=y0, width=width, height=y1 - y0))
         return boxes
     facts_rows = min(3, max(0, y1 - y0))
     middle = Box(x=0, y=y0, width=width, height=max(0, y1 - y0 - facts_rows))
-    if width >= THREE_COLUMNS[0] and height >= THREE_COLUMNS[1]:
+    if has_tune_of_its_own(width, height):
         _three_columns(boxes, Box(x=0, y=y0, width=width, height=y1 - y0), aspect)
     elif width >= LARGE[0] and height >= LARGE[1]:
         _large(boxes, Box(x=0, y=y0, width=width, height=y1 - y0), aspect)
@@ -102,21 +107,37 @@ def banner_box(width: int, height: int, *, alert_rows: int = 0) -> Box:
     return Box(x=0, y=y, width=width, height=max(min(wanted, height - 1 - y), 1))
 
 
-def tune_box(width: int, height: int, *, alert_rows: int = 0, aspect: float = 4 / 3) -> Box:
+def timeline_rows(height: int) -> int:
+    """How many rows a terminal of so many lines gives to a time line."""
+    if height < LOW_LINES:
+        return 1
+    return 2 if height < LARGE[1] else 3
+
+
+def tune_box(
+    width: int,
+    height: int,
+    *,
+    alert_rows: int = 0,
+    timeline_rows: int = 0,
+    aspect: float = 4 / 3,
+) -> Box:
     """Where the tuning pane lies: right of the picture, over plots and figures; the sky stays.
 
     In the widest layout it has a place of its own; in a small terminal all but the first line
     and the keys.
     """
-    boxes = fold(width, height, alert_rows=alert_rows, aspect=aspect)
+    boxes = fold(width, height, alert_rows=alert_rows, timeline_rows=timeline_rows, aspect=aspect)
     top = boxes["top"]
     alert = boxes.get("alert")
     y0 = top.height + (alert.height if alert is not None else 0)
-    room = max(height - 1 - y0, 1)
+    y1 = height - 1 - timeline_rows
+    room = max(y1 - y0, 1)
     frame = boxes.get("frame")
     if has_tune_of_its_own(width, height):
         sky = boxes["sky"]
-        return Box(x=sky.x, y=sky.y + sky.height, width=sky.width, height=OWN_TUNE_ROWS)
+        y = sky.y + sky.height
+        return Box(x=sky.x, y=y, width=sky.width, height=max(min(OWN_TUNE_ROWS, y1 - y), 1))
     x = 0 if frame is None or width < FULL[0] else frame.width + 1
     return Box(x=x, y=y0, width=width - x, height=min(TUNE_ROWS, room))
 

@@ -8,7 +8,7 @@ from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.words import clipped
 
-Mode = Literal["live", "mark", "tune", "log"]
+Mode = Literal["live", "mark", "tune", "log", "review", "review tune", "review log"]
 """What the keys are for at this moment."""
 
 
@@ -26,6 +26,22 @@ _GAP = "  "
 _LEAST_NOTICE_COLUMNS = 24
 _OF_MODES: dict[Mode, tuple[Key, ...]] = {
     "live": (),
+    "review": (),
+    "review tune": (
+        Key("↑↓", "Choose"),
+        Key("←→", "Change"),
+        Key("a", "All frames"),
+        Key("u", "Undo"),
+        Key("w", "Save"),
+        Key("o", "Load"),
+        Key("esc", "Close", is_weighty=True),
+    ),
+    "review log": (
+        Key("↑↓", "Choose", is_weighty=True),
+        Key("enter", "Go there", is_weighty=True),
+        Key("/", "Search"),
+        Key("esc", "Back", is_weighty=True),
+    ),
     "mark": (
         Key("↑↓←→", "Move"),
         Key("enter", "Set", is_weighty=True),
@@ -55,6 +71,9 @@ MODE_WORDS: dict[Mode, str] = {
     "mark": "Now: a streak's two ends are marked by hand",
     "tune": "Now: the tuning pane",
     "log": "Now: the whole log",
+    "review": "",
+    "review tune": "Now: the tuning pane, over what has been recorded",
+    "review log": "Now: the log of the whole night; what came later is dim",
 }
 
 
@@ -92,6 +111,40 @@ def keys_for(
         key("leave", "Leave", is_weighty=True),
         key("log", "Log"),
         key("zoom", "Zoom"),
+        key("help", "Help", is_weighty=True),
+        Key("^p", "More"),
+    ]
+
+
+def review_keys(
+    *, is_playing: bool, has_live: bool, has_mark: bool, mode: Mode, keymap: Mapping[str, str]
+) -> list[Key]:
+    """The same over a recorded night; ``has_live``: a live console lies behind it."""
+
+    def key(command: str, name: str, *, is_weighty: bool = False) -> Key:
+        return Key(first_key(command, keymap), name, is_weighty, command)
+
+    def keys(first: str, second: str, name: str) -> Key:
+        return Key(f"{first_key(first, keymap)} {first_key(second, keymap)}", name, False, second)
+
+    stop = key("stop_by_letter", "STOP", is_weighty=True)
+    if mode != "review":
+        return [stop, *_OF_MODES[mode], key("help", "Help")]
+    return [
+        stop,
+        key("play", "Pause" if is_playing else "Play", is_weighty=True),
+        keys("frame_back", "frame_on", "Frame"),
+        keys("event_back", "event_on", "Event"),
+        key("event_kind", "Kind"),
+        key("goto_moment", "Go to"),
+        keys("slower", "faster", "Speed"),
+        key("compare", "Compare" if has_mark else "Keep A"),
+        *([key("blink", "Blink")] if has_mark else []),
+        key("leave", "Live" if has_live else "Leave", is_weighty=True),
+        key("sessions", "Sessions"),
+        key("log", "Log"),
+        key("filter_log", "Search"),
+        key("tune", "Tune"),
         key("help", "Help", is_weighty=True),
         Key("^p", "More"),
     ]

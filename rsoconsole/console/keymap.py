@@ -3,13 +3,14 @@
 import contextlib
 import tomllib
 import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from textual.binding import Binding, InvalidBinding
 from textual.keys import KEY_NAME_REPLACEMENTS, Keys
 
-from rsoconsole.console.commands import BY_NAME, COMMANDS
+from rsoconsole.console.command import BOTH
+from rsoconsole.console.commands import BY_NAME, commands_in
 from rsoconsole.errors import ConfigError
 
 STOPS = ("stop", "stop_by_letter")
@@ -89,14 +90,11 @@ def _is_key(key: str) -> bool:
 
 
 def _refuse_doubles(path: Path, keymap: Mapping[str, str]) -> None:
-    """No key may do two things."""
-    owners: dict[str, str] = {}
-    for name, keys in _all_keys(keymap):
-        for key in keys.split(","):
-            if key in owners:
-                raise ConfigError(f"{path}: {key} is both {owners[key]} and {name}")
-            owners[key] = name
-
-
-def _all_keys(keymap: Mapping[str, str]) -> Iterable[tuple[str, str]]:
-    return ((command.name, keymap.get(command.name, command.keys)) for command in COMMANDS)
+    """No key may do two things on one screen."""
+    for place in BOTH:
+        owners: dict[str, str] = {}
+        for command in commands_in(place):
+            for key in keymap.get(command.name, command.keys).split(","):
+                if key in owners:
+                    raise ConfigError(f"{path}: {key} is both {owners[key]} and {command.name}")
+                owners[key] = command.name

@@ -5,12 +5,13 @@ from functools import lru_cache
 from typing import ClassVar
 
 from rich.segment import Segment
+from rich.style import Style
 from textual.events import Resize
 from textual.geometry import Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from rsoconsole.console.log_lines import Level, LogLine
+from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.words import clock_text
 
 WITH_FRAME_COLUMNS = 60
@@ -36,8 +37,8 @@ class LogPane(ScrollView):
         self.can_focus = False
         self._lines: tuple[LogLine, ...] = ()
         self._wanted = ""
-        self._rows: list[tuple[Level, str, bool]] = []
-        """Level, words, and whether the line goes on in the next row; newest first."""
+        self._rows: list[tuple[LogLine, str, bool]] = []
+        """A line, one row of its words, and whether it goes on in the next; newest first."""
 
     @property
     def lines(self) -> tuple[LogLine, ...]:
@@ -74,7 +75,7 @@ class LogPane(ScrollView):
         # The scroll bar's column is left free, so that opening the log breaks no line anew.
         width = self.outer_size.width - 1
         self._rows = [
-            (line.level, row, number < len(rows))
+            (line, row, number < len(rows))
             for line in reversed(self._lines)
             if self._wanted.lower() in line.text.lower()
             for rows in (log_rows(line, width),)
@@ -93,13 +94,16 @@ class LogPane(ScrollView):
                 wanted = f" no line has {self._wanted!r}"
                 words = wanted if self._wanted else " nothing has happened yet"
             return Strip([Segment(words.ljust(width)[:width], self.rich_style)])
-        level, text, goes_on = self._rows[index]
+        line, text, goes_on = self._rows[index]
         if goes_on and y == self.size.height - 1:
             text = f"{text[: width - 2]} …"
+        return Strip([Segment(text.ljust(width)[:width], self._style_of(line))])
+
+    def _style_of(self, line: LogLine) -> Style:
         style = self.rich_style
-        if level != "info":
-            style += self.get_component_rich_style(f"log--{level}")
-        return Strip([Segment(text.ljust(width)[:width], style)])
+        if line.level != "info":
+            style += self.get_component_rich_style(f"log--{line.level}")
+        return style
 
 
 @lru_cache(maxsize=8192)

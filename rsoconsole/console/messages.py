@@ -1,13 +1,17 @@
-"""What the watches and the intentions tell the live screen, from their threads."""
+"""What the watches and the intentions tell the screens, from their threads."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from textual.message import Message
 
 from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.log_lines import LogLine
+from rsoconsole.console.moments import Moment
 from rsoconsole.console.night import NightView
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.stop import StopNews
+from rsoconsole.console.timeline import Timeline
 from rsoconsole.control import Outcome
 
 if TYPE_CHECKING:
@@ -37,6 +41,30 @@ class OutlookSeen(Message):
     def __init__(self, outlook: "Outlook") -> None:
         super().__init__()
         self.outlook = outlook
+
+
+class TimelineSeen(Message):
+    """A session under review: its course, and every line of its log that has been read."""
+
+    def __init__(self, folder: Path, timeline: Timeline, lines: tuple[LogLine, ...]) -> None:
+        super().__init__()
+        self.folder, self.timeline, self.lines = folder, timeline, lines
+
+
+class MomentSeen(Message):
+    """One moment of it."""
+
+    def __init__(self, folder: Path, moment: Moment) -> None:
+        super().__init__()
+        self.folder, self.moment = folder, moment
+
+
+class ReviewFailed(Message):
+    """Why it cannot be read."""
+
+    def __init__(self, folder: Path, text: str) -> None:
+        super().__init__()
+        self.folder, self.text = folder, text
 
 
 class Previewed(Message):

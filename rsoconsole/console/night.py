@@ -108,7 +108,7 @@ class NightView:
     config: Config | None = None
     """Of the session's engine; None where it cannot be read."""
     seq: int = 0
-    """How many records have been taken."""
+    """Place in the log of the last record that has been taken."""
     is_read: bool = False
     """Whether the past has been read to its end: what comes now is news."""
     fault: str | None = None
@@ -136,29 +136,126 @@ class NightView:
         return getattr(getattr(self.config, section, None), key, None)
 
 
+@dataclass(slots=True, kw_only=True)
+class _Now:
+    """What the records add up to so far, beside rows and log: as in ``NightView``."""
+
+    is_closed: bool
+    tau: float
+    seq: int = 0
+    is_read: bool = False
+    state: LoopState | None = None
+    state_since_utc_ns: int | None = None
+    last_utc_ns: int | None = None
+    frame: FrameTaken | None = None
+    pointing: Pointing | None = None
+    track: TrackState | None = None
+    timing: CycleTiming | None = None
+    slew: SlewCommand | None = None
+    changed: Mapping[str, float | int | str] = field(default_factory=dict)
+    set_aside: TrackState | None = None
+    """What was followed when the operator took the mount."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeptNight:
+    """A night as it was at one place of the log: what ``Night.go_back`` returns to.
+
+    Rows, details and lines are shared with the night: keeping one costs a word each.
+    """
+
+    now: _Now
+    rows: tuple[FrameRow, ...]
+    details: tuple[tuple[int, FrameDetail], ...]
+    log: tuple[LogLine, ...]
+
+
 class Night:
     """Takes a session's records in order; gives views of what they add up to."""
 
     def __init__(self, folder: Path, about: dict[str, Any], config: Config | None) -> None:
-        self._view = NightView(
+        self._about = NightView(
             folder=folder,
             title=str(about.get("title") or ""),
-            is_closed=about.get("is_closed") is True,
             is_simulated=about.get("is_simulated") is True,
             config=config,
+        )
+        """What no record changes."""
+        self._now = _Now(
+            is_closed=about.get("is_closed") is True,
             tau=config.detector.tau if config is not None else 0.1,
         )
         self._site = config.site.to_site() if config is not None else None
         self._rows: dict[int, FrameRow] = {}
         self._details: dict[int, FrameDetail] = {}
         self._log: list[LogLine] = []
-        self._set_aside: TrackState | None = None
-        """What was followed when the operator took the mount."""
 
     def view(self) -> NightView:
         """What has been taken so far."""
         self._see_horizon()
-        return replace(self._view, rows=tuple(self._rows.values()), log=tuple(self._log))
+        now = self._now
+        return replace(
+            self._about,
+            is_closed=now.is_closed,
+            tau=now.tau,
+            seq=now.seq,
+            is_read=now.is_read,
+            state=now.state,
+            state_since_utc_ns=now.state_since_utc_ns,
+            last_utc_ns=now.last_utc_ns,
+            frame=now.frame,
+            pointing=now.pointing,
+            track=now.track,
+            timing=now.timing,
+            slew=now.slew,
+            changed=now.changed,
+            rows=tuple(self._rows.values()),
+            log=tuple(self._log),
+        )
+
+    def keep(self) -> KeptNight:
+        """The night as it is now, to come back to."""
+        return KeptNight(
+            now=replace(self._now),
+            rows=tuple(self._rows.values()),
+            details=tuple(self._details.items()),
+            log=tuple(self._log),
+        )
+
+    def go_back(self, kept: KeptNight) -> None:
+        """As it was when that was kept, by this fold or by another one of the same night."""
+        self._now = replace(kept.now)
+        self._rows = {row.frame_id: row for row in kept.rows}
+        self._details = dict(kept.details)
+        self._log = list(kept.log)
+
+    def forget_log(self) -> None:
+        """The lines so far are not shown: they leave out much of what came with them."""
+        self._log.clear()
+
+    @property
+    def seq(self) -> int:
+        """Place in the log of the last record that has been taken."""
+        return self._now.seq
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether nothing more will come."""
+        return self._now.is_closed
+
+    @property
+    def is_read(self) -> bool:
+        """Whether the past is known."""
+        return self._now.is_read
+
+    def row(self, frame_id: int) -> FrameRow | None:
+        """What the plots show of that frame; None for one that has not been taken."""
+        return self._rows.get(frame_id)
+
+    @property
+    def log(self) -> tuple[LogLine, ...]:
+        """Oldest first."""
+        return tuple(self._log)
 
     def detail(self, frame_id: int) -> FrameDetail:
         """What that frame showed; empty for one long past."""
@@ -170,21 +267,22 @@ class Night:
 
     def has_been_read(self) -> None:
         """The past is known: what is taken from now on is news."""
-        self._view = replace(self._view, is_read=True)
+        self._now.is_read = True
 
     def close(self) -> None:
         """The session is closed: nothing more will come."""
-        self._view = replace(self._view, is_closed=True)
+        self._now.is_closed = True
 
-    def take(self, t_utc_ns: int, record: Any) -> None:
-        """One record of the log, in order."""
+    def take(self, t_utc_ns: int, record: Any, seq: int | None = None) -> None:
+        """One record of the log, in order; ``seq``: its place there, None: the next one."""
+        now = self._now
         # A record that could not be written leaves an alarm at instant 0 in its place.
-        last = max(t_utc_ns, self._view.last_utc_ns or 0) or None
-        self._view = replace(self._view, last_utc_ns=last, seq=self._view.seq + 1)
+        now.last_utc_ns = max(t_utc_ns, now.last_utc_ns or 0) or None
+        now.seq = now.seq + 1 if seq is None else seq
         self._fold(record, t_utc_ns)
         line = line_of(record, t_utc_ns)
         if line is not None:
-            append_line(self._log, replace(line, seq=self._view.seq))
+            append_line(self._log, replace(line, seq=now.seq))
 
     @singledispatchmethod
     def _fold(self, record: Any, t_utc_ns: int) -> None:
@@ -192,7 +290,7 @@ class Night:
 
     @_fold.register
     def _(self, record: FrameTaken, t_utc_ns: int) -> None:
-        self._view = replace(self._view, frame=record)
+        self._now.frame = record
         ra, dec = record.pointing_ra_icrs_deg, record.pointing_dec_icrs_deg
         if ra is not None and dec is not None:
             self._look(record.t_start_utc_ns or t_utc_ns, ra, dec)
@@ -264,7 +362,7 @@ class Night:
 
     @_fold.register
     def _(self, record: TrackState, _t_utc_ns: int) -> None:
-        self._view = replace(self._view, track=record)
+        self._now.track = record
         if record.kind == "predicted":
             self._change(record.frame_id, sigma_arcsec=predicted_sigma_arcsec(record))
             self._detail(record.frame_id, predicted=record)
@@ -285,47 +383,41 @@ class Night:
 
     @_fold.register
     def _(self, record: StateChange, t_utc_ns: int) -> None:
+        now = self._now
         if record.after in {"TRACK", "COAST"}:
             # What was followed before the operator took the mount is followed again.
-            track = self._view.track or self._set_aside
-            self._set_aside = None
+            now.track, now.set_aside = now.track or now.set_aside, None
         else:
-            self._set_aside = self._view.track if record.after == "MANUAL" else None
-            track = None
-        is_new = record.before in {"IDLE", "FAULT"}
-        self._view = replace(
-            self._view,
-            state=record.after,
-            state_since_utc_ns=t_utc_ns,
-            track=track,
-            # Where it was sent before it was armed again says nothing of now.
-            slew=None if is_new else self._view.slew,
-        )
+            now.set_aside = now.track if record.after == "MANUAL" else None
+            now.track = None
+        now.state, now.state_since_utc_ns = record.after, t_utc_ns
+        if record.before in {"IDLE", "FAULT"}:
+            now.slew = None  # where it was sent before it was armed again says nothing of now
 
     @_fold.register
     def _(self, record: ParameterChange, _t_utc_ns: int) -> None:
-        self._view = replace(self._view, changed={**self._view.changed, record.name: record.after})
+        # A new mapping: views that were given away keep theirs.
+        self._now.changed = {**self._now.changed, record.name: record.after}
         if record.name == "detector.tau" and not isinstance(record.after, str):
-            self._view = replace(self._view, tau=float(record.after))
+            self._now.tau = float(record.after)
 
     @_fold.register
     def _(self, record: CycleTiming, _t_utc_ns: int) -> None:
-        self._view = replace(self._view, timing=record)
+        self._now.timing = record
 
     @_fold.register
     def _(self, record: SlewCommand, _t_utc_ns: int) -> None:
-        self._view = replace(self._view, slew=record)
+        self._now.slew = record
         self._look(record.t_aim_utc_ns, record.ra_icrs_deg, record.dec_icrs_deg, is_ordered=True)
 
     def _look(self, t_utc_ns: int, ra: float, dec: float, *, is_ordered: bool = False) -> None:
-        pointing = Pointing(
+        self._now.pointing = Pointing(
             t_utc_ns=t_utc_ns, ra_icrs_deg=ra % 360.0, dec_icrs_deg=dec, is_ordered=is_ordered
         )
-        self._view = replace(self._view, pointing=pointing)
 
     def _see_horizon(self) -> None:
         """Altitude and azimuth of the pointing, for whoever looks now."""
-        pointing = self._view.pointing
+        pointing = self._now.pointing
         if pointing is None or pointing.alt_deg is not None or self._site is None:
             return
         from rsoconsole.sky.frames import icrs_to_altaz
@@ -333,8 +425,7 @@ class Night:
         alt_deg, az_deg = icrs_to_altaz(
             self._site, pointing.ra_icrs_deg, pointing.dec_icrs_deg, pointing.t_utc_ns
         )
-        pointing = replace(pointing, alt_deg=alt_deg, az_deg=az_deg)
-        self._view = replace(self._view, pointing=pointing)
+        self._now.pointing = replace(pointing, alt_deg=alt_deg, az_deg=az_deg)
 
     def _change(self, frame_id: int, **changes: Any) -> None:
         row = self._rows.get(frame_id, FrameRow(frame_id=frame_id))

@@ -16,6 +16,7 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 30.0
 WAIT_S = 1.0
+MINUTE_NS = 60 * 10**9
 
 
 class OutlookWatch(Looker):
@@ -44,7 +45,9 @@ class OutlookWatch(Looker):
         now = engine.now_utc_ns if engine.is_attached else night.last_utc_ns
         if night.config is None or not now:
             return
-        of = (night.folder, night.state, night.track is None)
+        # The clock of a recorded night goes as fast as somebody looks through it.
+        minute = None if engine.is_attached else now // MINUTE_NS
+        of = (night.folder, night.state, night.track is None, minute)
         if of == self._reckoned_of and time.monotonic() - self._reckoned_s < EVERY_S:
             return
         self._reckoned_of, self._reckoned_s = of, time.monotonic()

@@ -117,7 +117,7 @@ def _column(row: FrameRow, axis: int) -> Column:
 
 
 def _confidence_column(row: FrameRow) -> Column:
-    refused = _refused(row)
+    refused = refused_of(row)
     value = row.confidence if refused is None else None
     is_miss = row.is_reduced and value is None
     return Column(
@@ -125,7 +125,7 @@ def _confidence_column(row: FrameRow) -> Column:
     )
 
 
-def _refused(row: FrameRow) -> tuple[float, str] | None:
+def refused_of(row: FrameRow) -> tuple[float, str] | None:
     """The likeliest streak where it was not taken, and the reason; None where one was."""
     if row.is_followed or row.refused is None or row.refused[0] < SHOWN_REJECTED:
         return None
@@ -135,7 +135,7 @@ def _refused(row: FrameRow) -> tuple[float, str] | None:
 def _confidence_words(row: FrameRow | None) -> str:
     if row is None:
         return ""
-    refused = _refused(row)
+    refused = refused_of(row)
     if refused is not None:
         return f"{REFUSED} {short(refused[0])} {refused[1]}"
     if row.confidence is not None:

@@ -37,6 +37,7 @@ INKS = {
     "warn": "$text-warning",
     "alarm": "bold $text-error",
     "title": "bold",
+    "here": "bold reverse",
 }
 
 
@@ -122,6 +123,8 @@ class FramePane(Widget):
         self._strips: list[Strip] = []
         self._drawn: Drawing | None = None
         self._marks: tuple[Mark, ...] = ()
+        self.absent = "no picture yet"
+        """What stands where there is none."""
         self._styles_made: dict[tuple[int, int] | str, Style] = {}
         """By what they are for: made once for a theme."""
         self._pixels: Any = None
@@ -269,7 +272,7 @@ class FramePane(Widget):
             return []
         picture = self._picture
         if picture is None or drawing is None:
-            words = "no picture yet" if picture is None else "nothing to look at closely"
+            words = self.absent if picture is None else "nothing to look at closely"
             return [
                 self._text(
                     (words if row == rows // 2 else "").center(width)[:width], "frame--caption"

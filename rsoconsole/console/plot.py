@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-Ink = Literal["", "dim", "good", "warn", "alarm", "title"]
+Ink = Literal["", "dim", "good", "warn", "alarm", "title", "here"]
 Line = list[tuple[str, Ink]]
 
 AXIS_COLUMNS = 6
@@ -21,7 +21,7 @@ MAX_SPREAD = 3
 _BRAILLE = 0x2800
 _LEFT = (0x01, 0x02, 0x04, 0x40)
 _RIGHT = (0x08, 0x10, 0x20, 0x80)
-_RANK: dict[Ink, int] = {"": 0, "dim": 1, "good": 2, "warn": 3, "alarm": 4, "title": 0}
+_RANK: dict[Ink, int] = {"": 0, "dim": 1, "good": 2, "warn": 3, "alarm": 4, "title": 0, "here": 0}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,13 +40,14 @@ def run_console(
     """
     from rsoconsole.console.keymap import load_keymap
 
-    settings = load_config().console
+    config = load_config()
+    settings = config.console
     keymap = load_keymap(default_config_path().with_name("keymap.toml"))
     if session is not None:
         SessionReader(session)
     elif not owns_engine:
         _expect_engine(socket)
-    _expect_terminal()
+    _expect_terminal("'rsoconsole status' and 'rsoconsole stop' work without one")
     from rsoconsole.console.app import ConsoleApp
     from rsoconsole.console.graphics import offered
 
@@ -60,6 +61,7 @@ def run_console(
         keymap=keymap,
         settings=settings,
         seat_name=name,
+        sessions_root=config.session.root,
         graphics=offered(graphics or settings.graphics),
     )
     # Under nohup it would be ignored, and a console without a terminal would stay for ever.
@@ -70,9 +72,53 @@ def run_console(
     return ending or "quit"
 
 
-def _expect_terminal() -> None:
-    """Raises RsoconsoleError where nothing can be drawn; Textual draws on stderr."""
-    without = "'rsoconsole status' and 'rsoconsole stop' work without one"
+def run_review(
+    session: Path | None,
+    *,
+    start: str = "",
+    socket: Path | None = None,
+    stop_directly: "StopDirectly | None" = None,
+    graphics: Graphics | None = None,
+) -> None:
+    """Open a review and stay until it is left; without a session it asks which.
+
+    ``start``: the frame or UTC time that is shown first. No engine is asked; STOP is sent to the
+    one of ``socket`` all the same.
+
+    Raises ConfigError for a keymap that is none, SessionError when ``session`` holds none,
+    RsoconsoleError where there is no terminal.
+    """
+    from rsoconsole.console.keymap import load_keymap
+
+    config = load_config()
+    keymap = load_keymap(default_config_path().with_name("keymap.toml"))
+    if session is not None:
+        SessionReader(session)
+    _expect_terminal("'rsoconsole export' and 'rsoconsole figures' work without one")
+    from rsoconsole.console.app import ConsoleApp
+    from rsoconsole.console.graphics import offered
+
+    name = _seat_name()
+    app = ConsoleApp(
+        lambda: ControlClient(socket, by=f"console {name}"),
+        review=(session, start),
+        stop_directly=stop_directly,
+        keymap=keymap,
+        settings=config.console,
+        sessions_root=config.session.root,
+        graphics=offered(graphics or config.console.graphics),
+    )
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    app.run()
+    if app.failure is not None:
+        raise app.failure
+
+
+def _expect_terminal(without: str) -> None:
+    """Raises RsoconsoleError where nothing can be drawn; Textual draws on stderr.
+
+    ``without``: what else there is, in words.
+    """
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         raise RsoconsoleError(
             f"the console needs a terminal for input, output and errors: {without}"

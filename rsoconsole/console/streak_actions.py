@@ -6,7 +6,6 @@ from rsoconsole.console.messages import Pointed
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.seat import Seat
-from rsoconsole.console.verdicts import VerdictsDialog
 from rsoconsole.records import Detection
 
 CLICK_PX = 60.0
@@ -61,13 +60,6 @@ class StreakActions(Seat):
     def _frame_shown(self) -> dict[str, int]:
         """The frame that the operator's word is on: the one on the screen."""
         return {} if self.picture is None else {"frame": self.picture.frame_id}
-
-    def action_verdicts(self) -> None:
-        """Every streak of the shown frame, and what became of it."""
-        if self.picture is None:
-            self.say("no frame has been shown yet", "warn")
-            return
-        self.app.push_screen(VerdictsDialog(self.picture.detail, self.night.tau, self.keymap))
 
     def action_seek(self) -> None:
         """Look for it again."""

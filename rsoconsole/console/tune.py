@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
 from textual.binding import Binding, BindingType
 from textual.message import Message
@@ -179,16 +179,28 @@ class TunePane(LinesPane, can_focus=False):
         self.post_message(self.Wanted(what))
 
 
+class TuneWords(NamedTuple):
+    """What the pane says that depends on the screen it is on."""
+
+    frames: str = f"last {LAST_FRAMES} frames"
+    """Over which its figures are."""
+    keys: str = "enter apply  u undo  w save  o load"
+
+
 def tune_lines(
-    tuning: Tuning, now: "TrackFigures | None", then: "TrackFigures | None"
+    tuning: Tuning,
+    now: "TrackFigures | None",
+    then: "TrackFigures | None",
+    *,
+    words: TuneWords = TuneWords(),  # noqa: B008 -- it cannot be changed
 ) -> Callable[[int, int], list[Line]]:
     """What builds the pane's lines: settings, then figures now and with what is tried."""
 
     def build(width: int, height: int) -> list[Line]:
         changed = f"{len(tuning.tried)} tried" if tuning.tried else "as it is"
         lines: list[Line] = [_rule(f"tune · {changed}", width)]
-        figures = _figures(now, then, is_tried=bool(tuning.tried))
-        keys: Line = [(" enter apply  u undo  w save  o load", "dim")]
+        figures = _figures(now, then, words.frames, is_tried=bool(tuning.tried))
+        keys: Line = [(f" {words.keys}", "dim")]
         room = max(height - 2 - len(figures), 1)
         lines += _settings(tuning, room)
         spare = max(height - len(lines) - len(figures) - 1, 0)
@@ -231,9 +243,9 @@ def _setting(tuning: Tuning, number: int, tunable: Tunable) -> Line:
 
 
 def _figures(
-    now: "TrackFigures | None", then: "TrackFigures | None", *, is_tried: bool
+    now: "TrackFigures | None", then: "TrackFigures | None", frames: str, *, is_tried: bool
 ) -> list[Line]:
-    head = f" last {LAST_FRAMES} frames".ljust(LABEL_COLUMNS + 4)
+    head = f" {frames}".ljust(LABEL_COLUMNS + 4)
     lines: list[Line] = [
         [(f"{head}{'as it was':>{VALUE_COLUMNS}}{'if tried':>{VALUE_COLUMNS}}", "dim")]
     ]

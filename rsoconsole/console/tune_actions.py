@@ -9,7 +9,15 @@ from rsoconsole.console.ask import LineDialog
 from rsoconsole.console.messages import WhatIfSeen
 from rsoconsole.console.presets import load_presets, save_preset
 from rsoconsole.console.seat import Seat
-from rsoconsole.console.tune import NAMES, TunePane, Tuning, Value, tune_lines
+from rsoconsole.console.tune import (
+    LAST_FRAMES,
+    NAMES,
+    TunePane,
+    TuneWords,
+    Tuning,
+    Value,
+    tune_lines,
+)
 from rsoconsole.console.what_if_watch import WhatIfWatch
 from rsoconsole.errors import ConfigError
 
@@ -54,7 +62,7 @@ class TuneActions(Seat):
         self.set_focus(pane)
         self.show_tuning()
         self.show_keys()
-        self._reckon()
+        self.reckon()
 
     def _close(self) -> None:
         self.is_tune_open = False
@@ -66,21 +74,39 @@ class TuneActions(Seat):
     def show_tuning(self) -> None:
         """Draw the pane; what is in force comes from the record."""
         self.tuning.see({name: self.night.setting(name) for name in NAMES})
-        self.query_one("#tune", TunePane).show(tune_lines(self.tuning, *self._figures))
+        lines = tune_lines(self.tuning, *self._figures, words=self.tune_words)
+        self.query_one("#tune", TunePane).show(lines)
 
-    def _reckon(self) -> None:
+    @property
+    def tune_words(self) -> TuneWords:
+        """What the pane says of its figures and its keys."""
+        return TuneWords()
+
+    def tune_scope(self) -> tuple[int | None, int | None]:
+        """(until which place of the log, over how many of its last frames) figures are reckoned."""
+        return None, LAST_FRAMES
+
+    def reckon(self) -> None:
+        """Have the figures reckoned."""
         if self.night.folder is None or self.night.config is None:
             return
         self._reckoned_s = time.monotonic()
         if self._watch is None:
             self._watch = WhatIfWatch(lambda *figures: self.post_from_thread(WhatIfSeen(*figures)))
-        self._watch.ask(self.night.folder, self.night.config, self.tuning.tried)
+        until_seq, last = self.tune_scope()
+        self._watch.ask(
+            self.night.folder,
+            self.night.config,
+            self.tuning.tried,
+            until_seq=until_seq,
+            last=last,
+        )
 
     def reckon_now_and_then(self) -> None:
         """Where the pane is always seen, its figures follow the night."""
         is_due = time.monotonic() - self._reckoned_s >= EVERY_S
         if self.query_one("#tune", TunePane).display and is_due:
-            self._reckon()
+            self.reckon()
 
     def on_what_if_seen(self, message: WhatIfSeen) -> None:
         """Figures now and with what is tried."""
@@ -111,7 +137,7 @@ class TuneActions(Seat):
     def _try(self) -> None:
         self._figures = (self._figures[0], None)
         self.show_tuning()
-        self._reckon()
+        self.reckon()
 
     def _apply(self) -> None:
         if not self.may_act():

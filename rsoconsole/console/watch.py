@@ -15,8 +15,9 @@ from rsoconsole.config import Config, IndiConfig
 from rsoconsole.console.engine_view import EngineView, engine_view
 from rsoconsole.console.looker import Looker
 from rsoconsole.console.marks import marks_of
-from rsoconsole.console.night import FrameDetail, Night, NightView
-from rsoconsole.console.picture import ByteImage, Picture, light_of, read_codes
+from rsoconsole.console.night import Night, NightView
+from rsoconsole.console.picture import Picture
+from rsoconsole.console.picture_files import read_closeup, read_picture
 from rsoconsole.control import Outcome
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.session.reader import SessionReader
@@ -104,14 +105,14 @@ class SessionWatch(Looker):
         before = self._seq
         shown_s = time.monotonic()
         for seq, t_utc_ns, record in self._reader.records(since_seq=self._seq):
-            self._night.take(t_utc_ns, record)
+            self._night.take(t_utc_ns, record, seq)
             self._seq = seq
             if self._is_closing:
                 return False
             if time.monotonic() - shown_s > SHOW_WHILE_READING_S:
                 self._show()
                 shown_s = time.monotonic()
-        is_first = not self._night.view().is_read
+        is_first = not self._night.is_read
         self._night.has_been_read()
         return is_first or self._seq != before or self._has_closed()
 
@@ -119,7 +120,7 @@ class SessionWatch(Looker):
         assert self._reader is not None
         assert self._night is not None
         now_s = time.monotonic()
-        if self._night.view().is_closed or now_s - self._closed_seen_s < CLOSED_CHECK_S:
+        if self._night.is_closed or now_s - self._closed_seen_s < CLOSED_CHECK_S:
             return False
         self._closed_seen_s = now_s
         if self._reader.about().get("is_closed") is True:
@@ -134,38 +135,22 @@ class SessionWatch(Looker):
         for frame_id in self._night.newest_frames():
             if self._picture is not None and self._picture.frame_id >= frame_id:
                 return self._mark_again()
-            path = self._reader.preview_path(frame_id)
-            codes = read_codes(path) if path is not None else None
-            if codes is not None:
-                detail = self._night.detail(frame_id)
-                self._picture = Picture(
-                    frame_id=frame_id,
-                    codes=codes,
-                    light=light_of(codes),
-                    detail=detail,
-                    marks=marks_of(detail),
-                    closeup=self._read_closeup(detail),
-                    place=detail.closeup,
-                )
+            picture = read_picture(self._reader, frame_id, self._night.detail(frame_id))
+            if picture is not None:
+                self._picture = picture
                 return True
         return False
 
-    def _read_closeup(self, detail: FrameDetail) -> ByteImage | None:
-        assert self._reader is not None
-        if detail.closeup is None:
-            return None
-        path = self._reader.closeup_path(detail.closeup.frame_id)
-        return read_codes(path) if path is not None else None
-
     def _mark_again(self) -> bool:
         """A picture may be there before everything that is said of its frame."""
+        assert self._reader is not None
         assert self._night is not None
         if self._picture is None or self._picture.frame_id not in self._night.newest_frames():
             return False
         before = self._picture
         detail, closeup = self._night.detail(before.frame_id), before.closeup
         if closeup is None:
-            closeup = self._read_closeup(detail)
+            closeup = read_closeup(self._reader, detail)
         if detail == before.detail and closeup is before.closeup:
             return False
         self._picture = replace(

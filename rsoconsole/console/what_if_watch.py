@@ -2,9 +2,10 @@
 
 import logging
 import threading
+from bisect import bisect_right
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rsoconsole.config import Config
 from rsoconsole.console.tune import LAST_FRAMES, Value
@@ -17,6 +18,16 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 
+class Question(NamedTuple):
+    """What is to be reckoned."""
+
+    folder: Path
+    config: Config
+    tried: dict[str, Value]
+    until_seq: int | None
+    last: int | None
+
+
 class WhatIfWatch:
     """Takes the newest question only; an older one that is still being reckoned is dropped."""
 
@@ -25,17 +36,30 @@ class WhatIfWatch:
     ) -> None:
         """``on_seen``: hears the figures as recorded, those with what is tried, and a fault."""
         self._on_seen = on_seen
-        self._asked: tuple[Path, Config, dict[str, Value]] | None = None
+        self._asked: Question | None = None
         self._wake = threading.Event()
         self._is_closing = False
         self._folder: Path | None = None
         self._records: list[Any] = []
-        self._seq = 0
+        self._seqs: list[int] = []
+        """Their places in the log."""
         self._thread: threading.Thread | None = None
 
-    def ask(self, folder: Path, config: Config, tried: Mapping[str, Value]) -> None:
-        """Reckon with these settings tried (any thread)."""
-        self._asked = (folder, config, dict(tried))
+    def ask(
+        self,
+        folder: Path,
+        config: Config,
+        tried: Mapping[str, Value],
+        *,
+        until_seq: int | None = None,
+        last: int | None = LAST_FRAMES,
+    ) -> None:
+        """Reckon with these settings tried (any thread).
+
+        ``until_seq``: as of that place of the log, None: its end; ``last``: over so many frames,
+        None: over all.
+        """
+        self._asked = Question(folder, config, dict(tried), until_seq, last)
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="console-what-if", daemon=True)
             self._thread.start()
@@ -56,26 +80,31 @@ class WhatIfWatch:
             if asked is None:
                 continue
             try:
-                self._answer(*asked)
+                self._answer(asked)
             except RsoconsoleError as error:
                 self._on_seen(None, None, str(error))
             except Exception as error:  # the seat must hear of it, whatever it is
                 log.exception("the effect cannot be reckoned")
                 self._on_seen(None, None, f"the effect cannot be reckoned: {error}")
 
-    def _answer(self, folder: Path, config: Config, tried: Mapping[str, Value]) -> None:
+    def _answer(self, asked: Question) -> None:
         from rsoconsole.pipeline.what_if import what_if
 
-        self._read(folder)
-        now = what_if(self._records, config, {}, LAST_FRAMES)
-        then = what_if(self._records, config, tried, LAST_FRAMES) if tried else None
+        self._read(asked.folder)
+        records = self._records
+        if asked.until_seq is not None:
+            records = records[: bisect_right(self._seqs, asked.until_seq)]
+        config, tried, last = asked.config, asked.tried, asked.last
+        now = what_if(records, config, {}, last)
+        then = what_if(records, config, tried, last) if tried else None
         if self._asked is None and not self._is_closing:
             self._on_seen(now, then, "")
 
     def _read(self, folder: Path) -> None:
         """What has been recorded since the last question."""
         if folder != self._folder:
-            self._folder, self._records, self._seq = folder, [], 0
-        for seq, _, record in SessionReader(folder).records(since_seq=self._seq):
+            self._folder, self._records, self._seqs = folder, [], []
+        since = self._seqs[-1] if self._seqs else 0
+        for seq, _, record in SessionReader(folder).records(since_seq=since):
             self._records.append(record)
-            self._seq = seq
+            self._seqs.append(seq)

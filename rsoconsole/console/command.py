@@ -1,0 +1,47 @@
+"""What a command is, and where it works."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+Group = Literal["safety", "telescope", "streaks", "time", "picture", "console"]
+GROUPS: dict[Group, str] = {
+    "safety": "Safety",
+    "time": "Time",
+    "telescope": "Telescope",
+    "streaks": "Streaks and track",
+    "picture": "Picture",
+    "console": "Console",
+}
+Place = Literal["live", "review"]
+"""The screens that have keys of their own: a key may mean another thing in each."""
+BOTH: tuple[Place, ...] = ("live", "review")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """One thing to do."""
+
+    name: str
+    """By which a keymap calls it; the action is ``action_<name>``."""
+    keys: str
+    """As Textual writes them, several parted by commas."""
+    title: str
+    help: str
+    group: Group
+    where: tuple[Place, ...] = ("live",)
+    """The screens that have it; of no meaning for one that is everywhere."""
+    acts: bool = False
+    """Whether it needs an engine, and a seat that may act; others are not offered it."""
+    priority: bool = False
+    """Whether it works over dialogs and inside fields too."""
+    is_everywhere: bool = False
+    """Whether the application has it, on every screen."""
+
+    def is_in(self, place: Place) -> bool:
+        """Whether its key works there."""
+        return self.is_everywhere or place in self.where
+
+
+def command(name: str, keys: str, title: str, help_: str, group: Group, **more: Any) -> Command:
+    """One thing to do, written short."""
+    return Command(name=name, keys=keys, title=title, help=help_, group=group, **more)

@@ -1,0 +1,338 @@
+"""The panes over one instant of a night, and the keys that only look: live and review have them."""
+
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar
+
+from textual import events
+from textual.app import ComposeResult
+
+from rsoconsole.config import SessionConfig
+from rsoconsole.console import panels, words
+from rsoconsole.console.ask import LineDialog
+from rsoconsole.console.commands import BY_NAME
+from rsoconsole.console.facts import fact_lines
+from rsoconsole.console.fold import (
+    MOST_ALERT_ROWS,
+    Name,
+    banner_box,
+    fold,
+    has_tune_of_its_own,
+    tune_box,
+)
+from rsoconsole.console.key_line import Key, Mode, key_at, key_line
+from rsoconsole.console.log_pane import LogPane
+from rsoconsole.console.marks import Mark
+from rsoconsole.console.messages import OutlookSeen
+from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBanner
+from rsoconsole.console.picture import STRETCHES, Drawing, Picture
+from rsoconsole.console.plot import Line
+from rsoconsole.console.sky_view import sky_lines
+from rsoconsole.console.stop import StopNews
+from rsoconsole.console.tune import TunePane
+from rsoconsole.console.tune_actions import TuneActions
+from rsoconsole.console.verdicts import VerdictsDialog
+
+DEFAULT_ASPECT = 4 / 3
+
+
+class NightScreen(TuneActions):
+    """Shows a night as it is at one instant; which one, and what may be done, its heirs say."""
+
+    PANES: ClassVar[tuple[Name, ...]] = (
+        *("top", "alert", "frame", "closeup", "confidence", "east"),
+        *("north", "nis", "facts", "sky", "log", "keys"),
+    )
+    LOG: ClassVar[type[LogPane]] = LogPane
+    AUTO_FOCUS = None
+    DEFAULT_CSS = """
+    NightScreen { layers: base over; overflow: hidden; }
+    NightScreen > LinesPane, NightScreen > FramePane, NightScreen > LogPane { position: absolute; }
+    NightScreen > #alert { background: $error; color: $text; text-style: bold; text-wrap: wrap; }
+    NightScreen > #tune { layer: over; }
+    NightScreen > #top { background: $panel; }
+    NightScreen > #keys { background: $panel; }
+    """
+
+    def __init__(self, *arguments: Any, sessions_root: Path | None = None, **named: Any) -> None:
+        """``sessions_root``: under which recorded nights lie, None: where they do by default."""
+        super().__init__(*arguments, **named)
+        self.is_log_open = False
+        self.sessions_root = sessions_root or SessionConfig().root
+        self._drawn_keys: tuple[list[Key], str] = ([], "")
+        """The keys and the notice that the last line shows."""
+        self._rows_of_alert = 0
+        """For which the panes have been laid out."""
+        self._sight = 0
+        self._stretch = 0
+
+    def compose(self) -> ComposeResult:
+        """Every pane; where each lies depends on the terminal."""
+        yield LinesPane(id="top")
+        yield LinesPane(id="alert")
+        yield FramePane(self.picture_words, id="frame")
+        yield FramePane(self.picture_words, id="closeup")
+        for name in ("confidence", "east", "north", "nis", "facts", "sky"):
+            yield LinesPane(id=name)
+        yield self.LOG(id="log")
+        yield LinesPane(id="keys")
+        yield TunePane(id="tune")
+        yield StopBanner(id="stop")
+
+    def on_mount(self) -> None:
+        """First paint."""
+        self.place_panes()
+        self.show_night()
+        self.show_engine()
+
+    def on_resize(self) -> None:
+        """Another terminal, other places."""
+        self.place_panes()
+        self.call_after_refresh(self.look_again)
+
+    def look_again(self) -> None:
+        """The picture lies elsewhere, or shows another piece of the frame."""
+
+    # -- what is known ----------------------------------------------------------------------
+
+    def on_outlook_seen(self, message: OutlookSeen) -> None:
+        """What the next hours bring."""
+        self.outlook = message.outlook
+        self.pane("sky").show(partial(sky_lines, self.night.config, self.outlook))
+        self.show_engine()
+
+    def show_night(self) -> None:
+        """What the record says."""
+        night = self.night
+        self.show_picture()
+        self.pane("confidence").show(partial(panels.confidence_lines, night))
+        self.pane("east").show(partial(panels.residual_lines, night, "east"))
+        self.pane("north").show(partial(panels.residual_lines, night, "north"))
+        self.pane("nis").show(partial(panels.nis_lines, night))
+        self.show_log()
+        self.show_tuning()
+
+    def show_log(self) -> None:
+        """The lines of the log."""
+        self.query_one("#log", LogPane).show(self.night.log)
+
+    def show_picture(self) -> None:
+        """The sight chosen in the large pane; in the small one the other."""
+        large, stretch = SIGHTS[self._sight], STRETCHES[self._stretch]
+        small: Sight = "close-up" if large == "field" else "field"
+        told, marks = (self.night.frame, stretch), self.marks_by_hand()
+        self.query_one("#frame", FramePane).show(self.picture, large, stretch, told, marks)
+        self.query_one("#closeup", FramePane).show(self.picture, small, stretch, told, marks)
+
+    def picture_words(
+        self, picture: Picture | None, sight: Sight, drawing: Drawing | None
+    ) -> tuple[list[str], list[str]]:
+        """What stands over and under a picture."""
+        stretch = STRETCHES[self._stretch]
+        if sight == "field":
+            title, caption = words.frame_title(self.night, picture), words.frame_caption(picture)
+        else:
+            title = words.closeup_title(picture, drawing)
+            caption = words.closeup_caption(picture)
+        return title if stretch == "streaks" else [*title, stretch], caption
+
+    def marks_by_hand(self) -> tuple[Mark, ...]:
+        """What is being marked at this moment."""
+        return ()
+
+    def show_engine(self) -> None:
+        """What the engine says, and what both together do."""
+        night, engine = self.night, self.engine
+        self.pane("top").show(self.top)
+        self.pane("facts").show(partial(fact_lines, night, engine, self.outlook))
+        alert = self.alert
+        if self.alert_rows() != self._rows_of_alert:
+            self.place_panes()
+            self.call_after_refresh(self.look_again)
+        self.pane("alert").show(lambda width, height: words.wrapped(f" {alert}", width, height))
+        self.show_keys()
+
+    def top(self, width: int, rows: int) -> list[Line]:
+        """State and since when, who holds the mount, the target, the frame clock."""
+        return words.top_lines(self.night, self.engine, self.read_only, width, rows)
+
+    @property
+    def alert(self) -> str:
+        """What must not be missed."""
+        return words.alert_text(self.night, self.engine)
+
+    def alert_rows(self) -> int:
+        """How many rows the alert takes."""
+        alert = self.alert
+        return len(words.wrapped(f" {alert}", self.size.width, MOST_ALERT_ROWS)) if alert else 0
+
+    def show_keys(self) -> None:
+        """The keys that matter now, and a word about what was just done."""
+        self._drawn_keys = self.keys, self.notice[0]
+        self.pane("keys").show(key_line(self.keys, self.notice))
+
+    @property
+    def keys(self) -> list[Key]:
+        """The keys that matter now."""
+        return []
+
+    async def on_click(self, event: events.Click) -> None:
+        """A key of the last line, by the mouse."""
+        pane = self.pane("keys")
+        if event.widget is not pane:
+            return
+        key = key_at(*self._drawn_keys, pane.size.width, event.x)
+        if key is not None and key.command:
+            is_apps = BY_NAME[key.command].is_everywhere
+            await self.run_action(f"app.{key.command}" if is_apps else key.command)
+
+    @property
+    def mode(self) -> Mode:
+        """What the keys are for."""
+        if self.is_log_open:
+            return "log"
+        return "tune" if isinstance(self.focused, TunePane) else "live"
+
+    # -- where it lies ----------------------------------------------------------------------
+
+    def place_panes(self) -> None:
+        """Where each pane lies, for this terminal."""
+        width, height = self.size
+        alert_rows = self._rows_of_alert = self.alert_rows()
+        boxes = fold(
+            width,
+            height,
+            alert_rows=alert_rows,
+            is_log_open=self.is_log_open,
+            timeline_rows=self.timeline_rows(height),
+            aspect=self.aspect_of(self.picture),
+        )
+        for name in self.PANES:
+            widget, box = self.query_one(f"#{name}"), boxes.get(name)
+            widget.display = box is not None
+            if box is not None:
+                widget.styles.offset = (box.x, box.y)
+                widget.styles.width, widget.styles.height = box.width, box.height
+        tune = self.query_one("#tune", TunePane)
+        has_own = has_tune_of_its_own(width, height)
+        tune.display = (self.is_tune_open or has_own) and not self.is_log_open
+        if tune.display:
+            place = tune_box(
+                width,
+                height,
+                alert_rows=alert_rows,
+                timeline_rows=self.timeline_rows(height),
+                aspect=self.aspect_of(self.picture),
+            )
+            tune.styles.offset = (place.x, place.y)
+            tune.styles.width, tune.styles.height = place.width, place.height
+        banner, box = self.query_one("#stop"), banner_box(width, height, alert_rows=alert_rows)
+        banner.styles.height = box.height
+        banner.styles.offset = (0, box.y)
+
+    def timeline_rows(self, height: int) -> int:
+        """How many rows over the keys a time line takes, in a terminal of so many lines."""
+        _ = height
+        return 0
+
+    @staticmethod
+    def aspect_of(picture: Picture | None) -> float:
+        """Of the camera's frames: width over height."""
+        return picture.aspect if picture is not None else DEFAULT_ASPECT
+
+    def pane(self, name: str) -> LinesPane:
+        """The pane of that name."""
+        return self.query_one(f"#{name}", LinesPane)
+
+    # -- keys that only look ------------------------------------------------------------------
+
+    def show_stop(self, news: StopNews | None) -> None:
+        """What came of a STOP, over everything else."""
+        super().show_stop(news)
+        banner = self.query_one("#stop", StopBanner)
+        banner.display = news is not None
+        if news is None:
+            return
+        banner.set_class(news.phase == "stopped", "-stopped")
+        ending = "  (esc)" if news.phase in {"stopped", "failed"} else ""
+        text = f"STOP {news.text}{ending}"
+        banner.show(lambda width, height: words.wrapped(text, width, height))
+
+    def action_zoom(self) -> None:
+        """The whole field, the close-up, the close-up pixel by pixel."""
+        self._sight = (self._sight + 1) % len(SIGHTS)
+        self.show_picture()
+        self.look_again()
+        self.say(f"picture: {SIGHTS[self._sight]}")
+
+    def action_stretch(self) -> None:
+        """How light becomes grey."""
+        self._stretch = (self._stretch + 1) % len(STRETCHES)
+        self.show_picture()
+        self.say(f"stretch: {STRETCHES[self._stretch]}")
+
+    def action_log(self) -> None:
+        """All panes to the log, and back."""
+        self.is_log_open = not self.is_log_open
+        self.place_panes()
+        log = self.query_one("#log", LogPane)
+        log.can_focus = self.is_log_open
+        if self.is_log_open:
+            log.focus()
+        else:
+            self.set_focus(None)
+            log.scroll_home(animate=False)
+        self.show_keys()
+
+    def action_put_away(self) -> None:
+        """The log first, then what came of a STOP, then a notice."""
+        if self.is_log_open:
+            self.action_log()
+        elif self.stop_news is not None and self.stop_news.phase in {"stopped", "failed"}:
+            self.show_stop(None)
+        else:
+            self.say("")
+
+    def action_filter_log(self) -> None:
+        """Only lines with some words."""
+
+        def decided(wanted: str | None) -> None:
+            if wanted is None:
+                return
+            self.query_one("#log", LogPane).filter(wanted)
+            self.say(f"log: lines with {wanted!r}" if wanted else "log: every line")
+
+        present = self.query_one("#log", LogPane).wanted
+        self.app.push_screen(LineDialog("filter the log", "nothing: every line", present), decided)
+
+    def action_sessions(self) -> None:
+        """The recorded nights; the chosen one is opened for review."""
+        from rsoconsole.console.session_list import SessionListDialog
+
+        def decided(folder: Path | None) -> None:
+            if folder is not None:
+                self.open_session(folder)
+
+        self.app.push_screen(SessionListDialog(self.sessions_root, self.session_shown()), decided)
+
+    def session_shown(self) -> Path | None:
+        """The session that is looked at."""
+        return self.night.folder
+
+    def open_session(self, folder: Path) -> None:
+        """Review it."""
+
+    def action_verdicts(self) -> None:
+        """Every streak of the shown frame, and what became of it."""
+        if self.picture is None:
+            self.say("no frame has been shown yet", "warn")
+            return
+        self.app.push_screen(VerdictsDialog(self.picture.detail, self.night.tau, self.keymap))
+
+    def action_leave(self) -> None:
+        """Out of the console; a screen that has something to ask before does."""
+        self.app.exit("quit")
+
+    def text(self) -> str:
+        """Every shown pane's words, for whoever cannot see the terminal."""
+        return "\n".join(pane.text for pane in self.query(LinesPane) if pane.display)

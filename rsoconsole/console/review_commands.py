@@ -1,0 +1,103 @@
+"""What can be done with a recorded night. Nothing of it acts: the keys that do are free here."""
+
+from rsoconsole.console.command import Command, Place
+from rsoconsole.console.command import command as _command
+
+_HERE: tuple[Place, ...] = ("review",)
+
+REVIEW_COMMANDS: tuple[Command, ...] = (
+    _command("play", "space", "Play or pause", "the night as it went on", "time", where=_HERE),
+    _command("frame_back", "comma", "Frame back", "one frame", "time", where=_HERE),
+    _command("frame_on", "full_stop", "Frame on", "one frame", "time", where=_HERE),
+    _command("ten_back", "left", "Ten back", "ten frames", "time", where=_HERE),
+    _command("ten_on", "right", "Ten on", "ten frames", "time", where=_HERE),
+    _command("hundred_back", "pageup", "Hundred back", "a hundred frames", "time", where=_HERE),
+    _command("hundred_on", "pagedown", "Hundred on", "a hundred frames", "time", where=_HERE),
+    _command(
+        "event_back",
+        "less_than_sign",
+        "Event back",
+        "to the one before, of the chosen kind",
+        "time",
+        where=_HERE,
+    ),
+    _command(
+        "event_on",
+        "greater_than_sign",
+        "Event on",
+        "to the next one of the chosen kind",
+        "time",
+        where=_HERE,
+    ),
+    _command(
+        "event_kind",
+        "e",
+        "Kind of event",
+        "any, miss, rejection, loss, operator, note, alarm, or what the log is searched for",
+        "time",
+        where=_HERE,
+    ),
+    _command("first_frame", "home", "First frame", "of the night", "time", where=_HERE),
+    _command(
+        "last_frame",
+        "end",
+        "Last frame",
+        "of a night that goes on: follow it from there",
+        "time",
+        where=_HERE,
+    ),
+    _command(
+        "slower",
+        "left_square_bracket,minus",
+        "Slower",
+        "of playing; ×1 is as it was",
+        "time",
+        where=_HERE,
+    ),
+    _command(
+        "faster", "right_square_bracket,plus", "Faster", "of playing, to ×1000", "time", where=_HERE
+    ),
+    _command(
+        "goto_moment",
+        "g,colon",
+        "Go to a moment",
+        "a frame's number or a UTC time: 128, 03:14, 03:14:22",
+        "time",
+        where=_HERE,
+    ),
+    _command(
+        "compare",
+        "k",
+        "Compare",
+        "keeps this moment as A; from another one: both side by side",
+        "time",
+        where=_HERE,
+    ),
+    _command(
+        "blink",
+        "b",
+        "Blink",
+        "the whole screen between A and where you were",
+        "time",
+        where=_HERE,
+    ),
+    _command(
+        "forget_moment", "u", "Forget A", "no moment is kept to compare with", "time", where=_HERE
+    ),
+    _command(
+        "tune_scope",
+        "a",
+        "Tune over all frames",
+        "the tuning pane reckons over the last 40 frames, or over all so far",
+        "streaks",
+        where=_HERE,
+    ),
+    _command(
+        "open_frame",
+        "enter",
+        "Open the frame",
+        "at full resolution",
+        "picture",
+        where=_HERE,
+    ),
+)
