@@ -19,6 +19,7 @@ from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.words import NS_PER_S, clipped, duration_text
 from rsoconsole.control import printable
+from rsoconsole.errors import SessionError
 from rsoconsole.session.schema import DATABASE
 from rsoconsole.session.store import SessionSummary, summarise
 from rsoconsole.sky.times import utc_ns_to_iso
