@@ -2,11 +2,14 @@
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
 
 WorkersOption = Annotated[
     int | None, typer.Option(min=1, help="How many sessions at once; default: the cores there are.")
@@ -25,43 +28,61 @@ NoDaskOption = Annotated[
 ]
 
 
+class Bar:
+    """Steps that are shown on a terminal's stderr, and nothing elsewhere."""
+
+    def __init__(self, bars: "Progress | None" = None, task: "TaskID | None" = None) -> None:
+        self._bars = bars
+        self._task = task
+
+    def __call__(self) -> None:
+        """One step more."""
+        if self._bars is not None and self._task is not None:
+            self._bars.advance(self._task)
+
+    @contextlib.contextmanager
+    def aside(self) -> Iterator[None]:
+        """Out of the way of lines that are printed meanwhile: they may go to the same terminal."""
+        if self._bars is None:
+            yield
+            return
+        self._bars.stop()  # being transient, it leaves no trace
+        try:
+            yield
+        finally:
+            self._bars.start()
+
+
 @contextlib.contextmanager
-def progress(words: str, total: int) -> Iterator[Callable[[], None]]:
-    """A bar on a terminal's stderr, nothing elsewhere; gives what is called for each step."""
+def progress(words: str, total: int | None = None) -> Iterator[Bar]:
+    """A bar up to ``total`` steps; a count of them where their number is not known."""
     if not sys.stderr.isatty():
-        yield lambda: None
+        yield Bar()
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        SpinnerColumn,
+        TextColumn,
+        TimeElapsedColumn,
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
-        task = bars.add_task(words, total=total)
-        yield lambda: bars.advance(task)
 
-
-@contextlib.contextmanager
-def counting(words: str) -> Iterator[Callable[[], None]]:
-    """The same for work whose end is not known: a count of the steps."""
-    if not sys.stderr.isatty():
-        yield lambda: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description} {task.completed:.0f}"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
-        task = bars.add_task(words, total=None)
-        yield lambda: bars.advance(task)
+    name, elapsed = TextColumn("{task.description}"), TimeElapsedColumn()
+    columns: tuple[ProgressColumn, ...] = (name, BarColumn(), MofNCompleteColumn(), elapsed)
+    if total is None:
+        columns = (SpinnerColumn(), name, TextColumn("{task.completed:.0f}"), elapsed)
+    # stdout is the program's answer and may be a pipe: it never passes through the bar.
+    with Progress(
+        *columns,
+        console=Console(stderr=True),
+        transient=True,
+        redirect_stdout=False,
+        redirect_stderr=False,
+    ) as bars:
+        yield Bar(bars, bars.add_task(words, total=total))
 
 
 def everywhere(paths: list[Path]) -> list[Path]:

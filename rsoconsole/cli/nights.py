@@ -21,14 +21,19 @@ def process_nights(
     from rsoconsole.pipeline import batch_nights
 
     is_whole = True
-    with batch_nights.working_in(root), progress("nights", len(nights)) as on_done:
-        for outcome in batch_nights.process_nights(nights, crew_of, on_done=on_done):
+    with batch_nights.working_in(root), progress("nights", len(nights)) as bar:
+        for outcome in batch_nights.process_nights(nights, crew_of, on_done=bar):
             is_whole = is_whole and outcome.error is None and not outcome.unreadable
-            output.emit_json(_night_report(outcome)) if json_ else output.say(_night_words(outcome))
-            for words in (*outcome.unreadable, *filter(None, (outcome.error,))):
-                output.complain(f"rsoconsole: {outcome.source.name}: {words}")
+            with bar.aside():
+                _say(outcome, json_)
     if not is_whole:
         raise typer.Exit(1)
+
+
+def _say(outcome: "NightOutcome", json_: bool) -> None:
+    output.emit_json(_night_report(outcome)) if json_ else output.say(_night_words(outcome))
+    for words in (*outcome.unreadable, *filter(None, (outcome.error,))):
+        output.complain(f"rsoconsole: {outcome.source.name}: {words}")
 
 
 def _night_report(outcome: "NightOutcome") -> dict[str, Any]:

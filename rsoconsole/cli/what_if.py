@@ -14,7 +14,6 @@ from rsoconsole.cli.crew import (
     SchedulerOption,
     SerialOption,
     WorkersOption,
-    counting,
     everywhere,
     progress,
 )
@@ -180,11 +179,11 @@ def _answer(questions: "list[Question]", crew: "Crew", json_: bool) -> None:
     failures = 0
     is_alone = len(questions) == 1
     if is_alone and (questions[0].detector or questions[0].solver):
-        with counting("frames reduced anew") as on_frame:
+        with progress("frames looked through") as on_frame:
             answers = [answer(questions[0], on_frame)]
     else:
         whole = [replace(q, session=path) for q, path in _resolved(questions)]
-        with progress("sessions", 0 if is_alone else len(questions)) as on_done:
+        with progress("sessions", len(questions)) as on_done:
             answers = list(
                 share_out(
                     answer,
@@ -224,7 +223,7 @@ def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool
     if save is not None:
         for session in sessions:
             check_name(session, save, force=force)
-    with counting("filter run") as on_evaluation:
+    with progress("filter run") as on_evaluation:
         found = propose(sessions, on_evaluation=on_evaluation)
     effects = [what_if_session(folder, found.tried) for folder in found.sessions]
     branches: list[Path] = []
