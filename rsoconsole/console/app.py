@@ -29,7 +29,8 @@ from rsoconsole.console.orders import Orders
 from rsoconsole.console.outlook_watch import OutlookWatch
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.plain import PlainFilter
-from rsoconsole.console.watch import EngineWatch, SessionWatch, Wire
+from rsoconsole.console.watch import EngineWatch, SessionWatch
+from rsoconsole.control import Wire
 
 log = logging.getLogger(__name__)
 

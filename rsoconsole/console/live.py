@@ -26,11 +26,11 @@ from rsoconsole.console.messages import EngineSeen, NightSeen, OutlookSeen
 from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBanner
 from rsoconsole.console.picture import STRETCHES, Drawing, Picture
 from rsoconsole.console.sky_view import sky_lines
-from rsoconsole.console.stop import StopNews
 from rsoconsole.console.streak_actions import StreakActions
 from rsoconsole.console.telescope_actions import TelescopeActions
 from rsoconsole.console.tune import TunePane
 from rsoconsole.console.tune_actions import TuneActions
+from rsoconsole.control.stop import StopNews
 
 DEFAULT_ASPECT = 4 / 3
 

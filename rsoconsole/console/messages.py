@@ -7,8 +7,8 @@ from textual.message import Message
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.night import NightView
 from rsoconsole.console.picture import Picture
-from rsoconsole.console.stop import StopNews
 from rsoconsole.control import Outcome
+from rsoconsole.control.stop import StopNews
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook

@@ -5,13 +5,20 @@ import json
 import socket
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from rsoconsole.control.place import address_of, default_socket_path
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, read_outcome, receive_line
 from rsoconsole.errors import ControlError
 
 GRACE_S = 0.5
+
+
+class Wire(Protocol):
+    """The operator's end of the wire, as ``ControlClient`` is."""
+
+    def send(self, verb: str, *, timeout_s: float = DEFAULT_TIMEOUT_S, **arguments: Any) -> Outcome:
+        """Raises ControlError when no engine runs or it does not answer."""
 
 
 class ControlClient:
