@@ -296,8 +296,8 @@ class Session(NightPlots):
         ``tau``: the confidence a detection must exceed. ``q``: white-noise acceleration,
         arcsec²/s³. ``sigma``: the paper's, arcsec, which acts with preset "paper". ``r``:
         factor of all of R. ``preset``: "tuned" or "paper". ``others``: any setting of
-        ``[filter]`` by its name, e.g. ``gate_nis=9``; ``settings``: any setting by its dotted name. Raises ConfigError for one
-        that there is not or that cannot be so.
+        ``[filter]`` by its name, e.g. ``gate_nis=9``; ``settings``: any setting by its dotted
+        name. Raises ConfigError for one that there is not or that cannot be so.
         """
         from rsoconsole.notebook.tried import WhatIf
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rsoconsole.notebook.session import Session
 
 _CELL = "padding:1px 14px 1px 0;text-align:left"
+_TABLE = "border-collapse:collapse;margin:4px 0;color:inherit;font-size:inherit"
 
 
 class WhatIf(NightPlots):
@@ -89,8 +90,8 @@ class WhatIf(NightPlots):
             '<div class="rsoconsole-what-if" style="color:var(--jp-ui-font-color1,inherit);'
             'font-size:13px"><div style="font-weight:600">What if '
             f"{text(self.words or 'nothing were changed')}? {text(self.session.title)}</div>"
-            f'<table style="border-collapse:collapse;margin:4px 0;color:inherit;font-size:inherit"><tr style="background:none">'
-            f'<td></td><th style="{_CELL}">as recorded</th><th style="{_CELL}">if tried</th></tr>'
+            f'<table style="{_TABLE}"><tr style="background:none"><td></td>'
+            f'<th style="{_CELL}">as recorded</th><th style="{_CELL}">if tried</th></tr>'
             f"{rows}</table></div>"
         )
 
