@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from rsoconsole.notebook.page import STYLE
 
 SHOWN_DPI = 100
-SAVED_DPI = 160
+SAVED_DPI = 144
 """For screens with small pixels; shown at the size that ``SHOWN_DPI`` gives."""
 
 

@@ -114,3 +114,6 @@ class Link:
             self._fault = ""
         except SessionError as error:
             self._fault = str(error)
+        except Exception as error:  # STOP and the engine's word must be shown all the same
+            log.exception("the session cannot be shown")
+            self._fault = f"the session cannot be shown: {error or type(error).__name__}"

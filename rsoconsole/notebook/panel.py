@@ -1,8 +1,11 @@
 """The live panel: a seat on the running engine inside a notebook. Needs anywidget."""
 
+import contextlib
 import getpass
 import os
+import threading
 import time
+from contextvars import Context, copy_context
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -56,6 +59,10 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         client = wire or ControlClient(path, by=f"console {self._seat}")
         self._seen_s = time.monotonic()
         self._ticks = 0
+        self._guard = threading.RLock()
+        self._answering: Context | None = None
+        """That of the page's last message; None before it has spoken."""
+        self._untold: dict[str, Any] = {}
         self._link = Link(
             client,
             seat=self._seat,
@@ -71,6 +78,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
             stop_directly=self._stop_directly,
         )
         super().__init__(read_only=read_only, hears_while_busy=_hears_while_busy())
+        _let_page_be_heard(self.comm)
         self.on_msg(self._hear)
         self._link.start()
 
@@ -91,6 +99,13 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
     def _hear(self, _widget: Any, content: Any, _buffers: Any) -> None:
         if not isinstance(content, dict):
             return
+        with self._guard:
+            # What is told from now on answers this message: its subshell, not the main shell,
+            # then goes on hearing the page, also while a cell runs.
+            self._answering = copy_context()
+            untold, self._untold = self._untold, {}
+            for name, value in untold.items():
+                self._tell(name, value)
         was_unseen = time.monotonic() - self._seen_s >= UNSEEN_S
         self._seen_s = time.monotonic()
         if content.get("kind") != "here":
@@ -104,15 +119,34 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
 
     def _show_status(self, view: dict[str, Any]) -> None:
         self._ticks += 1
-        self.status = {**view, "tick": self._ticks}
+        self._tell("status", {**view, "tick": self._ticks})
 
     def _show_night(self, view: dict[str, Any], picture: bytes) -> None:
-        self.night = view
+        self._tell("night", view)
         if picture != self.picture:
-            self.picture = picture
+            self._tell("picture", picture)
 
-    def _tell(self, name: str, value: dict[str, Any]) -> None:
-        setattr(self, name, value)
+    def _tell(self, name: str, value: Any) -> None:
+        """Give the page something, from any thread, as an answer to what it said last.
+
+        Before it has spoken nothing is told: ipykernel would have the main shell hear its answer.
+        """
+        with self._guard:
+            if self._answering is None:
+                self._untold[name] = value
+            else:
+                self._answering.copy().run(setattr, self, name, value)
+                _let_page_be_heard(self.comm)
+
+
+def _let_page_be_heard(comm: Any) -> None:
+    """Let every message of the page go to the subshell that it names.
+
+    ipykernel 7.4 sends it instead to the one that the last word to the page was an answer to: the
+    main shell, where the page has not spoken yet or its own subshell was not there when it did.
+    """
+    with contextlib.suppress(AttributeError):
+        del comm._reply_subshell_id
 
 
 def _hears_while_busy() -> bool:

@@ -5,6 +5,7 @@ An order passes the same socket, seats, checklist and limits as one from a conso
 
 import logging
 import threading
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -21,8 +22,15 @@ log = logging.getLogger(__name__)
 VERBS = frozenset(("arm", "disarm", "hold", "resume", "set", "ask_seat", "answer_seat"))
 """What a page may ask for by name; a move goes by its preview."""
 LAST_FRAMES = 40
+_PRESSES = 100
 _PHASES = ("sent", "late", "failed", "stopped")
 """Of a STOP, in the order in which the later one counts."""
+POINTING = {
+    "name": "pointing",
+    "detail": "judged on the first frame, once it is armed",
+    "remedy": "tick it only where you know that the telescope looks where the mount says",
+}
+"""The check that the list cannot tell beforehand."""
 NOTHING: dict[str, Any] = {}
 Tell = Callable[[str, dict[str, Any]], None]
 """Gives the page something by name: said, asked, stop_news, goto, effect."""
@@ -46,6 +54,7 @@ class PanelOrders:
         self._lock = threading.Lock()
         self._stops = 0
         self._stop_told = (0, 0)
+        self._presses: deque[Any] = deque(maxlen=_PRESSES)
         self._effect_asked = 0
         self._goto_asked = 0
 
@@ -53,7 +62,7 @@ class PanelOrders:
         """One message of the page; what is none of the known ones is passed over."""
         kind = message.get("kind")
         if kind == "stop":
-            self.stop()
+            self._stop_once(message.get("press"))
         elif self._read_only:
             self._say("read only: this panel only looks, but for STOP", "warning")
         elif kind == "order" and message.get("verb") in VERBS:
@@ -66,6 +75,12 @@ class PanelOrders:
             self._in_thread(self._try, _mapping(message.get("settings")), message.get("number"))
         elif kind == "forget":
             self._tell("asked", NOTHING)
+
+    def _stop_once(self, press: Any) -> None:
+        """A page that is not answered says it again: that is the same STOP, not one more."""
+        if press is None or press not in self._presses:
+            self._presses.append(press)
+            self.stop()
 
     def stop(self) -> None:
         """STOP: act first, then put away whatever is open."""
@@ -120,7 +135,8 @@ class PanelOrders:
                 for check in outcome.data["checks"]
                 if isinstance(check, Mapping) and not check.get("ok")
             ]
-            self._tell("asked", {"kind": "arm", "message": outcome.message, "checks": failed})
+            checks = [*failed, POINTING]
+            self._tell("asked", {"kind": "arm", "message": outcome.message, "checks": checks})
         else:
             self._say(f"{name}: not done, {outcome.message}", "warning")
 
@@ -144,8 +160,8 @@ class PanelOrders:
             )
             careful = [f"careful: {found.caution}"] if found.caution else []
             lines = preview_lines(outcome.data) if outcome.ok else [outcome.message]
-            told["lines"] = [found.words, *careful, *lines]
-            told["may_go"] = outcome.ok and not outcome.data.get("refused")
+            told["lines"] = [found.words, *careful, *(lines or [_UNREADABLE])]
+            told["may_go"] = outcome.ok and bool(lines) and not outcome.data.get("refused")
         except (ValueError, RsoconsoleError) as error:
             told["lines"] = [str(error)]
         if asked == self._goto_asked:
@@ -206,6 +222,7 @@ class PanelOrders:
         threading.Thread(target=run, name="panel-order", daemon=True).start()
 
 
+_UNREADABLE = "the engine's answer cannot be read: are both of one version?"
 _NAMES = {"ask_seat": "seat", "answer_seat": "seat", "set": "setting", "goto": "go to"}
 
 
@@ -226,7 +243,8 @@ def effect_rows(
 ) -> list[list[str]]:
     """[what, as it was, if tried] of the last frames.
 
-    Raises ConfigError for a value that cannot be. Both are followed again from the record; ``config`` is that of the session's beginning.
+    Raises ConfigError for a value that cannot be. Both are followed again from the record;
+    ``config`` is that of the session's beginning.
     """
     from rsoconsole.pipeline.what_if import what_if
 
@@ -252,7 +270,7 @@ def effect_rows(
 
 
 def preview_lines(data: Mapping[str, Any]) -> list[str]:
-    """The engine's preview of a move, in lines."""
+    """The engine's preview of a move, in lines; none where it cannot be read."""
     try:
         place = (
             f"ICRS α {format_ra(data['ra_icrs_deg'], 1)} δ {format_dec(data['dec_icrs_deg'], 0)}"
@@ -266,7 +284,7 @@ def preview_lines(data: Mapping[str, Any]) -> list[str]:
             f"limits {margins}",
         ]
     except (KeyError, TypeError, ValueError):
-        return ["the engine's answer cannot be read: are both of one version?"]
+        return []
     refused = data.get("refused")
     return [*lines, f"REFUSED: {refused}"] if refused else lines
 

@@ -156,7 +156,7 @@ def _residual(newest: _Newest, index: int, what: str) -> str:
     widths = sorted(bound for _, bound in bounds if math.isfinite(bound)) or [1.0]
     # A single far wider bound, after a poor measurement, may leave the plot.
     usual = min(2.0 * widths[len(widths) // 2], widths[-1])
-    reach = 1.15 * max(usual, *(abs(value) for _, value, _ in points))
+    reach = 1.15 * max([usual, *(abs(value) for _, value, _ in points)])
     axis = svg.Axis(x=span, y=(-reach, reach))
     parts = (
         svg.line(axis, [(span[0], 0.0), (span[1], 0.0)], colour=svg.GREY, dashed=False),

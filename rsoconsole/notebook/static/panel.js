@@ -3,6 +3,7 @@
 
 const HERE_MS = 2000;
 const NO_ANSWER_MS = 700;
+const STOP_TIMES = 10;
 const OLD_MS = 3500;
 const TYPED_MS = 350;
 const CLI = "run 'rsoconsole stop' in a terminal, or cut the mount's power";
@@ -104,8 +105,8 @@ function render({ model, el }) {
 
   const root = make("div", { className: "rso-panel" },
     make("div", { className: "rso-head" }, words, stop), banner, alerts, dialog, said,
-    make("div", { className: "rso-body" }, figure, drawn),
-    make("div", { className: "rso-lists" }, facts, health), controls, log);
+    make("div", { className: "rso-body" }, make("div", {}, figure, facts, health), drawn),
+    controls, log);
   root.setAttribute("role", "region");
   root.setAttribute("aria-label", "rsoconsole live panel");
   // What is typed here is not for the notebook's own keys.
@@ -115,16 +116,20 @@ function render({ model, el }) {
 
   // -- STOP -----------------------------------------------------------------------------------
   function pressStop() {
-    const before = model.get("stop_news").number || 0;
+    // One press is one STOP, however often it is said: the kernel knows it by its name.
+    sayStop(`${Date.now()}-${Math.random()}`, model.get("stop_news").number || 0, 0);
+  }
+
+  function sayStop(press, before, times) {
     try {
-      send("stop");
+      send("stop", { press });
     } finally {
-      setBanner("alarm", "STOP sent");
+      if (times === 0) setBanner("alarm", "STOP sent");
       const timer = setTimeout(() => {
         timers.delete(timer);
-        if ((model.get("stop_news").number || 0) <= before) {
-          setBanner("alarm", `STOP: NO ANSWER FROM THE KERNEL, it is busy or gone: ${CLI}`);
-        }
+        if ((model.get("stop_news").number || 0) > before) return;
+        setBanner("alarm", `STOP: NO ANSWER FROM THE KERNEL, it is busy or gone: ${CLI}`);
+        if (times < STOP_TIMES) sayStop(press, before, times + 1);
       }, NO_ANSWER_MS);
       timers.add(timer);
     }
@@ -185,7 +190,7 @@ function render({ model, el }) {
 
   function showFacts() {
     const night = model.get("night");
-    const more = night.slew ? [["last slew", night.slew], ["filter", night.nis]] : [];
+    const more = night.slew ? [["slew", night.slew], ["filter", night.nis]] : [];
     rows(facts, [...(status().facts || []), ...more], (item, [name, text]) => {
       item.append(make("b", { textContent: name }), ` ${text}`);
     });
