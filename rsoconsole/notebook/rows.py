@@ -160,10 +160,10 @@ def _rows(view: View, log: Sequence[Logged]) -> Iterator[Row]:
 def _member(number: Any, part: Any, path: str) -> Any:
     value = part
     for step in path.split("."):
-        if value is None:
-            return None
         if step == "#":
             value = number
+        elif value is None:
+            return None
         else:
             value = value[int(step)] if step.isdigit() else getattr(value, step)
     return value

@@ -63,7 +63,7 @@ def _times(values: Sequence[int | None]) -> Any:
     present = np.array([0 if value is None else value for value in values], np.int64)
     times = Time(*jd_utc(present), format="jd", scale="utc")
     times.format = "isot"
-    times.precision = 6
+    times.precision = 9  # what is written as text is as exact
     missing = np.array([value is None for value in values], bool)
     if missing.any():
         times[missing] = np.ma.masked
