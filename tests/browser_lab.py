@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import pytest
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
@@ -71,11 +72,12 @@ def environment_of(folder: Path, **more: str) -> dict[str, str]:
             "JUPYTER_DATA_DIR",
             "JUPYTER_RUNTIME_DIR",
             "IPYTHONDIR",
-            "MPLCONFIGDIR",
         )
     }
     for place in places.values():
         Path(place).mkdir(parents=True, exist_ok=True)
+    # Matplotlib's list of fonts takes seconds to make anew.
+    more.setdefault("MPLCONFIGDIR", matplotlib.get_configdir())
     root = str(Path(__file__).parent.parent)
     paths = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
     return {**os.environ, **places, "PYTHONPATH": paths, **more}
