@@ -69,11 +69,9 @@ def executed(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
 
 
 def test_it_runs_without_an_error_and_shows_its_figures(executed):
-    kinds = {output["output_type"] for cell in executed for output in cell["outputs"]}
-    assert "error" not in kinds
-    assert [
-        out for cell in executed for out in cell["outputs"] if out.get("name") == "stderr"
-    ] == []
+    outputs = [output for cell in executed for output in cell["outputs"]]
+    assert "error" not in {output["output_type"] for output in outputs}
+    assert [output for output in outputs if output.get("name") == "stderr"] == []
     assert pictures(executed) == FIGURES
 
 

@@ -269,7 +269,10 @@ function render({ model, el }) {
         button("Keep it", () => order("answer_seat", { gives: false, to: asked.holder })), " ",
         button("Give it", () => order("answer_seat", { gives: true, to: asked.holder })));
     }
-    if (asked.kind) dialog.querySelector("button, input").focus({ preventScroll: true });
+    // Asked for by a press: the answer is where the keys go. What comes by itself takes no keys.
+    if (asked.kind === "arm" || asked.kind === "seat") {
+      dialog.querySelector("button, input").focus({ preventScroll: true });
+    }
   }
 
   function askToOverride(asked) {
@@ -304,6 +307,7 @@ function render({ model, el }) {
 
   // -- tune -----------------------------------------------------------------------------------
   let tried = {};
+  let tuning = 0;
   let askedEffect = 0;
   function showTunables() {
     const list = model.get("night").tunables || [];
@@ -330,8 +334,8 @@ function render({ model, el }) {
       const value = choices.length ? field.value : field.valueAsNumber;
       if (Number.isNaN(value)) delete tried[name];
       else tried[name] = value;
-      clearTimeout(typing);
-      typing = setTimeout(ask, TYPED_MS);
+      clearTimeout(tuning);
+      tuning = setTimeout(ask, TYPED_MS);
       showTunables();
     });
     return make("label", {}, `${label} `, field, unit ? ` ${unit}` : "");
@@ -374,6 +378,7 @@ function render({ model, el }) {
   return () => {
     for (const timer of timers) { clearInterval(timer); clearTimeout(timer); }
     clearTimeout(typing);
+    clearTimeout(tuning);
     for (const [name, show] of Object.entries(heard)) model.off(`change:${name}`, show);
     if (shown) URL.revokeObjectURL(shown);
   };
