@@ -188,15 +188,17 @@ class Page:
         found = self.all(selector)
         return str(found[0].get_attribute("textContent")) if found else ""
 
-    def run_cell(self, number: int) -> None:
+    def run_cell(self, number: int, *, again: bool = False) -> None:
         """Click into a cell and press Shift+Enter; it is begun when this returns."""
         from selenium.webdriver import ActionChains, Keys
 
         def prompt() -> str:
             return str(self.all(".jp-CodeCell .jp-InputPrompt")[number].text).strip()
 
+        before = prompt() if again else "[ ]:"
+
         def is_begun() -> bool:
-            if prompt() not in {"[ ]:", ""}:
+            if prompt() not in {before, ""}:
                 return True
             cell = self.all(".jp-Notebook .jp-CodeCell .jp-InputArea-editor")[number]
             self.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", cell)

@@ -30,6 +30,7 @@ FAR = {"ra_icrs_deg": 205.0, "dec_icrs_deg": 10.0}
 """Some ten seconds of slewing away."""
 NEAR_TEXT, LOW_TEXT = "238.5 -5.5", "60 -5"
 BUSY_S = 20
+FIRST_TRY_S = 15.0
 FIRST, PANEL, BUSY = 0, 1, 2
 
 
@@ -64,10 +65,26 @@ class Desk:
         wait_for(lambda: is_slewing(mount_by_itself(self.sky)), "a mount that moves")
 
     def fill(self, selector: str, words: str) -> None:
-        """Type into a field."""
+        """Type over what is in a field; it keeps the focus, so that nothing is put back."""
+        from selenium.webdriver import Keys
+
         (field,) = self.page.all(selector)
-        field.clear()
+        field.click()
+        field.send_keys(Keys.CONTROL, "a")
         field.send_keys(words)
+
+
+def show_panel(page: Page) -> None:
+    """Run the panel's cell; once more where a JupyterLab that has just started missed its widget.
+
+    It then stays at "Loading widget..." whatever widget it is; a person runs the cell again.
+    """
+    page.run_cell(PANEL)
+    try:
+        page.wait(lambda: page.all(".rso-panel"), "the panel", FIRST_TRY_S)
+    except AssertionError:
+        page.run_cell(PANEL, again=True)
+    page.wait(lambda: "has the mount" in page.text(".rso-holder"), "the engine on the panel")
 
 
 @pytest.fixture(scope="module")
@@ -96,8 +113,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
         ):
             page = Page(driver, address, "panel.ipynb")
             page.run_cell(FIRST)
-            page.run_cell(PANEL)
-            page.wait(lambda: "has the mount" in page.text(".rso-holder"), "the panel")
+            show_panel(page)
             yield Desk(page, engine, sky)
 
 
