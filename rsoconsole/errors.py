@@ -7,6 +7,10 @@ What is merely expected (nothing detected, not solved) is a value, never one of 
 class RsoconsoleError(Exception):
     """Base of every error an operator may read: one line, what happened and what to do."""
 
+    def _render_traceback_(self) -> list[str]:
+        """What IPython and Jupyter show of it: the line alone (``%debug`` knows the rest)."""
+        return [f"{type(self).__name__}: {self}"]
+
 
 class ConfigError(RsoconsoleError):
     """The configuration cannot be used as written."""

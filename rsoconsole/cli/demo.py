@@ -9,10 +9,10 @@ import typer
 
 from rsoconsole.cli import output
 from rsoconsole.cli.demo_night import Night, NightProcess, run_night
-from rsoconsole.cli.seat import stop_past_engine
 from rsoconsole.cli.telescope import JsonOption, SessionOption
 from rsoconsole.config import Config, SessionConfig, load_config
 from rsoconsole.errors import ConfigError
+from rsoconsole.instruments.past_engine import stop_past_engine
 from rsoconsole.records import Site
 
 Preset: TypeAlias = Literal["tuned", "paper"]

@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from rsoconsole.cli.seat import stop_past_engine
 from rsoconsole.cli.telescope import SocketOption
 from rsoconsole.config import Graphics, load_config
+from rsoconsole.instruments.past_engine import stop_past_engine
 
 
 def register(app: typer.Typer) -> None:

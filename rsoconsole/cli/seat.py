@@ -7,8 +7,8 @@ import typer
 
 from rsoconsole.cli import output
 from rsoconsole.cli.telescope import SocketOption
-from rsoconsole.config import Config, Graphics, IndiConfig, load_config
-from rsoconsole.errors import ConfigError
+from rsoconsole.config import Graphics
+from rsoconsole.instruments.past_engine import stop_past_engine
 
 
 def register(app: typer.Typer) -> None:
@@ -52,19 +52,3 @@ def console(
     )
     if ending == "stop engine":
         output.complain("the engine stops the mount and ends")
-
-
-def stop_past_engine(indi: IndiConfig | None) -> tuple[bool, str]:
-    """Stop the mount by a connection of its own to the INDI server: (it stands, how or why not).
-
-    ``indi`` as the session has it; None: as configured.
-    """
-    from rsoconsole.instruments.indi_wire import stop_mount
-
-    try:
-        config = load_config()
-    except (ConfigError, OSError):
-        config = Config()
-    indi = indi or config.indi
-    result = stop_mount(indi.host, indi.port, indi.mount, after_stop=config.mount.after_stop)
-    return result.stopped, result.path if result.stopped else result.detail or "no reason given"

@@ -33,7 +33,8 @@ from rsoconsole.console.picture import Picture
 from rsoconsole.console.plain import PlainFilter
 from rsoconsole.console.review import ReviewScreen
 from rsoconsole.console.seat import Seat
-from rsoconsole.console.watch import EngineWatch, SessionWatch, Wire
+from rsoconsole.console.watch import EngineWatch, SessionWatch
+from rsoconsole.control import Wire
 
 log = logging.getLogger(__name__)
 

@@ -10,9 +10,9 @@ from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.moments import Moment
 from rsoconsole.console.night import NightView
 from rsoconsole.console.picture import Picture
-from rsoconsole.console.stop import StopNews
 from rsoconsole.console.timeline import Timeline
 from rsoconsole.control import Outcome
+from rsoconsole.control.stop import StopNews
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook

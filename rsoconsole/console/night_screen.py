@@ -28,10 +28,10 @@ from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBa
 from rsoconsole.console.picture import STRETCHES, Drawing, Picture
 from rsoconsole.console.plot import Line
 from rsoconsole.console.sky_view import sky_lines
-from rsoconsole.console.stop import StopNews
 from rsoconsole.console.tune import TunePane
 from rsoconsole.console.tune_actions import TuneActions
 from rsoconsole.console.verdicts import VerdictsDialog
+from rsoconsole.control.stop import StopNews
 
 DEFAULT_ASPECT = 4 / 3
 

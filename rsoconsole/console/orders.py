@@ -5,9 +5,8 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from rsoconsole.console.stop import DirectStop, Stop, StopNews
-from rsoconsole.console.watch import Wire
-from rsoconsole.control import Outcome
+from rsoconsole.control import Outcome, Wire
+from rsoconsole.control.stop import DirectStop, Stop, StopNews
 from rsoconsole.errors import ControlError
 
 log = logging.getLogger(__name__)

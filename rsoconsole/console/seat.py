@@ -15,8 +15,8 @@ from rsoconsole.console.night import NightView
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.plot import Ink
-from rsoconsole.console.stop import StopNews
 from rsoconsole.control import Outcome
+from rsoconsole.control.stop import StopNews
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook

@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
 
 from rsoconsole.config import Config, IndiConfig
 from rsoconsole.console.engine_view import EngineView, engine_view
@@ -18,7 +17,7 @@ from rsoconsole.console.marks import marks_of
 from rsoconsole.console.night import Night, NightView
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.picture_files import read_closeup, read_picture
-from rsoconsole.control import Outcome
+from rsoconsole.control import Wire
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.session.reader import SessionReader
 
@@ -31,13 +30,6 @@ STARTING_S = 30.0
 """An engine that has never answered is waited for so long before it is called gone."""
 SHOW_WHILE_READING_S = 0.3
 CLOSED_CHECK_S = 2.0
-
-
-class Wire(Protocol):
-    """The operator's end of the wire, as ``ControlClient`` is."""
-
-    def send(self, verb: str, *, timeout_s: float = 5.0, **arguments: Any) -> Outcome:
-        """Raises ControlError when no engine runs or it does not answer."""
 
 
 class SessionWatch(Looker):

@@ -4,7 +4,7 @@ The socket lies in a folder that only its owner can enter; nothing listens on a 
 May touch config and errors below; never instruments or a session.
 """
 
-from rsoconsole.control.client import ControlClient
+from rsoconsole.control.client import ControlClient, Wire
 from rsoconsole.control.place import EngineLock, default_socket_path
 from rsoconsole.control.server import FAST_VERBS, ControlServer, Handler
 from rsoconsole.control.wire import Intention, Outcome, printable
@@ -17,6 +17,7 @@ __all__ = [
     "Handler",
     "Intention",
     "Outcome",
+    "Wire",
     "default_socket_path",
     "printable",
 ]

@@ -5,7 +5,7 @@ import json
 import socket
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from rsoconsole.control.place import address_of, default_socket_path
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, read_outcome, receive_line
@@ -14,6 +14,13 @@ from rsoconsole.errors import ControlError
 CROWDED_S = 0.01
 """So long a crowded engine is left alone before it is asked again."""
 GRACE_S = 0.5
+
+
+class Wire(Protocol):
+    """The operator's end of the wire, as ``ControlClient`` is."""
+
+    def send(self, verb: str, *, timeout_s: float = DEFAULT_TIMEOUT_S, **arguments: Any) -> Outcome:
+        """Raises ControlError when no engine runs or it does not answer."""
 
 
 class ControlClient:

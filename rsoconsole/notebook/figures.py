@@ -6,8 +6,8 @@ and the bounds vanish, so the same is drawn again about a straight line, and the
 their own bounds by themselves.
 """
 
-import itertools
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,6 +18,36 @@ from rsoconsole.notebook.night import Night, read_night, read_truth
 from rsoconsole.notebook.page import STYLE
 
 FigureFormat = Literal["png", "svg", "pdf"]
+WIDTH_IN = 6.6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
+    """One of the figures: its name, what draws it, and what it needs."""
+
+    name: str
+    draw: Callable[[Any, Night], None]
+    """Draws a night into an empty matplotlib figure."""
+    height_in: float = 5.0
+    needs_track: bool = True
+
+
+DRAWINGS = {
+    each.name: each
+    for each in (
+        Drawing(name="confidence", draw=draw_confidence, height_in=3.0, needs_track=False),
+        Drawing(name="track", draw=draw_track),
+        Drawing(name="track_about_line", draw=draw_about_line),
+        Drawing(name="residuals", draw=draw_residuals),
+        Drawing(name="nis", draw=draw_nis, height_in=3.0),
+    )
+}
+"""In the order in which they are written."""
+
+
+def has_track(night: Night) -> bool:
+    """Whether anything was followed in it."""
+    return any(frame.track is not None for frame in night.frames)
 
 
 def write_figures(
@@ -31,25 +61,18 @@ def write_figures(
     ``out`` cannot be written.
     """
     night = read_night(session)
-    drawings: list[tuple[str, Callable[[Any], None]]] = [
-        ("confidence", lambda figure: draw_confidence(figure, night))
-    ]
-    if any(frame.track is not None for frame in night.frames):
-        drawings += [
-            ("track", lambda figure: draw_track(figure, night)),
-            ("track_about_line", lambda figure: draw_about_line(figure, night)),
-            ("residuals", lambda figure: draw_residuals(figure, night)),
-            ("nis", lambda figure: draw_nis(figure, night)),
-        ]
-        if truth is not None:
-            places = read_truth(truth, night)
-            drawings.append(("errors", lambda figure: draw_errors(figure, night, places)))
+    drawings = [each for each in DRAWINGS.values() if has_track(night) or not each.needs_track]
+    if truth is not None and has_track(night):
+        places = read_truth(truth, night)
+        drawings.append(
+            Drawing(name="errors", draw=lambda figure, each: draw_errors(figure, each, places))
+        )
     return _written(night, drawings, out, file_format)
 
 
 def _written(
     night: Night,
-    drawings: list[tuple[str, Callable[[Any], None]]],
+    drawings: list[Drawing],
     out: Path,
     file_format: FigureFormat,
 ) -> tuple[Path, ...]:
@@ -62,11 +85,11 @@ def _written(
     # A fixed salt makes the same session give the same SVG.
     style: Any = {**STYLE, "svg.hashsalt": night.title}
     with mpl.rc_context(style):
-        for number, (name, draw) in zip(itertools.count(1), drawings, strict=False):
-            figure = Figure(figsize=(6.6, 3.0 if name in {"confidence", "nis"} else 5.0))
+        for number, drawing in enumerate(drawings, start=1):
+            figure = Figure(figsize=(WIDTH_IN, drawing.height_in))
             FigureCanvasAgg(figure)
-            draw(figure)
-            path = out / f"{number}_{name}.{file_format}"
+            drawing.draw(figure, night)
+            path = out / f"{number}_{drawing.name}.{file_format}"
             try:
                 out.mkdir(parents=True, exist_ok=True)
                 figure.savefig(path, metadata=_undated(file_format))

@@ -22,7 +22,8 @@ from rsoconsole.sky.angles import wrap_180
 from rsoconsole.tracking.lqe import measured_direction_deg
 
 SAME_FRAME_S = 1.0
-KINDS = (FrameTaken, Measurement, TrackState, Miss, FollowedAgain, ParameterChange)
+KINDS_OF_FRAME = (Measurement, TrackState, Miss, FollowedAgain)
+KINDS = (FrameTaken, *KINDS_OF_FRAME, ParameterChange)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -69,35 +70,62 @@ class TruePlace:
     dec_icrs_deg: float
 
 
+class NightFold:
+    """Gathers a night record by record, in the order of the log; a live one goes on growing."""
+
+    def __init__(self, title: str, config: Config) -> None:
+        self._title, self._config = title, config
+        self._tau = config.detector.tau
+        self._frames: dict[int, NightFrame] = {}
+        self._measured: dict[int, list[Measurement]] = {}
+        self._changed: set[int] = set()
+        """Frames with measurements of which it is not settled which one the track took."""
+
+    def take(self, record: Any) -> None:
+        """One record; of kinds that it does not know it takes no notice."""
+        if isinstance(record, ParameterChange):
+            self._tau = float(record.after) if record.name == "detector.tau" else self._tau
+        elif isinstance(record, FrameTaken):
+            if record.t_mid_utc_ns is not None:
+                self._frames[record.frame_id] = NightFrame(
+                    frame_id=record.frame_id, t_mid_utc_ns=record.t_mid_utc_ns, tau=self._tau
+                )
+                self._measured.pop(record.frame_id, None)
+        elif isinstance(record, KINDS_OF_FRAME) and record.frame_id in self._frames:
+            _put(self._frames[record.frame_id], record, self._measured)
+            self._changed.add(record.frame_id)
+
+    def night(self) -> Night:
+        """Its frames so far; those without a time are left out."""
+        for frame_id in self._changed & self._measured.keys():
+            _tell_apart(self._frames[frame_id], self._measured[frame_id])
+        self._changed.clear()
+        in_order = tuple(sorted(self._frames.values(), key=lambda frame: frame.t_mid_utc_ns))
+        return Night(title=self._title, frames=in_order, config=self._config)
+
+
 def read_night(session: Path) -> Night:
     """Gather a session's frames; those without a time are left out.
 
     Raises SessionError when the folder is no session or holds no frame with a time.
     """
     reader = SessionReader(session)
-    config, about = reader.config(), reader.about()
-    frames: dict[int, NightFrame] = {}
-    measured: dict[int, list[Measurement]] = {}
-    tau = config.detector.tau
-    record: Any
+    fold = NightFold(title_of(reader.about(), session), reader.config())
     for _, _, record in reader.records(kinds=KINDS):
-        if isinstance(record, ParameterChange):
-            tau = float(record.after) if record.name == "detector.tau" else tau
-        elif isinstance(record, FrameTaken):
-            if record.t_start_utc_ns is not None and record.exposure_s is not None:
-                t_mid_utc_ns = record.t_start_utc_ns + round(record.exposure_s * 5e8)
-                frames[record.frame_id] = NightFrame(
-                    frame_id=record.frame_id, t_mid_utc_ns=t_mid_utc_ns, tau=tau
-                )
-        elif record.frame_id in frames:
-            _put(frames[record.frame_id], record, measured)
-    if not frames:
+        fold.take(record)
+    return with_frames(fold.night(), session)
+
+
+def title_of(about: Mapping[str, Any], folder: Path) -> str:
+    """What a session calls itself, else its folder's name."""
+    return str(about.get("title") or folder.resolve().name)
+
+
+def with_frames(night: Night, session: Path) -> Night:
+    """The night. Raises SessionError where it holds no frame with a time."""
+    if not night.frames:
         raise SessionError(f"{session} holds no frame with a time: there is nothing to draw")
-    for frame_id, candidates in measured.items():
-        _tell_apart(frames[frame_id], candidates)
-    in_order = tuple(sorted(frames.values(), key=lambda frame: frame.t_mid_utc_ns))
-    title = str(about.get("title") or session.resolve().name)
-    return Night(title=title, frames=in_order, config=config)
+    return night
 
 
 def _put(frame: NightFrame, record: Any, measured: dict[int, list[Measurement]]) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from rsoconsole.console.watch import Wire
+from rsoconsole.control.client import Wire
 from rsoconsole.errors import ControlError
 
 log = logging.getLogger(__name__)

@@ -1,0 +1,119 @@
+"""Asks the engine and reads its session for a panel, on a thread of its own: the kernel is free.
+
+Only while somebody looks: a panel whose page was closed lets go of engine and seat.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.control import Wire, printable
+from rsoconsole.errors import ControlError, SessionError
+from rsoconsole.notebook.live_night import LiveNight
+from rsoconsole.notebook.panel_view import night_view, status_view
+
+log = logging.getLogger(__name__)
+
+EVERY_S = 0.5
+ANSWER_S = 1.0
+CLOSING_S = 2.0
+
+
+class Link:
+    """Hands over what it sees; ``status`` at every turn, the rest where it has changed."""
+
+    def __init__(
+        self,
+        wire: Wire,
+        *,
+        seat: str,
+        is_watched: Callable[[], bool],
+        on_status: Callable[[dict[str, Any]], None],
+        on_night: Callable[[dict[str, Any], bytes], None],
+    ) -> None:
+        """``on_night``: hears the view of the record and the newest picture (PNG, or empty)."""
+        self._wire, self._seat = wire, seat
+        self._is_watched = is_watched
+        self._on_status, self._on_night = on_status, on_night
+        self._told: dict[str, Any] = {}
+        self._wake = threading.Event()
+        self._is_closing = False
+        self._fault = ""
+        self.live: LiveNight | None = None
+        """The engine's session; None before it is known."""
+        self._thread = threading.Thread(target=self._run, name="panel-link", daemon=True)
+
+    def start(self) -> None:
+        """Begin to look."""
+        self._thread.start()
+
+    def look_now(self) -> None:
+        """Do not wait for the next turn (any thread)."""
+        self._wake.set()
+
+    def close(self) -> None:
+        """End; a slow disk or an engine that hangs is not waited for."""
+        self._is_closing = True
+        self._wake.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(CLOSING_S)
+
+    @property
+    def is_running(self) -> bool:
+        """Whether its thread lives."""
+        return self._thread.is_alive()
+
+    @property
+    def now_utc_ns(self) -> int | None:
+        """The engine's clock when it last answered."""
+        now = self._told.get("now_utc_ns")
+        return now if isinstance(now, int) else None
+
+    def _run(self) -> None:
+        while not self._is_closing:
+            try:
+                if self._is_watched():
+                    self._look()
+            except Exception:  # the panel must go on, whatever it met
+                log.exception("the panel's look failed")
+            self._wake.wait(EVERY_S)
+            self._wake.clear()
+
+    def _look(self) -> None:
+        reach, detail = self._ask()
+        self._read()
+        if self._is_closing:
+            return
+        words = " · ".join(part for part in (detail, self._fault) if part)
+        self._on_status(status_view(self._told, reach, printable(words), self._seat))
+
+    def _ask(self) -> tuple[str, str]:
+        """(reach, what went wrong)."""
+        try:
+            outcome = self._wire.send("status", timeout_s=ANSWER_S)
+        except ControlError as error:
+            gone = isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError)
+            return ("gone" if gone else "silent"), str(error)
+        if not outcome.ok:
+            return "silent", outcome.message
+        self._told = dict(outcome.data)
+        return "attached", ""
+
+    def _read(self) -> None:
+        folder = self._told.get("session")
+        if not isinstance(folder, str) or not folder:
+            return
+        try:
+            if self.live is None or self.live.folder != Path(folder):
+                self.live = LiveNight(Path(folder))
+            if self.live.read():
+                picture = b"" if self.live.picture is None else self.live.picture[1]
+                self._on_night(night_view(self.live), picture)
+            self._fault = ""
+        except SessionError as error:
+            self._fault = str(error)
+        except Exception as error:  # STOP and the engine's word must be shown all the same
+            log.exception("the session cannot be shown")
+            self._fault = f"the session cannot be shown: {error or type(error).__name__}"

@@ -1,0 +1,105 @@
+"""A frame's small picture with what was found in it, and a streak at full resolution."""
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsoconsole.notebook.svg import text
+from rsoconsole.records import Detection, FloatArray, PixelArray
+
+SHOWN_PX = 560
+_ROOM_PX = 60
+_LOW, _HIGH = -2.0, 10.0
+"""Of the noise, about the median: what a cut-out shows as black and as white."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """A preview, a picture of some 466 pixels; in a notebook it shows itself with its marks."""
+
+    frame_id: int
+    path: Path
+    png: bytes
+    overlay: str
+    """SVG over it: streaks in boxes, a cross where the track was expected."""
+    words: str
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<figure style="margin:0;max-width:{SHOWN_PX}px">'
+            f"{layered(self.png, self.overlay)}"
+            f'<figcaption style="font-size:90%">{text(self.words)}</figcaption></figure>'
+        )
+
+    def __repr__(self) -> str:
+        return f"<{self.words}: {self.path}>"
+
+
+def layered(png: bytes, overlay: str, alt: str = "") -> str:
+    """HTML of a picture under its overlay, as wide as there is room."""
+    return (
+        '<div style="position:relative;line-height:0">'
+        f'<img alt="{text(alt)}" src="data:image/png;base64,{base64.b64encode(png).decode()}" '
+        f'style="width:100%;height:auto;margin:0">{overlay}</div>'
+    )
+
+
+def draw_streak(figure: Any, pixels: PixelArray, detection: Detection, title: str) -> None:
+    """The streak pixel by pixel with its ends and midpoint, and the light along it.
+
+    ``pixels``: the whole frame, (height, width) ADU. The lower panel is the mean over seven rows
+    across the streak, in units of the sky's noise.
+    """
+    x_0 = max(int(min(detection.x_a_px, detection.x_b_px)) - _ROOM_PX, 0)
+    y_0 = max(int(min(detection.y_a_px, detection.y_b_px)) - _ROOM_PX, 0)
+    x_1 = int(max(detection.x_a_px, detection.x_b_px)) + _ROOM_PX
+    y_1 = int(max(detection.y_a_px, detection.y_b_px)) + _ROOM_PX
+    piece = np.asarray(pixels[y_0:y_1, x_0:x_1], float)
+    sky = float(np.median(piece))
+    noise = 1.4826 * float(np.median(np.abs(piece - sky))) or 1.0
+    upper, lower = figure.subplots(2, 1, height_ratios=(2.2, 1.0))
+    upper.imshow(
+        (piece - sky) / noise,
+        origin="upper",
+        cmap="gray",
+        vmin=_LOW,
+        vmax=_HIGH,
+        interpolation="nearest",
+        extent=(x_0 - 0.5, x_0 + piece.shape[1] - 0.5, y_0 + piece.shape[0] - 0.5, y_0 - 0.5),
+    )
+    ends = ((detection.x_a_px, detection.y_a_px), (detection.x_b_px, detection.y_b_px))
+    upper.plot(*zip(*ends, strict=True), "|", color="#e5484d", markersize=16, label="ends")
+    upper.plot(
+        detection.x_px, detection.y_px, "+", color="#4a90e2", markersize=12, label="midpoint"
+    )
+    upper.set_title(title, loc="left")
+    upper.set_xlabel("x (px)")
+    upper.set_ylabel("y (px)")
+    upper.grid(visible=False)
+    upper.legend(loc="upper right", labelcolor="white")
+    along_px, light = _profile(pixels, detection)
+    lower.plot(along_px, (light - sky) / noise, color="#1e55c8", linewidth=1.0)
+    half = detection.length_px / 2.0
+    for end in (-half, half):
+        lower.axvline(end, color="#e5484d", linewidth=0.9, linestyle=(0, (4, 2.5)))
+    lower.set_xlabel("Along the streak, from its midpoint (px)")
+    lower.set_ylabel("Light (σ of the sky)")
+
+
+def _profile(pixels: PixelArray, detection: Detection) -> tuple[FloatArray, FloatArray]:
+    """Mean light across seven pixels, every pixel along the streak and a little beyond."""
+    dx = detection.x_b_px - detection.x_a_px
+    dy = detection.y_b_px - detection.y_a_px
+    length = float(np.hypot(dx, dy)) or 1.0
+    ux, uy = dx / length, dy / length
+    reach = length / 2.0 + _ROOM_PX * 0.6
+    along = np.arange(-reach, reach + 1.0)
+    across = np.arange(-3.0, 4.0)
+    x = detection.x_px + along[:, None] * ux - across * uy
+    y = detection.y_px + along[:, None] * uy + across * ux
+    rows = np.clip(np.rint(y).astype(int), 0, pixels.shape[0] - 1)
+    columns = np.clip(np.rint(x).astype(int), 0, pixels.shape[1] - 1)
+    return along, np.asarray(pixels[rows, columns], float).mean(axis=1)

@@ -1,0 +1,110 @@
+"""A session's frames as pictures, pixels and streaks."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rsoconsole.errors import SessionError
+from rsoconsole.notebook.night import NightFold
+from rsoconsole.notebook.overlay import FrameFacts, overlay_svg, words_of
+from rsoconsole.notebook.pictures import Picture, draw_streak
+from rsoconsole.notebook.rows import Logged
+from rsoconsole.records import Detections, PixelArray
+from rsoconsole.session.reader import SessionReader
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class SessionPictures:
+    """What a session shows of single frames."""
+
+    _reader: SessionReader
+    _log: list[Logged]
+    _fold: NightFold
+
+    @property
+    def path(self) -> Path:
+        """Its folder."""
+        return self._reader.folder
+
+    def picture(self, frame_id: int | None = None) -> Picture:
+        """A frame's small picture with what was found in it; without a number the newest one.
+
+        Raises SessionError where the session has none of it.
+        """
+        numbers = (frame_id,) if frame_id is not None else self._newest_frames()
+        for number in numbers:
+            path = self._reader.preview_path(number)
+            if path is not None:
+                return self._picture(number, path)
+        which = "any frame" if frame_id is None else f"frame {frame_id}"
+        raise SessionError(f"{self.path} holds no picture of {which}")
+
+    def pixels(self, frame_id: int) -> PixelArray:
+        """All pixels of a frame that was kept, (height, width) ADU, exactly as measured in.
+
+        Raises SessionError where it was not kept, and says which were; FrameError where its file
+        cannot be read.
+        """
+        from rsoconsole.instruments.frame_files import read_frame
+
+        path = self._reader.frame_path(frame_id)
+        if path is None:
+            raise SessionError(
+                f"the pixels of frame {frame_id} were not kept; {self._kept_words()}"
+            )
+        return read_frame(path, frame_id).pixels
+
+    def plot_streak(self, frame_id: int, figure: Any = None) -> "Figure":
+        """The most confident streak of a kept frame, pixel by pixel, and the light along it.
+
+        Raises SessionError where the frame was not kept or nothing was detected in it.
+        """
+        from rsoconsole.notebook.inline import NightFigure, styled
+
+        facts = self._facts(frame_id)
+        if facts.detections is None or not facts.detections.detections:
+            raise SessionError(f"nothing was detected in frame {frame_id}")
+        pixels, detection = self.pixels(frame_id), facts.detections.detections[0]
+        title = (
+            f"Frame {frame_id}: confidence {detection.confidence:.2f}, SNR {detection.snr:.0f}, "
+            f"{detection.length_px:.1f} × {detection.width_px:.1f} px"
+        )
+        figure = NightFigure(6.6, 5.0) if figure is None else figure
+        with styled():
+            draw_streak(figure, pixels, detection, title)
+        return figure  # type: ignore[no-any-return]
+
+    def _picture(self, frame_id: int, path: Path) -> Picture:
+        try:
+            png = path.read_bytes()
+        except OSError as error:
+            raise SessionError(f"{path} cannot be read: {error}") from error
+        facts = self._facts(frame_id)
+        night = self._fold.night()
+        followed = next((f.measured for f in night.frames if f.frame_id == frame_id), None)
+        return Picture(
+            frame_id=frame_id,
+            path=path,
+            png=png,
+            overlay=overlay_svg(facts, followed),
+            words=words_of(facts, followed),
+        )
+
+    def _facts(self, frame_id: int) -> FrameFacts:
+        facts = FrameFacts()
+        for _, _, record in self._log:
+            if getattr(record, "frame_id", None) == frame_id:
+                facts.take(record)
+        return facts
+
+    def _newest_frames(self) -> list[int]:
+        frames = (r.frame_id for _, _, r in reversed(self._log) if isinstance(r, Detections))
+        return list(dict.fromkeys(frames))
+
+    def _kept(self) -> list[int]:
+        return [row["frame_id"] for row in self._reader.view("frames") if row["file"]]
+
+    def _kept_words(self) -> str:
+        kept = self._kept()
+        return f"kept: {', '.join(map(str, kept))}" if kept else "none was kept"

@@ -1,0 +1,97 @@
+"""Small drawings as SVG text, for cards and the live panel: marks in their own axes, no library.
+
+Colours are of a middle lightness, legible on white and on black; what is text takes the colour of
+the page (``currentColor``). Colour never carries meaning alone: shapes and titles say it too.
+"""
+
+import html
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+WIDTH, HEIGHT = 340.0, 96.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 38.0, 6.0, 6.0, 16.0
+RED, BLUE, AMBER, GREY, GREEN = "#d64545", "#4a80d9", "#b8860b", "#8a8a8a", "#3f9142"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis:
+    """Where values lie in a drawing."""
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+
+    def at(self, x: float, y: float) -> tuple[float, float]:
+        """Place of a value; beyond the axis it stands on its edge."""
+        across = (x - self.x[0]) / ((self.x[1] - self.x[0]) or 1.0)
+        up = (min(max(y, self.y[0]), self.y[1]) - self.y[0]) / ((self.y[1] - self.y[0]) or 1.0)
+        return (
+            _LEFT + across * (WIDTH - _LEFT - _RIGHT),
+            HEIGHT - _BOTTOM - up * (HEIGHT - _TOP - _BOTTOM),
+        )
+
+
+def text(words: str) -> str:
+    """Words as they may stand in HTML and SVG, also inside an attribute."""
+    return html.escape(words, quote=True)
+
+
+def drawing(axis: Axis, parts: Iterable[str], *, label: str, ends: tuple[str, str]) -> str:
+    """A small plot: frame, three ticks at the left, words at the ends of the time axis."""
+    low, high = axis.y
+    ticks = []
+    for value in (low, (low + high) / 2.0, high):
+        _, y = axis.at(axis.x[0], value)
+        ticks.append(
+            f'<text x="{_LEFT - 4:.0f}" y="{y + 3:.1f}" text-anchor="end">{_short(value)}</text>'
+        )
+    x_0, y_0 = axis.at(axis.x[0], low)
+    x_1, y_1 = axis.at(axis.x[1], high)
+    frame = (
+        f'<path d="M{x_0:.1f} {y_1:.1f}V{y_0:.1f}H{x_1:.1f}" fill="none" stroke="{GREY}"/>'
+        f'<text x="{x_0:.1f}" y="{HEIGHT - 4:.0f}">{text(ends[0])}</text>'
+        f'<text x="{x_1:.1f}" y="{HEIGHT - 4:.0f}" text-anchor="end">{text(ends[1])}</text>'
+    )
+    return (
+        f'<svg viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" role="img" aria-label="{text(label)}" '
+        'font-size="9" fill="currentColor" style="width:100%;height:auto;font-family:sans-serif">'
+        f"{frame}{''.join(ticks)}{''.join(parts)}</svg>"
+    )
+
+
+def dots(
+    axis: Axis, points: Iterable[tuple[float, float, str]], *, colour: str, hollow: bool = False
+) -> str:
+    """(x, y, title) as dots; hollow ones for what is not there."""
+    fill = "none" if hollow else colour
+    return "".join(
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.6" fill="{fill}" stroke="{colour}">'
+        f"<title>{text(title)}</title></circle>"
+        for x, y, title in ((*axis.at(a, b), title) for a, b, title in points)
+    )
+
+
+def line(axis: Axis, points: Sequence[tuple[float, float]], *, colour: str, dashed: bool) -> str:
+    """A line through values; broken where one is not finite."""
+    path, is_open = [], False
+    for x, y in points:
+        if not math.isfinite(y):
+            is_open = False
+            continue
+        px, py = axis.at(x, y)
+        path.append(f"{'L' if is_open else 'M'}{px:.1f} {py:.1f}")
+        is_open = True
+    dash = ' stroke-dasharray="4 3"' if dashed else ""
+    return f'<path d="{"".join(path)}" fill="none" stroke="{colour}"{dash}/>'
+
+
+def band(axis: Axis, low: float, high: float) -> str:
+    """A pale belt between two values."""
+    x_0, y_0 = axis.at(axis.x[0], low)
+    x_1, y_1 = axis.at(axis.x[1], high)
+    size = f'width="{x_1 - x_0:.1f}" height="{y_0 - y_1:.1f}"'
+    return f'<rect x="{x_0:.1f}" y="{y_1:.1f}" {size} fill="{BLUE}" fill-opacity="0.16"/>'
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}".replace("-", "−")

@@ -1,0 +1,148 @@
+"""A night followed with other settings, beside what was recorded."""
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rsoconsole.config import Config, with_setting
+from rsoconsole.notebook.night import Night, NightFold
+from rsoconsole.notebook.plots import NightPlots
+from rsoconsole.notebook.summary import Summary, summary_of
+from rsoconsole.notebook.svg import text
+from rsoconsole.pipeline.replay import ReplayedFrame, replay
+from rsoconsole.records import FrameTaken, ParameterChange, StateChange
+
+if TYPE_CHECKING:
+    from rsoconsole.notebook.session import Session
+
+_CELL = "padding:1px 14px 1px 0;text-align:left"
+_TABLE = "border-collapse:collapse;margin:4px 0;color:inherit;font-size:inherit"
+
+
+class WhatIf(NightPlots):
+    """Made by ``Session.what_if``; its figures show both nights side by side."""
+
+    def __init__(self, session: "Session", tried: Mapping[str, float | str]) -> None:
+        """Follow the night again. Raises ConfigError for a setting that cannot be."""
+        self.session = session
+        self.settings = dict(tried)
+        log = session.records
+        self.frames = tuple(replay((r for _, _, r in log), session.config, tried=tried))
+        """Every folded frame; ``recorded`` is what was made of it then, ``records`` now."""
+        config = _with(session.config, tried)
+        title = f"tried {self.words}" if tried else "as recorded"
+        self._night = _night_of(title, config, log, self.frames)
+        self._recorded = session.nights()[0]
+
+    @property
+    def words(self) -> str:
+        """The settings that were tried."""
+        return ", ".join(f"{n.partition('.')[2]} = {v}" for n, v in self.settings.items())
+
+    @property
+    def recorded(self) -> Summary:
+        """How it went."""
+        return self.session.summary
+
+    @property
+    def tried(self) -> Summary:
+        """How it would have gone."""
+        changes = (r for each in self.frames for r in each.records if isinstance(r, StateChange))
+        return summary_of(self._night, changes)
+
+    def nights(self) -> tuple[Night, ...]:
+        """As recorded, and as tried."""
+        return self._recorded, self._night
+
+    def save(self, name: str, *, force: bool = False) -> Path:
+        """Keep it as a branch of the session, ``branches/NAME``; returns its folder.
+
+        The session's own record is not touched. Raises SessionError for a name that is taken
+        (unless ``force``) or cannot be one, and where it cannot be written.
+        """
+        from rsoconsole.pipeline.branches import save_branch
+        from rsoconsole.pipeline.what_if_session import what_if_session
+
+        return save_branch(what_if_session(self.session.path, self.settings), name, force=force)
+
+    def rows(self) -> Iterator[tuple[str, str, str]]:
+        """(what, as recorded, as tried) in words."""
+        old, new = self.recorded, self.tried
+        for what, words in _FIGURES:
+            yield what, words(old), words(new)
+
+    def __repr__(self) -> str:
+        lines = [f"what if {self.words or 'nothing were changed'}: {self.session.title}"]
+        lines.append(f"  {'':<15}{'as recorded':>16}{'if tried':>16}")
+        lines += [f"  {what:<15}{old:>16}{new:>16}" for what, old, new in self.rows()]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f'<tr style="background:none"><th scope="row" style="{_CELL};font-weight:normal;'
+            f'opacity:0.72">{text(what)}</th><td style="{_CELL}">{text(old)}</td>'
+            f'<td style="{_CELL};{"font-weight:600" if old != new else ""}">{text(new)}</td></tr>'
+            for what, old, new in self.rows()
+        )
+        return (
+            '<div class="rsoconsole-what-if" style="color:var(--jp-ui-font-color1,inherit);'
+            'font-size:13px"><div style="font-weight:600">What if '
+            f"{text(self.words or 'nothing were changed')}? {text(self.session.title)}</div>"
+            f'<table style="{_TABLE}"><tr style="background:none"><td></td>'
+            f'<th style="{_CELL}">as recorded</th><th style="{_CELL}">if tried</th></tr>'
+            f"{rows}</table></div>"
+        )
+
+
+def _with(config: Config, tried: Mapping[str, float | str]) -> Config:
+    for name, value in tried.items():
+        config = with_setting(config, name, value)
+    return config
+
+
+def _night_of(
+    title: str,
+    config: Config,
+    log: tuple[tuple[int, int, Any], ...],
+    frames: tuple[ReplayedFrame, ...],
+) -> Night:
+    """The night as followed again; what was not followed keeps its place in time."""
+    fold = NightFold(title, config)
+    for _, _, record in log:
+        if isinstance(record, FrameTaken):
+            fold.take(record)
+    for each in frames:
+        tau = each.config.detector.tau
+        fold.take(ParameterChange(name="detector.tau", before=tau, after=tau, by="what-if"))
+        for record in (each.taken, *each.shown.measurements, *each.records):
+            fold.take(record)
+    return fold.night()
+
+
+def _number(form: str, unit: str = "") -> Callable[[float | None], str]:
+    return lambda value: "-" if value is None else f"{value:{form}}{unit}"
+
+
+def _nis(summary: Summary) -> str:
+    sign = {True: " ✓", False: " ✗", None: ""}[summary.is_nis_sound]
+    return _number(".2f")(summary.nis_mean) + sign
+
+
+def _band(summary: Summary) -> str:
+    return "-" if summary.nis_band is None else "{:.2f} to {:.2f}".format(*summary.nis_band)
+
+
+def _lock(summary: Summary) -> str:
+    count = summary.locked_after_frames
+    return "never" if count is None else f"after {count}"
+
+
+_FIGURES: tuple[tuple[str, Callable[[Summary], str]], ...] = (
+    ("lock", _lock),
+    ("measured", lambda s: f"{s.followed}"),
+    ("misses", lambda s: f"{s.missed}"),
+    ("residual rms", lambda s: _number(".3f", "″")(s.residual_rms_arcsec)),
+    ("NIS mean (2)", _nis),
+    ("its band", _band),
+    ("3σ holds", lambda s: _number(".0%")(s.inside_3sigma)),
+)
