@@ -472,7 +472,7 @@ def test_a_night_is_exported_as_the_verb_does(tmp_path):
     night = open_session(SAMPLE)
     for name in ("csv", "tdm", "html"):
         path = night.export(name, tmp_path / f"night.{name}")
-        assert path.read_text(encoding="utf-8").count("315.8110224966") >= (name != "html")
+        assert "315.93682958" in path.read_text(encoding="utf-8") or name == "html"
         with pytest.raises(RsoconsoleError, match="there already"):
             night.export(name, path)
         assert night.export(name, path, force=True) == path

@@ -36,7 +36,7 @@ Parts = Callable[[Any], Iterable[tuple[Any, Any]]]
 """The rows that one record makes: (number or key, what the columns are taken from)."""
 
 HEAD = ("seq", "t_utc_ns", "frame_id")
-FILES = ("file", "file_bytes", "not_kept_because", "preview")
+FILES = ("file", "file_bytes", "not_kept_because", "preview", "file_sha256")
 """Of the view ``frames``: from the table of files, not from the log."""
 
 
