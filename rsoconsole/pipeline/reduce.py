@@ -4,12 +4,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.measure import measure
-from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.detector import Proposer, StreakDetector
@@ -33,11 +33,27 @@ class Reduction:
     stage_ms: dict[str, float] = field(default_factory=dict)
 
 
+class Plates(Protocol):
+    """What finds a frame's plate: ``PlateFinder``, or the record of one that was found."""
+
+    def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved:
+        """The frame's plate, or why there is none."""
+        ...
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        ...
+
+    def forget(self) -> None:
+        """The last plate says nothing any more."""
+        ...
+
+
 class FrameReducer:
     """Detector and plate finder in the order of Algorithm 1."""
 
     def __init__(
-        self, network: Proposer, curve: ConfidenceCurve, plate: PlateFinder, config: Config
+        self, network: Proposer, curve: ConfidenceCurve, plate: Plates, config: Config
     ) -> None:
         self._network = network
         self._curve = curve
