@@ -106,7 +106,8 @@ def _draw(canvas: RedGreenBlue, mark: Mark, window: Window, colour: Colour) -> N
     else:
         ends = mark.ends_px or ((mark.x_px, mark.y_px),) * 2
         corners = np.array([at(*end) for end in ends])
-        low, high = corners.min(axis=0) - MARGIN_PX, corners.max(axis=0) + MARGIN_PX
+        margin = 2 * MARGIN_PX if mark.is_outer else MARGIN_PX
+        low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
         left_top, right_bottom = (int(low[0]), int(low[1])), (int(high[0]), int(high[1]))
         cv2.rectangle(canvas, left_top, right_bottom, colour, 1)
         label_at = (right_bottom[0] + FONT_ROOM_PX, right_bottom[1])

@@ -15,7 +15,17 @@ SIGMAS = 3.0
 SHOWN_REJECTED = 0.01
 """Confidence from which on a rejected candidate is pointed at: the rest is noise."""
 
-Kind = Literal["followed", "candidate", "rejected", "operator", "predicted", "cursor"]
+Kind = Literal[
+    "followed",
+    "candidate",
+    "rejected",
+    "operator",
+    "predicted",
+    "now",
+    "now_rejected",
+    "cursor",
+]
+"""``now`` and ``now_rejected``: of a frame that is processed once more."""
 
 _BRACKETS: dict[Kind, tuple[str, str]] = {
     "followed": ("[", "]"),
@@ -23,6 +33,8 @@ _BRACKETS: dict[Kind, tuple[str, str]] = {
     "rejected": ("‹", "›"),
     "operator": ("<", ">"),
     "predicted": ("", ""),
+    "now": ("{", "}"),
+    "now_rejected": ("«", "»"),
     "cursor": ("", ""),
 }
 _SHORT_COLUMNS = 4
@@ -38,7 +50,9 @@ _ORDER: dict[Kind, int] = {
     "candidate": 2,
     "operator": 3,
     "followed": 4,
-    "cursor": 5,
+    "now_rejected": 5,
+    "now": 6,
+    "cursor": 7,
 }
 """What is written last stays."""
 
@@ -54,7 +68,9 @@ class Mark:
     """Of a streak, the left one first."""
     label: str = ""
     outline_px: tuple[tuple[float, float], ...] = ()
-    """Points of a line about it: where the track is with 3 sigma."""
+    """Points of a line about it: where the track is with 3 sigma, or a candidate's box."""
+    is_outer: bool = False
+    """Written about another mark of the same streak, with its label a row below."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,6 +114,11 @@ def marks_of(detail: FrameDetail) -> tuple[Mark, ...]:
     ]
     predicted = _predicted_mark(detail)
     return (*marks, predicted) if predicted is not None else tuple(marks)
+
+
+def mark_of(detection: Detection, kind: Kind) -> Mark:
+    """A streak's two ends and its confidence."""
+    return _mark_of(detection, kind, None)
 
 
 def _mark_of(detection: Detection, kind: Kind, followed: Measurement | None) -> Mark:
@@ -180,8 +201,10 @@ def _signs(mark: Mark, centre: tuple[int, int], window: Window) -> list[tuple[in
         # One row, with a line for the streak, which is hardly seen at this scale.
         half = max(1, (right[0] - left[0]) // 2 + 1)
         left, right = (column - half, row), (column + half, row)
-        opening += "━" * (2 * half - 1)
+        opening += "" if mark.is_outer else "━" * (2 * half - 1)
+    if mark.is_outer:
+        left, right = (left[0] - 1, left[1]), (right[0] + 1, right[1])
     fits_right = right[0] + 1 + len(mark.label) <= window.columns
     label_at = right[0] + 1 if fits_right else left[0] - len(mark.label)
-    label_row = right[1] if fits_right else left[1]
+    label_row = (right[1] if fits_right else left[1]) + mark.is_outer
     return [(*left, opening), (*right, closing), (label_at, label_row, mark.label)]

@@ -18,6 +18,7 @@ _SIGNS = str.maketrans(
         **dict(zip("▁▂▃▄▅▆▇█", "_..--=##", strict=True)),
         **dict(zip("αδστ″′²³°±×·…•∙○●◆☾☼▸✓✗", "adst\"'23o~x.~*.oo#CO>yn", strict=True)),
         **dict(zip("↑↓←→↗↘↙↖▲▼‹›▔", "^v<>/\\/\\^v<>-", strict=True)),
+        **dict(zip("«»", "<>", strict=True)),
         "▀": "#",
     }
 )
