@@ -22,6 +22,7 @@ from rsoconsole.console.colours import COLOURS, NIGHT_CSS, THEMES
 from rsoconsole.console.commands import COMMANDS, bindings
 from rsoconsole.console.dialogs import HelpDialog
 from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.live import LiveScreen
 from rsoconsole.console.messages import EngineSeen, NightSeen, OutlookSeen
 from rsoconsole.console.night import NightView
@@ -159,8 +160,10 @@ class ConsoleApp(App[str]):
             return not isinstance(self.focused, Input | TextArea)
         return super().check_action(action, parameters)
 
-    def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:  # noqa: ARG002 -- the same on each
-        """Every command by name."""
+    def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
+        """Every command by name; those of a screen of its own come first."""
+        if isinstance(screen, FrameSheet):
+            yield from screen.system_commands()
         for command in COMMANDS:
             if command.name in {"stop_by_letter", "put_away"}:
                 continue
@@ -196,7 +199,8 @@ class ConsoleApp(App[str]):
     def action_help(self) -> None:
         """Keys and signs."""
         if not isinstance(self.screen, HelpDialog):
-            self.push_screen(HelpDialog(self._own_keys, self.live.mode))
+            mode = self.screen.mode if isinstance(self.screen, FrameSheet) else self.live.mode
+            self.push_screen(HelpDialog(self._own_keys, mode))
 
     def action_colours(self) -> None:
         """The next of night, dark, light and the terminal's own."""
@@ -207,6 +211,8 @@ class ConsoleApp(App[str]):
 
     def action_leave(self) -> None:
         """As the screen has it."""
+        if isinstance(self.screen, FrameSheet):
+            self.pop_screen()
         if self.screen is self.live:
             self.live.action_leave()
 

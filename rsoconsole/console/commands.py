@@ -237,6 +237,13 @@ COMMANDS: tuple[Command, ...] = (
         "zoom", "z", "Zoom", "the field, the close-up, the close-up pixel by pixel", "picture"
     ),
     _command(
+        "open_frame",
+        "enter",
+        "Open the frame",
+        "at full resolution, where its pixels were kept; process it again with another τ or map",
+        "picture",
+    ),
+    _command(
         "stretch", "f", "Stretch", "how light becomes grey: streaks, asinh, linear", "picture"
     ),
     _command(

@@ -98,6 +98,8 @@ def _draw(canvas: RedGreenBlue, mark: Mark, window: Window, colour: Colour) -> N
     if mark.outline_px:
         points = np.array([at(*point) for point in mark.outline_px], np.int32)
         cv2.polylines(canvas, [points], True, colour, 1, cv2.LINE_AA)
+    if mark.kind == "box":
+        return
     if mark.kind in {"predicted", "cursor"}:
         arm = MARGIN_PX if mark.kind == "predicted" else 2 * MARGIN_PX
         cv2.line(canvas, (x - arm, y), (x + arm, y), colour, 1)

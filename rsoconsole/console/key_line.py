@@ -8,7 +8,7 @@ from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.words import clipped
 
-Mode = Literal["live", "mark", "tune", "log"]
+Mode = Literal["live", "mark", "tune", "log", "sheet"]
 """What the keys are for at this moment."""
 
 
@@ -47,6 +47,21 @@ _OF_MODES: dict[Mode, tuple[Key, ...]] = {
         Key("/", "Filter", is_weighty=True),
         Key("esc", "Back", is_weighty=True),
     ),
+    "sheet": (
+        Key("esc", "Back", is_weighty=True, command="back"),
+        Key(", .", "τ", is_weighty=True),
+        Key("+ -", "Zoom", is_weighty=True),
+        Key("d", "Next candidate", command="next_candidate"),
+        Key("↑↓←→", "Move"),
+        Key("[ ]", "Step"),
+        Key("m", "Map", command="map_mode"),
+        Key("v", "Network's view", command="network_view"),
+        Key("f", "Stretch", command="stretch"),
+        Key("o", "Marks", command="marks"),
+        Key("p", "Plate anew", command="plate"),
+        Key("r", "As recorded", command="as_recorded"),
+        Key("l", "List", command="list"),
+    ),
 }
 
 
@@ -55,6 +70,7 @@ MODE_WORDS: dict[Mode, str] = {
     "mark": "Now: a streak's two ends are marked by hand",
     "tune": "Now: the tuning pane",
     "log": "Now: the whole log",
+    "sheet": "Now: one frame at full resolution",
 }
 
 

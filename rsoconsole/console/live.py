@@ -20,11 +20,13 @@ from rsoconsole.console.fold import (
     has_tune_of_its_own,
     tune_box,
 )
+from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.key_line import Key, Mode, key_at, key_line, keys_for
 from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.messages import EngineSeen, NightSeen, OutlookSeen
 from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBanner
 from rsoconsole.console.picture import STRETCHES, Drawing, Picture
+from rsoconsole.console.plot import Line
 from rsoconsole.console.sky_view import sky_lines
 from rsoconsole.console.stop import StopNews
 from rsoconsole.console.streak_actions import StreakActions
@@ -285,6 +287,26 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         self._stretch = (self._stretch + 1) % len(STRETCHES)
         self.show_picture()
         self.say(f"stretch: {STRETCHES[self._stretch]}")
+
+    def action_open_frame(self) -> None:
+        """The frame that is shown, at full resolution."""
+        if self.picture is None or self.night.folder is None:
+            self.say("no frame has been shown yet", "warn")
+            return
+
+        def status(width: int, rows: int) -> list[Line]:
+            return words.top_lines(self.night, self.engine, self.read_only, width, rows)
+
+        self.app.push_screen(
+            FrameSheet(
+                self.night.folder,
+                self.picture.frame_id,
+                self.night.config,
+                status=status,
+                alert=lambda: self._alert,
+                keymap=self.keymap,
+            )
+        )
 
     def action_log(self) -> None:
         """All panes to the log, and back."""

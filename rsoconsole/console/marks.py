@@ -23,9 +23,10 @@ Kind = Literal[
     "predicted",
     "now",
     "now_rejected",
+    "box",
     "cursor",
 ]
-"""``now`` and ``now_rejected``: of a frame that is processed once more."""
+"""``now`` and ``now_rejected``: of a frame that is processed once more; ``box``: the network's."""
 
 _BRACKETS: dict[Kind, tuple[str, str]] = {
     "followed": ("[", "]"),
@@ -35,6 +36,7 @@ _BRACKETS: dict[Kind, tuple[str, str]] = {
     "predicted": ("", ""),
     "now": ("{", "}"),
     "now_rejected": ("«", "»"),
+    "box": ("", ""),
     "cursor": ("", ""),
 }
 _SHORT_COLUMNS = 4
@@ -45,6 +47,7 @@ Cells = dict[tuple[int, int], tuple[str, str]]
 """(column, row) -> (character, kind of mark)."""
 
 _ORDER: dict[Kind, int] = {
+    "box": -1,
     "rejected": 0,
     "predicted": 1,
     "candidate": 2,
@@ -71,6 +74,8 @@ class Mark:
     """Points of a line about it: where the track is with 3 sigma, or a candidate's box."""
     is_outer: bool = False
     """Written about another mark of the same streak, with its label a row below."""
+    gap: int = 0
+    """Cells between its sign and its label."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,6 +193,8 @@ def overlay(marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = Fal
 def _signs(mark: Mark, centre: tuple[int, int], window: Window) -> list[tuple[int, int, str]]:
     """(column, row, text) of what a mark writes."""
     column, row = centre
+    if mark.kind == "box":
+        return []
     if mark.kind == "predicted":
         return [(column, row, "+")]
     if mark.kind == "cursor":
@@ -204,7 +211,8 @@ def _signs(mark: Mark, centre: tuple[int, int], window: Window) -> list[tuple[in
         opening += "" if mark.is_outer else "━" * (2 * half - 1)
     if mark.is_outer:
         left, right = (left[0] - 1, left[1]), (right[0] + 1, right[1])
-    fits_right = right[0] + 1 + len(mark.label) <= window.columns
-    label_at = right[0] + 1 if fits_right else left[0] - len(mark.label)
+    columns = mark.gap + len(mark.label)
+    fits_right = right[0] + 1 + columns <= window.columns
+    label_at = right[0] + 1 + mark.gap if fits_right else left[0] - columns
     label_row = (right[1] if fits_right else left[1]) + mark.is_outer
     return [(*left, opening), (*right, closing), (label_at, label_row, mark.label)]

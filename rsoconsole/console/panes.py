@@ -100,6 +100,7 @@ class FramePane(Widget):
         "frame--predicted",
         "frame--now",
         "frame--now_rejected",
+        "frame--box",
         "frame--cursor",
         "frame--title",
         "frame--caption",
@@ -112,6 +113,7 @@ class FramePane(Widget):
     FramePane > .frame--predicted { color: #87d7ff; background: black; text-style: bold; }
     FramePane > .frame--now { color: black; background: #ff87d7; text-style: bold; }
     FramePane > .frame--now_rejected { color: #ff87d7; background: black; }
+    FramePane > .frame--box { color: #af875f; background: black; }
     FramePane > .frame--cursor { color: black; background: #87ffaf; text-style: bold; }
     FramePane > .frame--title { text-style: bold; }
     FramePane > .frame--caption { color: $text-muted; }

@@ -116,7 +116,7 @@ class SheetPixels:
         above = means - resample(sky.level, cell, *means.shape)
         above /= resample(sky.noise, cell, *means.shape) / np.float32(1 << COARSE)
         above -= np.float32(CLIPPED_SIGMA)
-        return np.maximum(above, np.float32(0.0), out=above)
+        return np.asarray(np.maximum(above, np.float32(0.0), out=above), np.float32)
 
     @property
     def _background(self) -> Background:

@@ -86,10 +86,10 @@ class View:
         y = min(max(y_px, 0.0), self.height_px - 1.0)
         return replace(self, x_px=x, y_px=y)
 
-    def showing(self, length_px: float) -> "View":
-        """As near as something of that length, whichever way it lies, has room about the cross."""
-        squares = min(self.columns, 2 * self.rows)
-        zoom = max(math.ceil(math.log2(max(length_px, 1.0) / max(squares, 1))), 0)
+    def showing(self, wide_px: float, high_px: float) -> "View":
+        """As near as so much has room about the cross; never nearer than pixel by pixel."""
+        squares = max(wide_px / self.columns, high_px / (2 * self.rows), 1.0)
+        zoom = math.ceil(math.log2(squares))
         return replace(self, zoom=None if zoom > self.farthest else zoom)
 
     def resized(self, columns: int, rows: int) -> "View":
