@@ -144,23 +144,26 @@ def test_means_over_blocks_are_means_of_what_there_is(
 
 @settings(max_examples=40, deadline=None)
 @given(
-    st.integers(64, 700),
-    st.integers(64, 700),
-    st.integers(4, 60),
-    st.integers(3, 30),
-    st.floats(0, 1),
-    st.floats(0, 1),
+    st.tuples(st.integers(64, 700), st.integers(64, 700)),
+    st.tuples(st.integers(4, 60), st.integers(3, 30)),
+    st.tuples(st.floats(0, 1), st.floats(0, 1)),
     st.integers(0, 10),
     st.sampled_from(STRETCHES),
     st.sampled_from([1, 3]),
 )
 def test_a_bright_pixel_shines_in_its_own_square_at_every_scale(
-    width: int, height: int, columns: int, rows: int, x: float, y: float, zooms: int, stretch, finer
+    size: tuple[int, int],
+    room: tuple[int, int],
+    at: tuple[float, float],
+    zooms: int,
+    stretch,
+    finer,
 ):
+    width, height = size
     pixels = np.random.default_rng(1).normal(700, 5, (height, width)).astype(np.uint16)
-    at_x, at_y = int(x * (width - 1)), int(y * (height - 1))
+    at_x, at_y = int(at[0] * (width - 1)), int(at[1] * (height - 1))
     pixels[at_y, at_x] = 65000
-    view = _zoomed(whole(width, height, columns, rows).at(at_x, at_y), zooms)
+    view = _zoomed(whole(width, height, *room).at(at_x, at_y), zooms)
     window = view.window
     shares = SheetPixels(pixels).shares(window, stretch, finer)
     assert shares.shape == (2 * window.rows * finer, window.columns * finer)
@@ -175,7 +178,9 @@ def test_a_bright_pixel_shines_in_its_own_square_at_every_scale(
     # Where squares are no whole number of coarse blocks, one of those may lie across two.
     is_whole = view.zoom is not None and finer == 1
     slack = 0 if is_whole else 1
-    near = shares[max(row - slack, 0) : row + slack + 1, max(column - slack, 0) : column + slack + 1]
+    near = shares[
+        max(row - slack, 0) : row + slack + 1, max(column - slack, 0) : column + slack + 1
+    ]
     assert near.max() == shares.max()
     assert shares.max() > shares.mean()
 

@@ -27,7 +27,7 @@ from rsoconsole.console.words import wrapped
 
 LOOK_S = 0.25
 """How often what is under way says for how long, and the first line is made anew."""
-MOST_ALERT_ROWS = 2
+MOST_ALERT_ROWS = 3
 
 
 class SheetNews(Message):

@@ -80,7 +80,7 @@ def _course(sheet: Sheet, width: int) -> list[tuple[str, Ink]]:
         what = "reading" if sheet.pixels is None else "processing"
         return [(f"{what} … {time.monotonic() - sheet.began_s:.1f} s", "dim")]
     if sheet.failure:
-        return [(text, "warn") for text in textwrap.wrap(sheet.failure, max(width, 1))[:4]]
+        return [(text, "warn") for text in textwrap.wrap(sheet.failure, max(width, 1))]
     if sheet.done is None:
         return []
     result = sheet.done.result

@@ -1,5 +1,6 @@
 """The title over a frame at full resolution, and what is at the cross in it."""
 
+import math
 import time
 
 from rsoconsole.console.sheet import Sheet
@@ -40,8 +41,8 @@ def readout_parts(sheet: Sheet) -> list[str]:
     view, pixels = sheet.view, sheet.pixels
     if view is None or pixels is None:
         return []
-    x, y = view.x_px, view.y_px
-    parts = [f"╋ {x:.0f},{y:.0f}"]
+    x, y = math.floor(view.x_px + 0.5), math.floor(view.y_px + 0.5)
+    parts = [f"╋ {x},{y}"]
     frame_map = sheet.map
     if frame_map is not None and frame_map.mode == "fast":
         from rsoconsole.console.sheet_pixels import map_sigma

@@ -130,7 +130,8 @@ class SheetWorker:
                 if wish is not None and not self._is_closing:
                     self._fulfil(processor, wish)
         except RsoconsoleError as error:
-            self._tell(Fault(text=str(error)))
+            # The session is known; its path would take the room that the remedy needs.
+            self._tell(Fault(text=str(error).replace(f"{self._folder}/", "")))
         except Exception as error:  # the seat must go on, whatever lies in the folder
             log.exception("frame %d cannot be shown", self._frame_id)
             self._tell(Fault(text=f"frame {self._frame_id} cannot be shown: {error}"))
