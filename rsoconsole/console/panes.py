@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any, ClassVar, Literal, get_args
 
+from rich.color import Color
 from rich.segment import Segment
 from rich.style import Style
 from textual.app import ComposeResult
@@ -297,11 +298,12 @@ class FramePane(Widget):
             ]
         window = drawing.window
         marks = overlay(self._shown_marks(), window, has_rejected=True)
-        blank = Strip.blank(width, self.rich_style)
+        style = self.rich_style
+        blank = Strip.blank(width, style)
         if self._pixels is not None:
             return [blank] * rows
         return [
-            self._row(runs(drawing.greys, marks, row)).adjust_cell_length(width, self.rich_style)
+            self._row(runs(drawing.greys, marks, row)).adjust_cell_length(width, style)
             for row in range(window.rows)
         ] + [blank] * (rows - window.rows)
 
@@ -320,11 +322,11 @@ class FramePane(Widget):
         upper, lower = (self._colour(grey * 255 / (GREYS - 1)) for grey in key)
         return Style(color=upper, bgcolor=lower)
 
-    def _colour(self, grey: float) -> str:
+    def _colour(self, grey: float) -> Color:
         """Grey, or red for eyes that are used to the dark."""
         if self.app.theme == NIGHT:
-            return f"rgb({round(0.75 * grey)},{round(0.12 * grey)},{round(0.06 * grey)})"
-        return f"rgb({round(grey)},{round(grey)},{round(grey)})"
+            return Color.from_rgb(round(0.75 * grey), round(0.12 * grey), round(0.06 * grey))
+        return Color.from_rgb(round(grey), round(grey), round(grey))
 
     def _text(self, text: str, name: str) -> Strip:
         return Strip([Segment(text, self.get_component_rich_style(name))])
