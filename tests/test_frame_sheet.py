@@ -409,6 +409,31 @@ def test_stop_works_over_a_frame_and_shows_what_came_of_it(impatient_seat: None,
     look(act, wire=wire)
 
 
+def test_a_frame_opened_after_a_stop_does_not_hide_what_came_of_it(wire: FakeWire):
+    """STOP overtakes keys that wait: one typed before it may open a frame after it."""
+
+    async def run() -> None:
+        app = ConsoleApp(lambda: wire)
+        async with app.run_test(size=(80, 24)) as pilot:
+            await until(pilot, lambda: app.live.picture is not None)
+            await pilot.press("x", "enter")
+            sheet = app.screen
+            assert isinstance(sheet, FrameSheet)
+            await until(pilot, lambda: "STOP motion ended" in words(sheet, "alert"))
+
+    asyncio.run(run())
+
+
+def test_leaving_leaves_from_here_too(impatient_seat: None):
+    async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
+        await pilot.press("q")
+        await pilot.pause()
+        assert app.screen is not sheet
+        assert app.return_value == "quit"
+
+    look(act, frame_id=LEFT_OUT)
+
+
 def test_the_telescopes_state_stands_above_and_changes_by_itself(wire: FakeWire):
     async def run() -> None:
         app = ConsoleApp(lambda: wire)
@@ -526,9 +551,9 @@ def test_the_screen_looks_as_it_was_agreed(
 
     def timed(self: Reprocessor, *arguments: object, **named: object):
         found = run(self, *arguments, **named)
+        stages = {"background": 60.0, "map": 2.0, "network": 30.0, "stars": 20.0, "fit": 50.0}
         found.stage_ms.clear()
-        found.stage_ms |= {"background": 60.0, "map": 2.0, "network": 30.0, "stars": 20.0}
-        found.stage_ms |= {"fit": 50.0, "total": 150.0}
+        found.stage_ms.update(stages, total=150.0)
         return found
 
     monkeypatch.setattr(Reprocessor, "run", timed)
@@ -537,6 +562,7 @@ def test_the_screen_looks_as_it_was_agreed(
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         nonlocal seen
         await press(pilot, sheet, "d")
+        assert "now the same" in " ".join(words(sheet, "panel").split())
         await pilot.pause(0.05)
         picture = app.export_screenshot(title="rsoconsole")
         seen = re.sub(r"terminal-\d+-", "terminal-", picture)

@@ -1,6 +1,7 @@
 """Looking at a frame at any scale: where the view is, which pixels a square shows, how bright."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -142,30 +143,28 @@ def test_means_over_blocks_are_means_of_what_there_is(
     assert means.shape == (math.ceil(height / block), math.ceil(width / block))
 
 
-@settings(max_examples=40, deadline=None)
-@given(
-    st.tuples(st.integers(64, 700), st.integers(64, 700)),
-    st.tuples(st.integers(4, 60), st.integers(3, 30)),
-    st.tuples(st.floats(0, 1), st.floats(0, 1)),
-    st.integers(0, 10),
-    st.sampled_from(STRETCHES),
-    st.sampled_from([1, 3]),
+looks = st.fixed_dictionaries(
+    {
+        "size": st.tuples(st.integers(64, 700), st.integers(64, 700)),
+        "room": st.tuples(st.integers(4, 60), st.integers(3, 30)),
+        "at": st.tuples(st.floats(0, 1), st.floats(0, 1)),
+        "zooms": st.integers(0, 10),
+        "stretch": st.sampled_from(STRETCHES),
+        "finer": st.sampled_from([1, 3]),
+    }
 )
-def test_a_bright_pixel_shines_in_its_own_square_at_every_scale(
-    size: tuple[int, int],
-    room: tuple[int, int],
-    at: tuple[float, float],
-    zooms: int,
-    stretch,
-    finer,
-):
-    width, height = size
+
+
+@settings(max_examples=40, deadline=None)
+@given(looks)
+def test_a_bright_pixel_shines_in_its_own_square_at_every_scale(look: dict[str, Any]):
+    (width, height), finer, zooms = look["size"], look["finer"], look["zooms"]
     pixels = np.random.default_rng(1).normal(700, 5, (height, width)).astype(np.uint16)
-    at_x, at_y = int(at[0] * (width - 1)), int(at[1] * (height - 1))
+    at_x, at_y = int(look["at"][0] * (width - 1)), int(look["at"][1] * (height - 1))
     pixels[at_y, at_x] = 65000
-    view = _zoomed(whole(width, height, *room).at(at_x, at_y), zooms)
+    view = _zoomed(whole(width, height, *look["room"]).at(at_x, at_y), zooms)
     window = view.window
-    shares = SheetPixels(pixels).shares(window, stretch, finer)
+    shares = SheetPixels(pixels).shares(window, look["stretch"], finer)
     assert shares.shape == (2 * window.rows * finer, window.columns * finer)
     rows_px, columns_px = (
         window.height_px / shares.shape[0],

@@ -170,6 +170,13 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
         said = words.alert_text(self.night, self.engine)
         return " · ".join(part for part in (asked, said) if part)
 
+    def _alert_elsewhere(self) -> str:
+        """The same for a screen over this one, which covers what came of a STOP."""
+        news = self.stop_news
+        return " · ".join(
+            part for part in (f"STOP {news.text}" if news else "", self._alert) if part
+        )
+
     def _alert_rows(self) -> int:
         alert = self._alert
         return len(words.wrapped(f" {alert}", self.size.width, MOST_ALERT_ROWS)) if alert else 0
@@ -303,7 +310,7 @@ class LiveScreen(TelescopeActions, StreakActions, TuneActions):
                 self.picture.frame_id,
                 self.night.config,
                 status=status,
-                alert=lambda: self._alert,
+                alert=self._alert_elsewhere,
                 keymap=self.keymap,
             )
         )

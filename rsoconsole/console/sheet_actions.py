@@ -24,7 +24,8 @@ class SheetActions(Screen[None]):
     """Changes what is looked at and what is tried; the screen built on it shows and asks."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("escape,q", "back", "Back", show=False),
+        Binding("escape", "back", "Back", show=False),
+        Binding("q", "app.leave", "Leave", id="leave", show=False),
         *(Binding(key, f"move('{key}')", show=False) for key in _MOVES),
         Binding("left_square_bracket", "step(-1)", "Smaller step", id="smaller_step", show=False),
         Binding("right_square_bracket", "step(1)", "Larger step", id="larger_step", show=False),
