@@ -9,6 +9,7 @@ import sys
 from collections.abc import Awaitable, Callable
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,7 +27,8 @@ from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.pipeline import reprocess
 from rsoconsole.pipeline.reprocess import Reprocessor, recorded_frame
 from rsoconsole.session.reader import SessionReader
-from tests.seat_rig import FakeWire, until
+from rsoconsole.vision.network import Network
+from tests.seat_rig import PATIENCE_S, FakeWire, until
 from tests.terminal import Terminal
 from tests.test_graphics import kitty_pictures
 from tests.whole_engine import wait_for
@@ -42,17 +44,26 @@ Act = Callable[[ConsoleApp, FrameSheet, Pilot[str]], Awaitable[None]]
 
 @pytest.fixture(autouse=True)
 def read_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The sample's frame is read from disk once for all tests: it takes a second."""
+    """The sample's frame is read once for all tests, and the network loaded: they take a second."""
 
     def read(path: Path, frame_id: int):
         return _read(path, frame_id) if path.is_relative_to(SAMPLE) else read_frame(path, frame_id)
 
+    def load(path: Path | None, threads: int):
+        return _network(threads) if path is None else Network.load(path, threads)
+
     monkeypatch.setattr(reprocess, "read_frame", read)
+    monkeypatch.setattr(reprocess, "Network", SimpleNamespace(load=load))
 
 
 @cache
 def _read(path: Path, frame_id: int):
     return read_frame(path, frame_id)
+
+
+@cache
+def _network(threads: int) -> Network:
+    return Network.load(None, threads)
 
 
 def look(
@@ -77,6 +88,8 @@ def look(
             app.push_screen(sheet)
             await calm(pilot, sheet)
             await act(app, sheet, pilot)
+        # The network is not for two threads at once.
+        assert await asyncio.to_thread(sheet._worker.join, PATIENCE_S)
 
     asyncio.run(run())
 
