@@ -36,5 +36,13 @@ class SessionError(RsoconsoleError):
     """A session cannot be opened or written."""
 
 
+class ExportError(RsoconsoleError):
+    """A session cannot be exported as asked, or an exported file cannot be read."""
+
+
 class ControlError(RsoconsoleError):
     """The engine cannot be reached or refused an intention."""
+
+
+class BatchError(RsoconsoleError):
+    """Work over many sessions cannot be shared out."""

@@ -22,6 +22,7 @@ import cv2
 import numpy as np
 from astropy.io import fits
 
+from rsoconsole.session.digest import sha256_of
 from rsoconsole.session.frame_files import encode_preview
 
 SAMPLE = Path(__file__).parent / "intelsat-14"
@@ -55,25 +56,26 @@ def trim(folder: Path) -> None:
             path.unlink()
         else:
             _code_smaller(path)
-    kept_bytes = (folder / "frames" / f"{KEPT_FRAME:06d}.fits.fz").stat().st_size
     for path in (*(folder / "previews").iterdir(), *(folder / "closeups").iterdir()):
         picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         path.write_bytes(encode_preview(picture & np.uint8(GREYS)))
     with sqlite3.connect(folder / "session.db") as database:
         database.execute(
-            "UPDATE files SET path = NULL, bytes = NULL, reason = 'left out of the sample'"
-            " WHERE role = 'frame' AND frame_id != ?",
+            "UPDATE files SET path = NULL, bytes = NULL, sha256 = NULL,"
+            " reason = 'left out of the sample' WHERE role = 'frame' AND frame_id != ?",
             (KEPT_FRAME,),
         )
-        database.execute(
-            "UPDATE files SET bytes = ? WHERE role = 'frame' AND frame_id = ?",
-            (kept_bytes, KEPT_FRAME),
-        )
+        for (path,) in database.execute("SELECT path FROM files WHERE path IS NOT NULL").fetchall():
+            content = (folder / path).read_bytes()
+            database.execute(
+                "UPDATE files SET bytes = ?, sha256 = ? WHERE path = ?",
+                (len(content), sha256_of(content), path),
+            )
         ((text,),) = database.execute("SELECT value FROM meta WHERE key = 'config'")
         config = json.loads(text)
         config["session"]["root"] = "sessions"
         database.execute("UPDATE meta SET value = ? WHERE key = 'config'", (json.dumps(config),))
-        database.execute("DELETE FROM meta WHERE key = 'pid'")
+        database.execute("DELETE FROM meta WHERE key IN ('pid', 'writer')")
     with sqlite3.connect(folder / "session.db") as database:
         database.execute("PRAGMA journal_mode=DELETE")
         database.execute("VACUUM")

@@ -64,6 +64,7 @@ def add_previews(writer: SessionWriter, frames: range) -> None:
         place = Closeup(frame_id=frame_id, x0_px=1872, y0_px=1405, width_px=256, height_px=192)
         writer.append(place, t_of(frame_id))
         assert writer.save_closeup(frame_id, closeup)
+        assert writer._previews.drain(20)
     assert writer.flush()
 
 

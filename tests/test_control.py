@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -107,6 +108,45 @@ def test_an_intention_whose_sender_gave_up_is_not_carried_out(path: Path) -> Non
         assert one_reply(wire)["id"] == 1
         assert ControlClient(path).send("arm").ok
     assert carried_out == ["long", "arm"]
+
+
+def test_a_stop_gets_in_though_many_knock_before_it(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a full backlog the system answers at once that it cannot take one more."""
+    monkeypatch.setattr("rsoconsole.control.server.BACKLOG", 0)
+    handled: list[str] = []
+
+    def handler(intention: Intention) -> Outcome:
+        handled.append(intention.verb)
+        return Outcome(ok=True)
+
+    def knock(verb: str) -> None:
+        assert ControlClient(path).send(verb, timeout_s=20.0).ok
+
+    with ControlServer(path, handler):
+        threads = [
+            threading.Thread(target=knock, args=(verb,)) for verb in ["nudge"] * 20 + ["stop"]
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(20)
+    assert sorted(handled) == ["nudge"] * 20 + ["stop"]
+
+
+def test_a_door_that_stays_crowded_is_said_to_be_so_in_time(path: Path) -> None:
+    with contextlib.ExitStack() as stack:
+        listener = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+        path.parent.mkdir(mode=0o700, exist_ok=True)
+        listener.bind(str(path))
+        listener.listen(0)
+        for _ in range(1):
+            stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)).connect(
+                str(path)
+            )
+        with pytest.raises(ControlError, match="did not answer 'status' within"):
+            ControlClient(path).send("status", timeout_s=0.1)
 
 
 def test_a_handler_that_breaks_is_an_outcome_and_the_wire_stays(path: Path) -> None:
@@ -254,11 +294,13 @@ def test_another_users_peer_is_turned_away(path: Path, monkeypatch: pytest.Monke
 def test_a_path_too_long_for_a_socket_falls_back_to_a_short_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     long_path = tmp_path / ("observatory" * 12) / "engine.sock"
-    with ControlServer(long_path, echo):
-        assert ControlClient(long_path).send("status").ok
-        assert address_of(long_path).parent.stat().st_mode & 0o777 == 0o700
+    # A folder of pytest's own may already be too long.
+    with tempfile.TemporaryDirectory() as short:
+        monkeypatch.setattr("tempfile.tempdir", short)
+        with ControlServer(long_path, echo):
+            assert ControlClient(long_path).send("status").ok
+            assert address_of(long_path).parent.stat().st_mode & 0o777 == 0o700
 
 
 def test_a_fallback_folder_open_to_others_is_refused(

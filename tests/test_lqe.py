@@ -312,3 +312,40 @@ def test_a_measurement_of_boundless_sigma_is_weighed_as_nothing(sigma_across_arc
     assert np.all(np.isfinite(after.P))
     assert (after.x[2] - predicted.x[2]) * 3600 == pytest.approx(0.0, abs=0.01)
     assert math.isfinite(after.nis)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    preset=st.sampled_from(["tuned", "paper"]),
+    sigma_arcsec=st.floats(0.1, 10.0),
+)
+@settings(max_examples=30, deadline=None)
+def test_the_papers_equations_come_to_the_same(seed, preset, sigma_arcsec):
+    """Written down as they stand in its text, through ten measurements of a wandering target."""
+    config = FilterConfig(preset=preset)
+    shaken = np.random.default_rng(seed).normal(0.0, 3.0 / 3600.0, (12, 2))
+    measurements = [
+        measurement(k, 355.0 + 0.125 * k + east, -5.0 + north, sigma_arcsec)
+        for k, (east, north) in enumerate(shaken)
+    ]
+    pairs = run(measurements, config)
+    state = lqe.initialise(measurements[0], measurements[1], config)
+    F, C = lqe.transition(CADENCE_S), lqe.C
+    for (predicted, updated), m in zip(pairs, measurements[2:], strict=True):
+        x, P = F @ np.array(state.x), F @ np.array(state.P) @ F.T
+        P = P + state.q_scale * lqe.process_noise(CADENCE_S, state.x[2], config)
+        assert predicted.x[2] == pytest.approx(x[2], abs=1e-12)
+        assert np.array(predicted.P) == pytest.approx(P, rel=1e-9)
+        y = np.array([m.ra_icrs_deg, m.dec_icrs_deg]) - C @ x
+        y[0] -= 360.0 * round(y[0] / 360.0)
+        R = lqe.measurement_noise(m, config)
+        S = C @ P @ C.T + R
+        L = P @ C.T @ np.linalg.inv(S)
+        x = x + L @ y
+        # Joseph's form of (I - L C) P.
+        P = (np.eye(4) - L @ C) @ P @ (np.eye(4) - L @ C).T + L @ R @ L.T
+        assert updated.x[0] == pytest.approx(x[0] % 360.0, abs=1e-10)
+        assert updated.x[1:] == pytest.approx(x[1:], abs=1e-10)
+        assert np.array(updated.P) == pytest.approx((P + P.T) / 2, rel=1e-6, abs=1e-20)
+        assert updated.nis == pytest.approx(y @ np.linalg.inv(S) @ y, rel=1e-9)
+        state = updated

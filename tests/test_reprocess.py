@@ -1,6 +1,8 @@
 """A kept frame processed once more: what the record says again, and what other settings say."""
 
 import shutil
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -200,6 +202,21 @@ def test_the_file_of_another_exposure_is_refused(copy: Path, frame: Frame, what:
 def test_the_pixels_are_those_of_the_file(recorded: RecordedFrame, frame: Frame):
     assert recorded.path is not None
     assert np.array_equal(frame.pixels, read_frame(recorded.path, KEPT).pixels)
+
+
+def test_a_branch_shows_the_pixels_of_its_session_and_why_others_are_missing(copy: Path):
+    branch = copy / "branches" / "tried"
+    branch.mkdir(parents=True)
+    shutil.copy(copy / "session.db", branch)
+    with closing(sqlite3.connect(branch / "session.db")) as database, database:
+        database.execute("DELETE FROM files")
+        database.execute("INSERT INTO meta VALUES ('branch_of', '\"../..\"')")
+    reader = SessionReader(branch)
+    kept = recorded_frame(reader, KEPT)
+    assert kept.path is not None
+    assert kept.path.samefile(copy / "frames" / "000009.fits.fz")
+    assert kept.not_kept_because == ""
+    assert recorded_frame(reader, LEFT_OUT).not_kept_because == "left out of the sample"
 
 
 # -- what was in force -------------------------------------------------------------------------

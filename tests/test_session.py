@@ -245,6 +245,7 @@ def test_the_views_spread_every_record_into_columns(writer: SessionWriter, folde
         "file_bytes",
         "not_kept_because",
         "preview",
+        "file_sha256",
         "frame_id",
     }
 
@@ -554,6 +555,7 @@ writer.save_frame(Frame(frame_id=1, name="", pixels=noise))
 for i in range(2, 5001):
     writer.append(Miss(frame_id=i, reason="x" * 100), i)
 is_flushed_when_full = writer.flush(1.0)
+assert writer._frames.drain(60)
 faults_when_full = writer.faults
 resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 is_flushed_when_free = writer.flush(20.0)

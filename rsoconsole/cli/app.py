@@ -8,7 +8,18 @@ import platformdirs
 import typer
 
 from rsoconsole import __version__
-from rsoconsole.cli import demo, figures, frames, house, seat, service, telescope
+from rsoconsole.cli import (
+    demo,
+    export,
+    figures,
+    frames,
+    house,
+    seat,
+    service,
+    sessions,
+    telescope,
+    what_if,
+)
 from rsoconsole.config import APP
 from rsoconsole.errors import RsoconsoleError
 
@@ -21,7 +32,18 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Find and follow satellites that nobody told you about. Start with: rsoconsole demo",
 )
-for group in (demo, seat, telescope, frames, house, service, figures):
+for group in (
+    demo,
+    seat,
+    telescope,
+    frames,
+    what_if,
+    house,
+    sessions,
+    service,
+    figures,
+    export,
+):
     group.register(app)
 
 

@@ -1,14 +1,23 @@
 """Verbs that work on recorded frames: process, detect, solve."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from rsoconsole.cli import output
+from rsoconsole.cli.crew import (
+    NoDaskOption,
+    SchedulerOption,
+    SerialOption,
+    WorkersOption,
+    everywhere,
+)
+from rsoconsole.cli.nights import process_nights
 from rsoconsole.cli.telescope import ConfigOption, JsonOption
-from rsoconsole.config import load_config
+from rsoconsole.config import Config, load_config
 from rsoconsole.errors import FrameError
 
 FramesArgument = Annotated[
@@ -50,27 +59,74 @@ def _each(
 
 
 def process(
-    frames: FramesArgument,
+    frames: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FRAME... | NIGHT...",
+            help="FITS (.gz .bz2 .fz), TIFF or PNG files; or folders of them, or sessions.",
+        ),
+    ],
     *,
     session: Annotated[
-        Path | None, typer.Option(help="Also record it as a session in this new folder.")
+        Path | None,
+        typer.Option(
+            help="Also record it as a session in this new folder; for nights: the folder in which"
+            " each becomes a session of its own."
+        ),
     ] = None,
     config: ConfigOption = None,
     tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
     preset: Annotated[str | None, typer.Option(help="Filter preset: tuned or paper.")] = None,
+    again: Annotated[
+        bool, typer.Option("--again", help="Make also those nights anew that are there already.")
+    ] = False,
+    workers: WorkersOption = None,
+    serial: SerialOption = False,
+    scheduler: SchedulerOption = None,
+    no_dask: NoDaskOption = False,
     json_: JsonOption = False,
 ) -> None:
     """Run the autonomous algorithm over recorded frames, without a mount.
 
     Frames are taken in the order given. Example: rsoconsole process night/*.fits --json
+
+    Folders are nights: each one's frames, in the order of their names, or a session's kept frames
+    become a session, several at once (on Dask where that is installed). Interrupted work goes on
+    where it was when the same command is given again: nights that are done are not done twice.
+    Example: rsoconsole process nights/* --session processed
     """
+    from rsoconsole.pipeline.batch_nights import nights_in
+    from rsoconsole.pipeline.batch_pool import crew_for
+
+    overrides = {"detector.tau": tau, "filter.preset": preset}
+    settings = load_config(config, {k: v for k, v in overrides.items() if v is not None})
+    if all(path.is_dir() for path in frames):
+        if session is None:
+            raise typer.BadParameter(
+                "a folder of frames becomes a session: --session names where",
+                param_hint="--session",
+            )
+        nights = nights_in(everywhere(frames), session.resolve(), settings, is_again=again)
+        crew_of = partial(
+            crew_for,
+            workers=workers,
+            scheduler=scheduler,
+            is_serial=serial,
+            is_dask_wanted=not no_dask,
+        )
+        process_nights(nights, session.resolve(), crew_of, json_)
+        return
+    _process_frames(frames, session, settings, json_)
+
+
+def _process_frames(
+    frames: list[Path], session: Path | None, settings: Config, json_: bool
+) -> None:
     from rsoconsole.pipeline.batch import Processed, process_files
     from rsoconsole.pipeline.open import open_reducer
     from rsoconsole.pipeline.reports import process_report
     from rsoconsole.session.recording import BatchRecording
 
-    overrides = {"detector.tau": tau, "filter.preset": preset}
-    settings = load_config(config, {k: v for k, v in overrides.items() if v is not None})
     failures = 0
     with open_reducer(settings) as (reducer, model_sha256):
         recording = BatchRecording(session, settings, model_sha256)

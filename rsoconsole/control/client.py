@@ -11,6 +11,8 @@ from rsoconsole.control.place import address_of, default_socket_path
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, read_outcome, receive_line
 from rsoconsole.errors import ControlError
 
+CROWDED_S = 0.01
+"""So long a crowded engine is left alone before it is asked again."""
 GRACE_S = 0.5
 
 
@@ -34,7 +36,7 @@ class ControlClient:
             "timeout_s": timeout_s,
         }
         try:
-            line = json.dumps(message, allow_nan=False).encode() + b"\n"
+            json.dumps(message, allow_nan=False)
         except (TypeError, ValueError) as error:
             raise ControlError(f"{verb}: an argument cannot be sent: {error}") from error
         # The engine drops what has waited longer than timeout_s; it is outwaited, so that what
@@ -42,8 +44,10 @@ class ControlClient:
         deadline = time.monotonic() + timeout_s + GRACE_S
         try:
             with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as wire:
-                wire.settimeout(timeout_s + GRACE_S)
-                wire.connect(str(address_of(self._path)))
+                _connect(wire, str(address_of(self._path)), deadline - GRACE_S)
+                message["timeout_s"] = max(deadline - GRACE_S - time.monotonic(), CROWDED_S)
+                line = json.dumps(message).encode() + b"\n"
+                wire.settimeout(deadline - time.monotonic())
                 # An engine that turns this user away closes at once, its refusal unread.
                 with contextlib.suppress(BrokenPipeError, ConnectionResetError):
                     wire.sendall(line)
@@ -58,3 +62,19 @@ class ControlClient:
         except OSError as error:
             raise ControlError(f"the engine cannot be reached: {error}") from error
         return read_outcome(reply)
+
+
+def _connect(wire: socket.socket, address: str, deadline: float) -> None:
+    """Connect, also where so many wait to be let in that the system turns the next one away.
+
+    Raises TimeoutError when that has not ended at the deadline, OSError for everything else.
+    """
+    while True:
+        wire.settimeout(max(deadline - time.monotonic(), CROWDED_S))
+        try:
+            wire.connect(address)
+            return
+        except BlockingIOError as error:
+            if time.monotonic() > deadline:
+                raise TimeoutError from error
+            time.sleep(CROWDED_S)

@@ -28,6 +28,8 @@ from rsoconsole.errors import ControlError
 FAST_VERBS = frozenset({"stop", "status"})
 MAX_CONNECTIONS = 32
 MAX_WAITING = 64
+BACKLOG = 128
+"""So many may knock at once before the system turns one away."""
 
 
 Handler = Callable[[Intention], Outcome]
@@ -73,7 +75,7 @@ class ControlServer:
             remove_socket(self._address)
             listener.bind(str(self._address))
             self._address.chmod(0o600)
-            listener.listen(8)
+            listener.listen(BACKLOG)
         except (OSError, ControlError) as error:
             listener.close()
             if self._own_lock is not None:

@@ -1,6 +1,7 @@
 """Algorithm 1 over recorded frames: what the engine does with a camera's, without a mount."""
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,15 +30,20 @@ class Processed:
 
 
 def process_files(
-    paths: list[Path], reducer: FrameReducer, config: Config
+    paths: Sequence[Path],
+    reducer: FrameReducer,
+    config: Config,
+    *,
+    numbers: Iterable[int] | None = None,
 ) -> Iterator[Processed | tuple[Path, FrameError]]:
     """Every frame in the order given; a frame that cannot be used is passed on with its error.
 
-    A frame without a time is detected and solved, and leaves the track as it is.
+    A frame without a time is detected and solved, and leaves the track as it is. ``numbers``: the
+    frames' own; from 1 on with None.
     """
     cycle = Cycle(reducer, config)
     following = Following()
-    for number, path in enumerate(paths, start=1):
+    for number, path in zip(numbers or itertools.count(1), paths, strict=False):
         try:
             frame = read_frame(path, number)
             if frame.t_mid_utc_ns is None or frame.exposure_s is None:

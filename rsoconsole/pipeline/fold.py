@@ -1,5 +1,6 @@
 """What is followed after a frame, from what is on record alone. Pure: no pixels, no memory."""
 
+import functools
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -51,7 +52,9 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
     plain = NOTHING_FITS
     if not shown.measurements:
         plain = plain_absence(shown.detections, shown.solution, t_mid_ns)
-    absence = explain_absence(
+    # Asked for by misses alone: the Sun and the Earth's shadow cost more than all the rest.
+    absence = functools.partial(
+        explain_absence,
         plain,
         stars=stars,
         stars_before=stars_before,

@@ -33,27 +33,24 @@ class Reduction:
     stage_ms: dict[str, float] = field(default_factory=dict)
 
 
-class Plates(Protocol):
-    """What finds a frame's plate: ``PlateFinder``, or the record of one that was found."""
-
-    def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved:
-        """The frame's plate, or why there is none."""
-        ...
+class Plate(Protocol):
+    """Who tells a frame's plate; ``pipeline.plate.PlateFinder`` finds it."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
-        ...
 
     def forget(self) -> None:
-        """The last plate says nothing any more."""
-        ...
+        """What was known of the camera holds no more."""
+
+    def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved | None:
+        """The plate of one frame; None where nobody asks for one."""
 
 
 class FrameReducer:
     """Detector and plate finder in the order of Algorithm 1."""
 
     def __init__(
-        self, network: Proposer, curve: ConfidenceCurve, plate: Plates, config: Config
+        self, network: Proposer, curve: ConfidenceCurve, plate: Plate, config: Config
     ) -> None:
         self._network = network
         self._curve = curve

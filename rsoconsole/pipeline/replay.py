@@ -8,14 +8,15 @@ changes of state that came from outside the fold. A frame without ``Detections``
 operator had the mount was looked at, not folded.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.pipeline.absence import StarHistory
 from rsoconsole.pipeline.fold import Shown, fold, looked_at
-from rsoconsole.pipeline.measure import measure, shutter_mid_utc_ns
+from rsoconsole.pipeline.measure import shutter_mid_utc_ns
+from rsoconsole.pipeline.otherwise import at_instant, at_tau
 from rsoconsole.pipeline.rulings import Fold, Folds
 from rsoconsole.records import (
     CycleTiming,
@@ -39,11 +40,11 @@ from rsoconsole.tracking.follow import Following
 TAU = "detector.tau"
 FOLDED: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))
 """States in which a frame is folded into what is followed."""
+FOLDS = (TrackState, NotFollowed, Miss, StateChange)
+"""What the fold puts on record."""
 LIMIT_MET, SOUGHT_AGAIN, CLOCK_SET = "limit met", "looked for again", "the clock was set"
 FROM_OUTSIDE = (LIMIT_MET, SOUGHT_AGAIN, CLOCK_SET)
 """How the reasons begin that lead from one of them to another without a frame's doing."""
-_TOO_FAINT = "confidence "
-"""How the detector's verdict on what is only below tau begins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,8 +69,25 @@ class ReplayedFrame:
         return self.records == self.recorded
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookedAt:
+    """A frame that was reduced and not folded: the operator had the mount, or it has no time."""
+
+    shown: Shown
+
+
+ReduceAgain: TypeAlias = Callable[[Shown, Config], Shown]
+"""What a frame shows when it is reduced once more: its record and the configuration in force."""
+Part: TypeAlias = Literal["input", "folded", "other"]
+"""What a record is to the fold: what goes in, what comes out, neither."""
+
+
 def replay(
-    records: Iterable[Any], config: Config, *, tried: Mapping[str, float | str] | None = None
+    records: Iterable[Any],
+    config: Config,
+    *,
+    tried: Mapping[str, float | str] | None = None,
+    reduce_again: ReduceAgain | None = None,
 ) -> Iterator[ReplayedFrame]:
     """Every frame that the session folded, in order, each as soon as its records are complete.
 
@@ -77,18 +95,19 @@ def replay(
     beginning; recorded changes are made as they come. ``tried``: settings by dotted name that
     hold from the start, whatever the record says of them (what-if); a tried tau admits or leaves
     out candidates by their recorded confidence, a tried header latency moves all instants;
-    everything else that made the measurements is taken as it was. Where the telescope looked is
-    never another than recorded.
+    everything else that made the measurements is taken as it was, unless ``reduce_again`` makes
+    them anew. Where the telescope looked is never another than recorded.
 
     Raises ConfigError for a setting that there is not, or a value that it cannot have.
     """
-    held = dict(tried or {})
-    for name, value in held.items():
-        config = with_setting(config, name, value)
-    walk = _Walk(config=config, held=frozenset(held))
+    walk = Walk.begin(config, tried, reduce_again)
     for record in records:
-        yield from walk.hear(record)
-    yield from walk.close()
+        yield from _folded(walk.hear(record))
+    yield from _folded(walk.close())
+
+
+def _folded(closed: Iterable[ReplayedFrame | LookedAt]) -> Iterator[ReplayedFrame]:
+    return (each for each in closed if isinstance(each, ReplayedFrame))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -111,11 +130,12 @@ class _Open:
 
 
 @dataclass(slots=True, kw_only=True)
-class _Walk:
+class Walk:
     """Where a replay stands in the log."""
 
     config: Config
     held: frozenset[str]
+    reduce_again: ReduceAgain | None = None
     following: Following = field(default_factory=Following)
     suspended: Following | None = None
     """What was followed when the operator took the mount."""
@@ -131,9 +151,25 @@ class _Walk:
     """One of them whose records still come in."""
     is_ruled: bool = False
     """A ruling has come, and none of the frames that it has followed again."""
+    part: Part = "other"
+    """What the record heard last is to the fold."""
 
-    def hear(self, record: Any) -> Iterator[ReplayedFrame]:
+    @classmethod
+    def begin(
+        cls,
+        config: Config,
+        tried: Mapping[str, float | str] | None = None,
+        reduce_again: ReduceAgain | None = None,
+    ) -> "Walk":
+        """At the beginning of a log. Raises ConfigError as ``replay`` does."""
+        held = dict(tried or {})
+        for name, value in held.items():
+            config = with_setting(config, name, value)
+        return cls(config=config, held=frozenset(held), reduce_again=reduce_again)
+
+    def hear(self, record: Any) -> Iterator[ReplayedFrame | LookedAt]:
         """One record; gives the frame that it shows to be complete."""
+        self.part = "other"
         match record:
             case FrameTaken():
                 yield from self.close()
@@ -141,6 +177,7 @@ class _Walk:
                 self.alarms.clear()
             case Detections():
                 if self.taken is not None:
+                    self.part = "input"
                     self.open = _Open(taken=self.taken, detections=record)
             case CycleTiming():
                 yield from self.close()
@@ -152,35 +189,42 @@ class _Walk:
                 yield from self.close()
                 if record.name not in self.held:
                     self.config = with_setting(self.config, record.name, record.after)
-            case StateChange() if _is_from_outside(record):
+            case StateChange() if is_from_outside(record):
                 yield from self.close()
                 self._pass(record)
             case Event():
                 if record.level == "alarm":
                     self.alarms.add(record.text)
             case _:
-                self._hear_of_frame(record)
+                self.part = self._hear_of_frame(record)
 
-    def _hear_of_frame(self, record: Any) -> None:
+    def _hear_of_frame(self, record: Any) -> Part:
         """What was seen in a frame, or what the fold made of it."""
-        if isinstance(record, Miss) and record.reason in self.alarms:
-            return  # the loop's own, of an instrument that failed
-        if isinstance(record, StateChange) and self.is_ruled:
-            return  # what a ruling came to, in words
-        is_folds = isinstance(record, TrackState | NotFollowed | Miss | StateChange)
+        is_folds = isinstance(record, FOLDS) and not self._is_loops_own(record)
         if self.open_again is not None:
             if is_folds:
                 self.open_again[1].append(record)
-        elif self.open is None:
-            return
-        elif isinstance(record, Solution | NotSolved):
+            return "folded" if is_folds else "other"
+        if self.open is None:
+            return "other"
+        if is_folds:
+            self.open.recorded.append(record)
+            return "folded"
+        if isinstance(record, Solution | NotSolved):
             self.open.solution = record
         elif isinstance(record, Measurement):
             self.open.measurements.append(record)
-        elif is_folds:
-            self.open.recorded.append(record)
+        else:
+            return "other"
+        return "input"
 
-    def close(self) -> Iterator[ReplayedFrame]:
+    def _is_loops_own(self, record: Any) -> bool:
+        """An instrument that failed, or what a ruling came to in words: nothing of the fold's."""
+        if isinstance(record, Miss):
+            return record.reason in self.alarms
+        return isinstance(record, StateChange) and self.is_ruled
+
+    def close(self) -> Iterator[ReplayedFrame | LookedAt]:
         """Fold the open frame, if there is one."""
         if self.open_again is not None:
             fold_, recorded_again = self.open_again
@@ -191,12 +235,16 @@ class _Walk:
         shown, recorded = self.open.shown(), tuple(self.open.recorded)
         self.open = self.taken = None
         if TAU in self.held:
-            shown = _at_tau(shown, self.config)
+            shown = at_tau(shown, self.config)
+        if self.reduce_again is not None:
+            shown = self.reduce_again(shown, self.config)
         t_mid_ns = shutter_mid_utc_ns(shown.taken, self.config.exposure)
+        if t_mid_ns is not None:
+            shown = at_instant(shown, t_mid_ns)
         if self.following.state not in FOLDED or t_mid_ns is None:
             self.stars = looked_at(self.stars, shown)
+            yield LookedAt(shown=shown)
             return
-        shown = _at_instant(shown, t_mid_ns)
         folded = fold(self.following, self.stars, shown, self.config)
         done = Fold(
             before=self.following,
@@ -253,38 +301,7 @@ def _replayed(done: Fold, recorded: tuple[Any, ...]) -> ReplayedFrame:
     )
 
 
-def _is_from_outside(change: StateChange) -> bool:
+def is_from_outside(change: StateChange) -> bool:
+    """Whether a change of state is none of the fold's."""
     is_between_folded = change.before in FOLDED and change.after in FOLDED
     return not is_between_folded or change.reason.startswith(FROM_OUTSIDE)
-
-
-def _at_instant(shown: Shown, t_mid_utc_ns: int) -> Shown:
-    """The same measurements at the frame's mid-exposure: another where its latency is tried."""
-    if all(m.t_mid_utc_ns == t_mid_utc_ns for m in shown.measurements):
-        return shown
-    moved = (replace(m, t_mid_utc_ns=t_mid_utc_ns) for m in shown.measurements)
-    return replace(shown, measurements=tuple(moved))
-
-
-def _at_tau(shown: Shown, config: Config) -> Shown:
-    """What the frame would have shown at the configured tau, most confident first.
-
-    The detector keeps what passed its gates and lay below tau, so nothing is guessed; without a
-    plate solution a candidate is detected and not measured, as ever.
-    """
-    tau = config.detector.tau
-    found = shown.detections
-    below = [r for r in found.rejected if r.reason.startswith(_TOO_FAINT)]
-    admitted = [r.detection for r in below if r.detection.confidence > tau]
-    kept = [d for d in found.detections if d.confidence > tau]
-    measurements = [m for m in shown.measurements if m.source == "operator" or m.confidence > tau]
-    if isinstance(shown.solution, Solution):
-        made = (measure(d, shown.solution, shown.taken, config.exposure) for d in admitted)
-        measurements += [m for m in made if m is not None]
-    # Sorting is stable: what was measured keeps its order.
-    detections = sorted((*kept, *admitted), key=lambda d: -d.confidence)
-    return replace(
-        shown,
-        detections=replace(found, detections=tuple(detections)),
-        measurements=tuple(sorted(measurements, key=lambda m: -m.confidence)),
-    )

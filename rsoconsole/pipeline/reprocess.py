@@ -7,7 +7,7 @@ tau would have made of the recorded candidates. Nothing is written anywhere.
 import logging
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -16,7 +16,8 @@ from rsoconsole.errors import FrameError, RsoconsoleError, SessionError
 from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.instruments.solver import PlateSolver
 from rsoconsole.pipeline.plate import PlateFinder
-from rsoconsole.pipeline.reduce import FrameReducer
+from rsoconsole.pipeline.reduce import FrameReducer, Plate
+from rsoconsole.pipeline.rerun import RecordedPlate
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -33,11 +34,12 @@ from rsoconsole.vision.candidates import is_same_streak
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map
 from rsoconsole.vision.network import Network
-from rsoconsole.vision.stars import StarList
 
 log = logging.getLogger(__name__)
 
 TAU, MAP_MODE = "detector.tau", "detector.map_mode"
+ROUNDED_NS = 100_000_000
+"""By which a card's instant may differ from the recorded one."""
 UNWRITTEN = "its pixels are not in the session: not written yet, or removed since"
 SAME_PX, SAME_CONFIDENCE = 0.05, 0.005
 """Within these a candidate is as recorded: another processor rounds otherwise."""
@@ -185,12 +187,20 @@ def read_pixels(recorded: RecordedFrame) -> Frame:
             f"{recorded.path.name} is {frame.width_px} x {frame.height_px} px, but frame"
             f" {taken.frame_id} was {taken.width_px} x {taken.height_px}: it is another's file"
         )
-    if frame.t_start_utc_ns != taken.t_start_utc_ns:
+    then_ns, read_ns = taken.t_start_utc_ns, frame.t_start_utc_ns
+    if then_ns is not None and read_ns is not None and abs(read_ns - then_ns) > ROUNDED_NS:
         raise FrameError(
             f"{recorded.path.name} began at another instant than frame {taken.frame_id}:"
             " it is another's file"
         )
-    return frame
+    # What the camera's process said of the frame counts, not what a card may have rounded.
+    return replace(
+        frame,
+        t_start_utc_ns=taken.t_start_utc_ns,
+        exposure_s=taken.exposure_s,
+        pointing_ra_icrs_deg=taken.pointing_ra_icrs_deg,
+        pointing_dec_icrs_deg=taken.pointing_dec_icrs_deg,
+    )
 
 
 class Reprocessor:
@@ -231,7 +241,7 @@ class Reprocessor:
                 config = with_setting(config, name, value)
         network = self._network
         curve = ConfidenceCurve.from_card(network.card)
-        plate = self._plate(config) if solves_anew else _RecordedPlate(recorded.seen.solution)
+        plate = self._plate(config) if solves_anew else _on_record(recorded.seen.solution)
         began_s = time.perf_counter()
         reduction = FrameReducer(network, curve, plate, config).reduce(self._frame)
         stage_ms = dict(reduction.detections.stage_ms)
@@ -262,33 +272,22 @@ class Reprocessor:
         )
         return tuple(make_map(frame.pixels, map_mode, block) for block in blocks)
 
-    def _plate(self, config: Config) -> "PlateFinder | _RecordedPlate":
+    def _plate(self, config: Config) -> Plate:
         try:
             if self._solver is None:
                 self._solver = PlateSolver(config.solver.index_dirs)
         except RsoconsoleError as error:
             log.warning("%s", error)
             missing = NotSolved(frame_id=self._frame.frame_id, reason=str(error), ms=0.0)
-            return _RecordedPlate(missing)
+            return _on_record(missing)
         return PlateFinder(self._solver, config)
 
 
-class _RecordedPlate:
-    """Stands in for the plate finder: the same pixels have the same plate."""
-
-    def __init__(self, solution: Solution | NotSolved | None) -> None:
-        self._solution = solution
-
-    def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved:  # noqa: ARG002 -- as the finder has it
-        if self._solution is not None:
-            return self._solution
-        return NotSolved(frame_id=frame.frame_id, reason="no plate is on record", ms=0.0)
-
-    def configure(self, config: Config) -> None:
-        """Nothing of it depends on settings."""
-
-    def forget(self) -> None:
-        """It remembers nothing but the record."""
+def _on_record(solution: Solution | NotSolved | None) -> Plate:
+    """The same pixels have the same plate."""
+    plate = RecordedPlate()
+    plate.solution = solution
+    return plate
 
 
 def compare(was: Detections | None, now: Detections | None) -> tuple[Compared, ...]:

@@ -1,33 +1,53 @@
-"""How well a night was followed, in figures: as recorded, and as with other settings. Pure."""
+"""How well a night was followed, in figures: as recorded, and as with other settings."""
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.replay import ReplayedFrame, replay
-from rsoconsole.records import Miss, TrackState
+from rsoconsole.records import Miss, StateChange, TrackState
 from rsoconsole.tracking.consistency import mean_band
+from rsoconsole.tracking.follow import three_sigma_deg
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackFigures:
-    """Of the frames looked at; None where there is nothing to reckon with."""
+    """Of the frames looked at; None where there is nothing to reckon with.
+
+    Residuals are measured minus predicted, of every measurement that the track took.
+    """
 
     frames: int
+    """Folded ones: not those that were taken while the operator had the mount."""
+    locked_after_frames: int | None
+    """Number of the first frame in TRACK."""
+    locked_after_s: float | None
+    """From the middle of the first frame to the middle of that one."""
+    lock_held: float | None
+    """Share of the frames after that one that ended in TRACK."""
     updates: int
     misses: int
+    losses: int
+    """How often what was followed was given up as lost."""
     residual_rms_arcsec: float | None
-    """Of measured minus predicted, both axes together."""
+    """Both axes together."""
+    residual_east_rms_arcsec: float | None
+    residual_north_rms_arcsec: float | None
     nis_mean: float | None
     """2 for a sound filter."""
     nis_band: tuple[float, float] | None
     """Within which that mean lies for a sound filter, 95 times in 100."""
     inside_3sigma: float | None
     """Share of updates whose residual lies within 3 sigma on both axes; 0.995 for a sound one."""
+    max_3sigma_arcmin: float | None
+    """Of the predictions for a frame, the widest."""
     state: str
     """After the last frame."""
+    states: Mapping[str, int] = field(default_factory=dict)
+    """How many frames ended in each."""
 
     @property
     def is_nis_sound(self) -> bool | None:
@@ -37,28 +57,42 @@ class TrackFigures:
         return self.nis_band[0] <= self.nis_mean <= self.nis_band[1]
 
 
+def once_each(frames: Iterable[ReplayedFrame]) -> list[ReplayedFrame]:
+    """In order of their numbers; of a frame that was followed again, what counts in the end."""
+    by_number = {each.taken.frame_id: each for each in frames}
+    return [by_number[number] for number in sorted(by_number)]
+
+
 def figures_of(frames: Iterable[ReplayedFrame], last: int | None = None) -> TrackFigures:
     """Figures of the last so many frames, of all with None; a frame followed again counts once."""
-    by_number: dict[int, ReplayedFrame] = {}
-    for each in frames:
-        by_number.pop(each.taken.frame_id, None)
-        by_number[each.taken.frame_id] = each
-    chosen = [by_number[number] for number in sorted(by_number)]
+    chosen = once_each(frames)
     chosen = chosen if last is None else chosen[-last:]
     records = [record for each in chosen for record in each.records]
     updates = [r for r in records if isinstance(r, TrackState) and r.innovation_arcsec is not None]
-    squares = [e**2 + n**2 for e, n in (u.innovation_arcsec or (0.0, 0.0) for u in updates)]
+    predicted = [r for r in records if isinstance(r, TrackState) and r.kind == "predicted"]
+    residuals = [update.innovation_arcsec or (0.0, 0.0) for update in updates]
+    east = _mean_square([residual[0] for residual in residuals])
+    north = _mean_square([residual[1] for residual in residuals])
     nis = [u.nis for u in updates if u.nis is not None]
     inside = [_is_inside(u) for u in updates]
+    locked = next((n for n, each in enumerate(chosen) if each.after.state == "TRACK"), None)
     return TrackFigures(
         frames=len(chosen),
+        locked_after_frames=None if locked is None else chosen[locked].taken.frame_id,
+        locked_after_s=None if locked is None else _seconds_between(chosen[0], chosen[locked]),
+        lock_held=None if locked is None else _share_in_track(chosen[locked + 1 :]),
         updates=len(updates),
         misses=sum(isinstance(record, Miss) for record in records),
-        residual_rms_arcsec=math.sqrt(sum(squares) / len(squares)) if squares else None,
+        losses=sum(isinstance(r, StateChange) and r.after == "LOST" for r in records),
+        residual_rms_arcsec=None if east is None or north is None else math.sqrt(east + north),
+        residual_east_rms_arcsec=None if east is None else math.sqrt(east),
+        residual_north_rms_arcsec=None if north is None else math.sqrt(north),
         nis_mean=sum(nis) / len(nis) if nis else None,
         nis_band=mean_band(len(nis)) if nis else None,
         inside_3sigma=sum(inside) / len(inside) if inside else None,
+        max_3sigma_arcmin=max((three_sigma_deg(p) * 60.0 for p in predicted), default=None),
         state=chosen[-1].after.state if chosen else "",
+        states=dict(Counter(each.after.state for each in chosen)),
     )
 
 
@@ -70,6 +104,20 @@ def what_if(
 ) -> TrackFigures:
     """The same night with other settings. Raises ConfigError for one that cannot be."""
     return figures_of(replay(records, config, tried=tried), last)
+
+
+def _mean_square(values: Sequence[float]) -> float | None:
+    return sum(value**2 for value in values) / len(values) if values else None
+
+
+def _seconds_between(first: ReplayedFrame, later: ReplayedFrame) -> float | None:
+    begin, end = first.taken.t_mid_utc_ns, later.taken.t_mid_utc_ns
+    return None if begin is None or end is None else (end - begin) / 1e9
+
+
+def _share_in_track(frames: Sequence[ReplayedFrame]) -> float | None:
+    in_track = sum(each.after.state == "TRACK" for each in frames)
+    return in_track / len(frames) if frames else None
 
 
 def _is_inside(update: TrackState) -> bool:

@@ -3,10 +3,9 @@
 import itertools
 import sqlite3
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from rsoconsole.records import Event
@@ -24,14 +23,14 @@ _INSERT_RECORD = (
     "INSERT OR IGNORE INTO log (seq, t_utc_ns, kind, frame_id, body) VALUES (?, ?, ?, ?, ?)"
 )
 _INSERT_FILE = (
-    "INSERT OR REPLACE INTO files (frame_id, role, path, bytes, ms, reason) "
-    "VALUES (?, ?, ?, ?, ?, ?)"
+    "INSERT OR REPLACE INTO files (frame_id, role, path, bytes, ms, reason, sha256) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?)"
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptFile:
-    """A file of the session beside its log, or why it is not there."""
+    """A file beside the log, or why it is not there: a row of ``files``, its columns in order."""
 
     frame_id: int
     role: str
@@ -39,6 +38,7 @@ class KeptFile:
     bytes: int | None
     ms: float | None
     reason: str | None
+    sha256: str | None
 
 
 _Entry = tuple[int, int, Record] | KeptFile
@@ -158,8 +158,7 @@ class LogWriter:
 
     def _statement(self, entry: _Entry) -> _Statement:
         if isinstance(entry, KeptFile):
-            values = (entry.frame_id, entry.role, entry.path, entry.bytes, entry.ms, entry.reason)
-            return _INSERT_FILE, values
+            return _INSERT_FILE, astuple(entry)
         seq, t_utc_ns, record = entry
         try:
             kind, frame_id, body = encode(record)
@@ -180,26 +179,3 @@ class LogWriter:
             except sqlite3.Error as error:
                 self._faults.report("log", f"the session's log cannot be closed: {error}")
             self._connection = None
-
-
-def leave_wal(path: Path, connect: Callable[[Path], sqlite3.Connection], timeout_s: float) -> None:
-    """Fold the write-ahead log into the database, so that it is one file any reader can open.
-
-    Raises sqlite3.Error when readers hold it for longer than ``timeout_s``.
-    """
-    deadline = time.monotonic() + timeout_s
-    connection = connect(path)
-    try:
-        while True:
-            try:
-                connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-                mode = connection.execute("PRAGMA journal_mode=DELETE").fetchone()[0]
-                if mode == "delete":
-                    return
-                raise sqlite3.OperationalError(f"the journal stays in mode {mode}")
-            except sqlite3.OperationalError:
-                if time.monotonic() > deadline:
-                    raise
-                time.sleep(0.05)
-    finally:
-        connection.close()

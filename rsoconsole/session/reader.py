@@ -2,14 +2,23 @@
 
 Each call opens the database read-only and lets go of it again: no transaction is held, the
 writer is never kept from anything, and a session that ends can leave its write-ahead log.
+
+A session of an older schema is read through the views of today, which live in the reader's own
+connection; its file is not touched. A branch (``meta`` names in ``branch_of`` what it branches
+from) is read as a session; files that it does not hold itself are that session's.
 """
 
 import json
+import os
+import shutil
 import sqlite3
+import weakref
 from collections.abc import Collection, Iterator
 from contextlib import closing
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Any
 
 from pydantic import ValidationError
@@ -18,10 +27,25 @@ from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
 from rsoconsole.records import Event
 from rsoconsole.session.codec import KINDS, Record, decode
-from rsoconsole.session.schema import APPLICATION_ID, DATABASE, SCHEMA_VERSION, VIEWS
+from rsoconsole.session.database import connect_to_read, finish_copy
+from rsoconsole.session.schema import (
+    APPLICATION_ID,
+    BESIDE_DATABASE,
+    DATABASE,
+    JOURNAL,
+    SCHEMA_VERSION,
+    VIEWS,
+    temporary_views,
+)
 
 PAGE_RECORDS = 500
+MAX_BRANCH_DEPTH = 8
+"""Branches of branches that are followed to a file: more are a circle."""
 _SELECT = "SELECT seq, t_utc_ns, kind, body FROM log WHERE seq > ?"
+
+
+class LaterSchemaError(SessionError):
+    """A later version wrote the session: nothing is wrong with it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,10 +79,25 @@ class SessionReader:
             raise SessionError(f"{self._database} is not a session of rsoconsole")
         ((version,),) = self._fetch("PRAGMA user_version")
         if version > SCHEMA_VERSION:
-            raise SessionError(
+            raise LaterSchemaError(
                 f"{self.folder} was written by a later rsoconsole (schema {version}, this one "
                 f"knows {SCHEMA_VERSION}): update rsoconsole"
             )
+        self.schema_version: int = version
+
+    def connect(self) -> sqlite3.Connection:
+        """A connection of your own for SQL, read-only, with the public views of today.
+
+        On a session of an older schema they are temporary views, and columns that it does not
+        have are NULL. Close it soon: as long as it reads, a live session cannot fold its log.
+        """
+        connection = self._open()
+        try:
+            connection.executescript(temporary_views(self.schema_version))
+        except sqlite3.Error as error:
+            connection.close()
+            raise self._damaged(error) from error
+        return connection
 
     def about(self) -> dict[str, Any]:
         """What the session said of itself when it began: config, model_sha256, versions and so on.
@@ -128,7 +167,7 @@ class SessionReader:
         """The rows of one of the public views, in order of the log."""
         if name not in VIEWS:
             raise SessionError(f"a session has no view {name!r}; it has {', '.join(VIEWS)}")
-        with closing(self._open()) as connection:
+        with closing(self.connect()) as connection:
             try:
                 cursor = connection.execute(f"SELECT * FROM {name} ORDER BY seq")
                 columns = [column[0] for column in cursor.description]
@@ -144,6 +183,8 @@ class SessionReader:
         """Why the frame's pixels were not kept; None when they were, or nothing is said of it."""
         sql = "SELECT reason FROM files WHERE frame_id = ? AND role = 'frame'"
         rows = self._fetch(sql, (frame_id,))
+        if not rows and self._origin is not None:
+            return self._origin.not_kept_because(frame_id)
         return str(rows[0][0]) if rows and rows[0][0] else None
 
     def preview_path(self, frame_id: int) -> Path | None:
@@ -157,13 +198,50 @@ class SessionReader:
         """
         return self._file(frame_id, "closeup")
 
+    @cached_property
+    def branch_of(self) -> Path | None:
+        """The folder of the session that this one is a branch of; None for a session by itself.
+
+        The folder need not exist: branches may be carried away from their session.
+        """
+        rows = self._fetch("SELECT value FROM meta WHERE key = 'branch_of'")
+        named = json.loads(rows[0][0]) if rows else None
+        if not isinstance(named, str) or not named or Path(named).is_absolute():
+            return None
+        folder = (self.folder / named).resolve()
+        return None if folder == self.folder.resolve() else folder
+
+    @cached_property
+    def _origin(self) -> "SessionReader | None":
+        """The reader of the session this one branches from, where it can be read."""
+        if self.branch_of is None:
+            return None
+        try:
+            return SessionReader(self.branch_of)
+        except SessionError:
+            return None
+
     def _file(self, frame_id: int, role: str) -> Path | None:
+        reader: SessionReader | None = self
+        for _ in range(MAX_BRANCH_DEPTH):
+            if reader is None:
+                return None
+            path = reader._own_file(frame_id, role)
+            if path is not None:
+                return path
+            reader = reader._origin
+        return None
+
+    def _own_file(self, frame_id: int, role: str) -> Path | None:
         rows = self._fetch(
             "SELECT path FROM files WHERE frame_id = ? AND role = ? AND path IS NOT NULL",
             (frame_id, role),
         )
-        path = self.folder / rows[0][0] if rows else None
-        return path if path is not None and path.is_file() else None
+        named = Path(rows[0][0]) if rows else None
+        if named is None or named.is_absolute() or ".." in named.parts:
+            return None
+        path = self.folder / named
+        return path if path.is_file() else None
 
     def _fetch(self, sql: str, values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         with closing(self._open()) as connection:
@@ -173,40 +251,55 @@ class SessionReader:
                 raise self._damaged(error) from error
 
     def _open(self) -> sqlite3.Connection:
-        address = self._database.resolve().as_uri()
         try:
-            connection = sqlite3.connect(f"{address}?mode=ro", uri=True, timeout=2.0)
             try:
-                connection.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchall()
-                return connection
-            except sqlite3.Error as error:
-                connection.close()
-                if self._has_unfolded_log() or not isinstance(error, sqlite3.OperationalError):
+                return connect_to_read(self._database)
+            except sqlite3.OperationalError as error:
+                if not self._is_unfinished():
+                    # On a medium that cannot be written, SQLite must be told that nobody writes.
+                    return connect_to_read(self._database, is_immutable=True)
+                if _is_busy(error) or not self._is_left():
                     raise
-            # On a medium that cannot be written, SQLite must be told that nobody writes.
-            return sqlite3.connect(f"{address}?mode=ro&immutable=1", uri=True)
-        except sqlite3.Error as error:
+            # What a cut has left can only be finished by writing: in a copy, as readers write not.
+            self._database = self._finished_copy()
+            return connect_to_read(self._database)
+        except (sqlite3.Error, OSError) as error:
             raise self._damaged(error) from error
 
-    def _has_unfolded_log(self) -> bool:
-        beside = self._database.with_name(DATABASE + "-wal")
-        return beside.exists() and beside.stat().st_size > 0
+    def _finished_copy(self) -> Path:
+        """The database in a scratch folder, which lasts as long as this reader."""
+        scratch = Path(mkdtemp(prefix="rsoconsole-"))
+        weakref.finalize(self, shutil.rmtree, scratch, ignore_errors=True)
+        return finish_copy(self.folder, scratch)
 
-    def _damaged(self, error: sqlite3.Error) -> SessionError:
+    def _is_unfinished(self) -> bool:
+        """Whether part of the database lies in a file beside it, where a cut has left it."""
+        beside = (self.folder / name for name in BESIDE_DATABASE if not name.endswith("-shm"))
+        return any(path.exists() and path.stat().st_size > 0 for path in beside)
+
+    def _is_left(self) -> bool:
+        """Whether what is unfinished will stay so: nobody can write here, or a journal was left."""
+        return not os.access(self.folder, os.W_OK) or (self.folder / JOURNAL).exists()
+
+    def _damaged(self, error: sqlite3.Error | OSError) -> SessionError:
         if isinstance(error, sqlite3.OperationalError) and "no such table" in str(error):
             return SessionError(
                 f"{self._database} lacks a part of a session ({error}): it was cut off while it was"
                 " made, or something else has changed it"
             )
-        if isinstance(error, sqlite3.OperationalError):
+        if isinstance(error, sqlite3.OperationalError | OSError):
             return SessionError(
                 f"{self._database} cannot be read: {error}; "
                 "check that you may read the folder, or copy it to a place you can write"
             )
         return SessionError(
             f"{self._database} is damaged or no session: {error}; "
-            "its frames are untouched, and 'sqlite3 session.db .recover' may save the log"
+            f"its frames are untouched, 'rsoconsole sessions repair {self.folder}' saves the rest"
         )
+
+
+def _is_busy(error: sqlite3.OperationalError) -> bool:
+    return error.sqlite_errorcode & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
 
 
 def _known(table: Any) -> Any:

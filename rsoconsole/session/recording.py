@@ -11,12 +11,20 @@ from rsoconsole.session.writer import SessionWriter
 class BatchRecording:
     """Writes what ``process`` found into a new session; does nothing without a folder."""
 
-    def __init__(self, folder: Path | None, config: Config, model_sha256: str) -> None:
+    def __init__(
+        self, folder: Path | None, config: Config, model_sha256: str, **about: Any
+    ) -> None:
+        """``about``: what else the session is to say of itself, or another title."""
         self._writer: SessionWriter | None = None
         self._last_utc_ns = 0
         if folder is not None:
-            about = {"title": "recorded frames", "model_sha256": model_sha256}
-            self._writer = SessionWriter.create(folder, config, about)
+            facts = {"title": "recorded frames", "model_sha256": model_sha256, **about}
+            self._writer = SessionWriter.create(folder, config, facts)
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What the record lacks, in words; empty when all is well."""
+        return () if self._writer is None else self._writer.faults
 
     def append(self, records: Iterable[Any], t_utc_ns: int | None) -> None:
         """All records of one frame, in order; a frame without a time keeps the last one's."""

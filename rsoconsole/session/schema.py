@@ -2,16 +2,33 @@
 
 ``log`` is the truth: every record in the order in which the engine made it, as JSON. The views
 spread the records into columns for SQL; SQLite may round their decimals in the last digit, the
-JSON is exact. A new version adds; it never renames nor rewrites.
+JSON is exact. A new version adds; it never renames nor rewrites: whoever reads an older session
+gets today's views over it, made for his connection alone (``temporary_views``).
+
+Schema 2 adds the hash of every file, and on close the digest of the log (``session/digest.py``).
 """
 
-DATABASE = "session.db"
-FRAMES = "frames"
-PREVIEWS = "previews"
-CLOSEUPS = "closeups"
-CONFIG = "config.toml"
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
 
-SCHEMA_VERSION = 1
+DATABASE = "session.db"
+WAL = f"{DATABASE}-wal"
+JOURNAL = f"{DATABASE}-journal"
+BESIDE_DATABASE = (WAL, JOURNAL, f"{DATABASE}-shm")
+"""What SQLite keeps beside the database while it is written, or after it was cut off."""
+CONFIG = "config.toml"
+BRANCHES = "branches"
+"""Folder of what others derive from the session: never part of its record."""
+
+FOLDERS: Mapping[str, str] = MappingProxyType(
+    {"frame": "frames", "preview": "previews", "closeup": "closeups"}
+)
+"""Where the files of each role lie."""
+_ENDINGS = {"frame": ".fits.fz", "preview": ".png", "closeup": ".png"}
+_NUMBERED = re.compile(r"(?P<folder>[a-z]+)/(?P<frame_id>\d{6,})(?P<ending>(\.[a-z]+)+)")
+
+SCHEMA_VERSION = 2
 APPLICATION_ID = 0x52534F43
 """``RSOC`` in the database's header: tells a session from any other SQLite file."""
 
@@ -32,6 +49,7 @@ CREATE TABLE files (
   bytes INTEGER,
   ms REAL,
   reason TEXT,
+  sha256 TEXT,
   PRIMARY KEY (frame_id, role)
 ) WITHOUT ROWID;
 """
@@ -81,7 +99,7 @@ _CANDIDATE = (
 )
 
 _FRAMES_VIEW = """
-CREATE VIEW frames AS SELECT log.seq, log.t_utc_ns, log.frame_id,
+SELECT log.seq, log.t_utc_ns, log.frame_id,
   json_extract(body, '$.name') AS name,
   json_extract(body, '$.t_start_utc_ns') AS t_start_utc_ns,
   json_extract(body, '$.exposure_s') AS exposure_s,
@@ -90,25 +108,25 @@ CREATE VIEW frames AS SELECT log.seq, log.t_utc_ns, log.frame_id,
   json_extract(body, '$.pointing_ra_icrs_deg') AS pointing_ra_icrs_deg,
   json_extract(body, '$.pointing_dec_icrs_deg') AS pointing_dec_icrs_deg,
   kept.path AS file, kept.bytes AS file_bytes, kept.reason AS not_kept_because,
-  shown.path AS preview
+  shown.path AS preview, kept.sha256 AS file_sha256
 FROM log
 LEFT JOIN files AS kept ON kept.frame_id = log.frame_id AND kept.role = 'frame'
 LEFT JOIN files AS shown ON shown.frame_id = log.frame_id AND shown.role = 'preview'
-WHERE kind = 'FrameTaken';
+WHERE kind = 'FrameTaken'
 """
 
 _NOT_SOLVED = """
-CREATE VIEW not_solved AS SELECT seq, t_utc_ns, frame_id,
+SELECT seq, t_utc_ns, frame_id,
   json_extract(body, '$.reason') AS reason, json_extract(body, '$.ms') AS ms
-FROM log WHERE kind = 'NotSolved';
+FROM log WHERE kind = 'NotSolved'
 """
 
 _NOT_FOLLOWED = """
-CREATE VIEW not_followed AS SELECT seq, t_utc_ns, frame_id,
+SELECT seq, t_utc_ns, frame_id,
   json_extract(body, '$.measurement.ra_icrs_deg') AS ra_icrs_deg,
   json_extract(body, '$.measurement.dec_icrs_deg') AS dec_icrs_deg,
   json_extract(body, '$.reason') AS reason, {superseded}
-FROM log WHERE kind = 'NotFollowed';
+FROM log WHERE kind = 'NotFollowed'
 """
 
 _SUPERSEDED = (
@@ -119,8 +137,8 @@ _SUPERSEDED = (
 _FOLLOWED_AGAIN = ("track", "misses")
 
 _TIMINGS = """
-CREATE VIEW timings AS SELECT seq, t_utc_ns, frame_id, stage.key AS stage, stage.value AS ms
-FROM log, json_each(body, '$.stage_ms') AS stage WHERE kind = 'CycleTiming';
+SELECT seq, t_utc_ns, frame_id, stage.key AS stage, stage.value AS ms
+FROM log, json_each(body, '$.stage_ms') AS stage WHERE kind = 'CycleTiming'
 """
 
 
@@ -136,6 +154,22 @@ VIEWS = (
 """Names of the public views."""
 
 
+def file_name(role: str, frame_id: int) -> str:
+    """Where a file of this role lies in the session's folder, as the table ``files`` has it."""
+    return f"{FOLDERS[role]}/{frame_id:06d}{_ENDINGS[role]}"
+
+
+def role_of(path: str) -> tuple[str, int] | None:
+    """(role, frame_id) of a file by its place in the session's folder; None for any other file."""
+    match = _NUMBERED.fullmatch(path)
+    if match is None:
+        return None
+    for role in FOLDERS:
+        if file_name(role, int(match["frame_id"])) == path:
+            return role, int(match["frame_id"])
+    return None
+
+
 def _columns(spec: str, body: str, prefix: str = "$.") -> str:
     """SQL of the columns in ``spec``, taken out of the JSON in ``body``."""
     pairs = [word.partition("=") for word in spec.split()]
@@ -144,33 +178,48 @@ def _columns(spec: str, body: str, prefix: str = "$.") -> str:
     )
 
 
-def _candidates(view: str, member: str, prefix: str, extra: str) -> str:
+def _candidates(member: str, prefix: str, extra: str) -> str:
     return (
-        f"CREATE VIEW {view} AS SELECT seq, t_utc_ns, log.frame_id AS frame_id, "
+        "SELECT seq, t_utc_ns, log.frame_id AS frame_id, "
         f"one.key AS number, {_columns(_CANDIDATE, 'one.value', prefix)}{extra} "
-        f"FROM log, json_each(body, '$.{member}') AS one WHERE log.kind = 'Detections';\n"
+        f"FROM log, json_each(body, '$.{member}') AS one WHERE log.kind = 'Detections'"
     )
+
+
+def _selects() -> dict[str, str]:
+    """What each public view selects."""
+    rejected_because = ", json_extract(one.value, '$.reason') AS reason"
+    return {
+        "frames": _FRAMES_VIEW,
+        "detections": _candidates("detections", "$.", ""),
+        "rejections": _candidates("rejected", "$.detection.", rejected_because),
+        "not_solved": _NOT_SOLVED,
+        "not_followed": _NOT_FOLLOWED.format(superseded=_SUPERSEDED),
+        **{
+            view: f"SELECT seq, t_utc_ns, frame_id, {_columns(_COLUMNS_BY_VIEW[view], 'body')}"
+            f"{', ' + _SUPERSEDED if view in _FOLLOWED_AGAIN else ''}"
+            f" FROM log WHERE kind = '{kind}'"
+            for view, kind in _KINDS_BY_VIEW.items()
+        },
+        "timings": _TIMINGS,
+    }
 
 
 def create_script() -> str:
     """SQL that makes an empty session database: tables, then the public views."""
-    views = [
-        f"CREATE VIEW {view} AS SELECT seq, t_utc_ns, frame_id, "
-        f"{_columns(_COLUMNS_BY_VIEW[view], 'body')}"
-        f"{', ' + _SUPERSEDED if view in _FOLLOWED_AGAIN else ''}"
-        f" FROM log WHERE kind = '{kind}';\n"
-        for view, kind in _KINDS_BY_VIEW.items()
-    ]
-    rejected_because = ", json_extract(one.value, '$.reason') AS reason"
-    return "".join(
-        [
-            TABLES,
-            _FRAMES_VIEW,
-            _candidates("detections", "detections", "$.", ""),
-            _candidates("rejections", "rejected", "$.detection.", rejected_because),
-            _NOT_SOLVED,
-            _NOT_FOLLOWED.format(superseded=_SUPERSEDED),
-            *views,
-            _TIMINGS,
-        ]
-    )
+    views = (f"CREATE VIEW {name} AS {select};\n" for name, select in _selects().items())
+    return TABLES + "".join(views)
+
+
+def temporary_views(version: int) -> str:
+    """SQL that gives one connection to a session of schema ``version`` the views of today.
+
+    They are temporary: the file is not touched and may lie on a medium that cannot be written.
+    Columns that the older schema does not have are NULL. Empty for a session of today's schema.
+    """
+    if version >= SCHEMA_VERSION:
+        return ""
+    # Unqualified names in a temporary view mean temporary ones first: the views below see this.
+    files = "CREATE TEMP VIEW files AS SELECT *, NULL AS sha256 FROM main.files;\n"
+    views = (f"CREATE TEMP VIEW {name} AS {select};\n" for name, select in _selects().items())
+    return "PRAGMA temp_store=MEMORY;\n" + files + "".join(views)

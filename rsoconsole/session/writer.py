@@ -4,7 +4,6 @@ Nothing here waits for a disk or raises because of one: the telescope goes on, a
 says what the record lacks.
 """
 
-import json
 import shutil
 import sqlite3
 import time
@@ -21,25 +20,30 @@ from rsoconsole.config_file import config_to_toml
 from rsoconsole.errors import SessionError
 from rsoconsole.records import Frame
 from rsoconsole.session.codec import Record, to_json_value
+from rsoconsole.session.database import connect_to_write, create_database, leave_wal
+from rsoconsole.session.digest import mark_closed, sha256_of
 from rsoconsole.session.faults import Faults
-from rsoconsole.session.frame_files import compress_frame, encode_preview, write_beside_and_rename
-from rsoconsole.session.log_writer import KeptFile, LogWriter, leave_wal
+from rsoconsole.session.frame_files import (
+    compress_frame,
+    encode_preview,
+    sync_folder,
+    write_durably,
+)
+from rsoconsole.session.liveness import META_KEY as WRITER_KEY
+from rsoconsole.session.liveness import own_mark
+from rsoconsole.session.log_writer import KeptFile, LogWriter
 from rsoconsole.session.schema import (
-    APPLICATION_ID,
-    CLOSEUPS,
     CONFIG,
     DATABASE,
-    FRAMES,
-    PREVIEWS,
+    FOLDERS,
     SCHEMA_VERSION,
-    create_script,
+    file_name,
 )
 from rsoconsole.session.worker import BoundedWorker
 
 MAX_FRAMES_WAITING = 3
-MAX_PREVIEWS_WAITING = 16
-_PICTURES = {"preview": PREVIEWS, "closeup": CLOSEUPS}
-"""Folders of the small pictures, by what they show."""
+MAX_PREVIEWS_WAITING = 64
+"""Pictures of 0.3 MB: the disk is waited for with each, and they come in bursts."""
 RESERVE_BYTES = 200_000_000
 """Frames are given up below this much free disk: the log must have room."""
 
@@ -70,13 +74,15 @@ class SessionWriter:
             "schema_version": SCHEMA_VERSION,
             "config": config.model_dump(mode="json"),
             "is_closed": False,
+            WRITER_KEY: own_mark(),
             **{key: to_json_value(value, key) for key, value in about.items()},
         }
         try:
-            for part in (folder, *(folder / name for name in (FRAMES, PREVIEWS, CLOSEUPS))):
-                part.mkdir(parents=True, exist_ok=True)
-            (folder / CONFIG).write_text(config_to_toml(config), encoding="utf-8")
-            _create_database(database, facts)
+            _make_folder(folder)
+            for name in FOLDERS.values():
+                (folder / name).mkdir(exist_ok=True)
+            write_durably(folder / CONFIG, config_to_toml(config).encode())
+            create_database(database, facts)
         except (OSError, ValueError, sqlite3.Error) as error:
             raise SessionError(
                 f"no session can be begun in {folder}: {error}; "
@@ -91,7 +97,7 @@ class SessionWriter:
         self._reserve_bytes = reserve_bytes
         self._faults = Faults(on_fault)
         self._is_closed = False
-        self._log = LogWriter(folder / DATABASE, self._faults, _connect)
+        self._log = LogWriter(folder / DATABASE, self._faults, connect_to_write)
         self._frames = BoundedWorker("session-frames", MAX_FRAMES_WAITING)
         self._previews = BoundedWorker("session-previews", MAX_PREVIEWS_WAITING)
 
@@ -130,7 +136,10 @@ class SessionWriter:
         return self._save_picture(frame_id, "closeup", picture)
 
     def flush(self, timeout_s: float = 5.0) -> bool:
-        """Wait until the disk has every record appended so far; False when it has not."""
+        """Wait until the disk has every record appended so far; False when it has not.
+
+        What is said to be there survives a loss of power: every commit waits for the disk.
+        """
         return self._log.flush(timeout_s)
 
     def close(self, timeout_s: float = 30.0) -> None:
@@ -143,9 +152,9 @@ class SessionWriter:
         if not self._log.close(timeout_s):
             return
         try:
-            with closing(_connect(self.folder / DATABASE)) as connection:
-                connection.execute("UPDATE meta SET value = 'true' WHERE key = 'is_closed'")
-            leave_wal(self.folder / DATABASE, _connect, min(timeout_s, 3.0))
+            with closing(connect_to_write(self.folder / DATABASE)) as connection:
+                mark_closed(connection)
+            leave_wal(self.folder / DATABASE, min(timeout_s, 3.0))
         except sqlite3.Error as error:
             self._faults.report("close", f"the session is complete but still in two files: {error}")
 
@@ -159,40 +168,49 @@ class SessionWriter:
         return is_taken
 
     def _keep_frame(self, frame: Frame, fits: bytes | None) -> None:
-        path = self.folder / FRAMES / f"{frame.frame_id:06d}.fits.fz"
+        path = self.folder / file_name("frame", frame.frame_id)
         free_bytes = shutil.disk_usage(self.folder).free
         if free_bytes < self._reserve_bytes:
             raise OSError(f"only {free_bytes / 1e6:.0f} MB of disk are free")
         began = time.perf_counter()
         content = compress_frame(frame, fits)
-        write_beside_and_rename(path, content, must_last=True)
+        write_durably(path, content)
         self._faults.clear("frame")
-        self._kept(frame.frame_id, "frame", path, len(content), began)
+        self._kept(frame.frame_id, "frame", path, content, began)
 
     def _keep_picture(self, frame_id: int, role: str, picture: npt.NDArray[np.uint8]) -> None:
-        path = self.folder / _PICTURES[role] / f"{frame_id:06d}.png"
+        path = self.folder / file_name(role, frame_id)
         began = time.perf_counter()
         content = encode_preview(picture)
-        write_beside_and_rename(path, content, must_last=False)
+        write_durably(path, content)
         self._faults.clear(role)
-        self._kept(frame_id, role, path, len(content), began)
+        self._kept(frame_id, role, path, content, began)
 
-    def _kept(self, frame_id: int, role: str, path: Path, size: int, began: float) -> None:
+    def _kept(self, frame_id: int, role: str, path: Path, content: bytes, began: float) -> None:
         self._log.put_file(
             KeptFile(
                 frame_id=frame_id,
                 role=role,
                 path=str(path.relative_to(self.folder)),
-                bytes=size,
+                bytes=len(content),
                 ms=(time.perf_counter() - began) * 1e3,
                 reason=None,
+                sha256=sha256_of(content),
             )
         )
 
     def _give_up(self, frame_id: int, role: str, reason: str) -> None:
         self._faults.report(role, f"the {role} of exposure {frame_id} is not kept: {reason}")
         self._log.put_file(
-            KeptFile(frame_id=frame_id, role=role, path=None, bytes=None, ms=None, reason=reason)
+            KeptFile(
+                frame_id=frame_id,
+                role=role,
+                path=None,
+                bytes=None,
+                ms=None,
+                reason=reason,
+                sha256=None,
+            )
         )
 
 
@@ -203,39 +221,11 @@ def _reason(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}".removesuffix(": ")
 
 
-def _connect(path: Path) -> sqlite3.Connection:
-    # mode=rw: a database that has vanished is a fault, never silently a new empty one.
-    connection = sqlite3.connect(
-        f"{path.resolve().as_uri()}?mode=rw", uri=True, timeout=2.0, isolation_level=None
-    )
-    try:
-        connection.execute("PRAGMA synchronous=FULL")
-    except sqlite3.Error:
-        connection.close()
-        raise
-    return connection
-
-
-def _create_database(path: Path, facts: Mapping[str, Any]) -> None:
-    """Make the database beside its place and rename it, so that no reader meets half of one."""
-    beside = path.with_name(path.name + ".part")
-    beside.unlink(missing_ok=True)
-    connection = sqlite3.connect(beside, isolation_level=None)
-    try:
-        connection.execute(f"PRAGMA application_id={APPLICATION_ID}")
-        connection.execute(f"PRAGMA user_version={SCHEMA_VERSION}")
-        connection.executescript(f"BEGIN;{create_script()}COMMIT;")
-        connection.execute("BEGIN")
-        connection.executemany(
-            "INSERT INTO meta (key, value) VALUES (?, ?)",
-            [(key, json.dumps(value)) for key, value in facts.items()],
-        )
-        connection.execute("COMMIT")
-    finally:
-        connection.close()
-    beside.replace(path)
-    connection = _connect(path)
-    try:
-        connection.execute("PRAGMA journal_mode=WAL")
-    finally:
-        connection.close()
+def _make_folder(folder: Path) -> None:
+    """The folder with those above it, so that the disk has their names."""
+    if folder.exists():
+        folder.mkdir(exist_ok=True)  # says so where it is a file
+        return
+    _make_folder(folder.parent)
+    folder.mkdir(exist_ok=True)
+    sync_folder(folder.parent)

@@ -7,6 +7,7 @@ from outside.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -57,14 +58,19 @@ class Seen:
     exposure_s: float
     measurements: tuple[Measurement, ...]
     """Most confident first."""
-    absence: str = NOTHING_SEEN
-    """What a miss of this frame is put down to."""
+    absence: str | Callable[[], str] = NOTHING_SEEN
+    """What a miss of this frame is put down to; a function is asked only where there is one."""
     field: Field | None = None
     """What the frame could show; None where that is not known."""
     chosen: Measurement | None = None
     """The one that the operator wants followed; one of ``measurements``."""
     refused: tuple[Measurement, ...] = ()
     """Those that the operator wants left alone; none of ``measurements``."""
+
+    @property
+    def why_absent(self) -> str:
+        """What a miss of this frame is put down to."""
+        return self.absence if isinstance(self.absence, str) else self.absence()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +128,7 @@ def _reason(before: Following, after: Following, records: tuple[Record, ...], se
         plural = "" if number == 1 else "s"
         return f"{number} detection{plural}, waiting for a second frame"
     misses = [record for record in records if isinstance(record, Miss)]
-    return misses[-1].reason if misses else seen.absence
+    return misses[-1].reason if misses else seen.why_absent
 
 
 def _acquire(
@@ -181,7 +187,7 @@ def _rank(m: Measurement) -> tuple[float, float]:
 def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: Seen) -> str:
     """Why a candidate came to nothing, by what came nearest to being its second."""
     if not usable:
-        return f"no second frame: {seen.absence}"
+        return f"no second frame: {seen.why_absent}"
     nearest = min(usable, key=lambda m: pair_misfit_arcsec(first, m, seen.exposure_s))
     return f"no second frame: {pair_disagreement(first, nearest, seen.exposure_s)}"
 
@@ -211,7 +217,7 @@ def _follow_track(
         reasons = _refusals(predicted, expected, updated, before.neighbours, seen, settings)
     fitting = [m for m in seen.measurements if m not in reasons]
     if not fitting:
-        reason = seen.absence
+        reason = seen.why_absent
         if seen.measurements and reason == NOTHING_SEEN:
             reason = NOTHING_FITS
         if CANNOT_TELL in reasons.values():

@@ -11,6 +11,7 @@ Li & Kirubarajan 2001, chapters 5 and 6.
 """
 
 import math
+import threading
 from typing import Any
 
 import numpy as np
@@ -262,12 +263,19 @@ def _initial_covariance(
     return P
 
 
+_own = threading.local()
+"""Each thread's filter: making one takes as long as a step with it."""
+
+
 def _kalman(state: TrackState) -> Any:
     # filterpy pulls in scipy, most of a second: only who filters pays for it.
     from filterpy.kalman import KalmanFilter
 
-    kalman = KalmanFilter(dim_x=4, dim_z=2)
-    kalman.x, kalman.P, kalman.H = np.array(state.x), np.array(state.P), C
+    kalman = getattr(_own, "kalman", None)
+    if kalman is None:
+        kalman = _own.kalman = KalmanFilter(dim_x=4, dim_z=2)
+        kalman.H = C
+    kalman.x, kalman.P = np.array(state.x), np.array(state.P)
     return kalman
 
 

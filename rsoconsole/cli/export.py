@@ -1,0 +1,173 @@
+"""The verb export: the night in the formats that others read."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+import typer
+
+from rsoconsole.cli import output
+from rsoconsole.cli.telescope import JsonOption
+from rsoconsole.errors import ExportError
+
+AnyFormat: TypeAlias = Literal["csv", "ecsv", "jsonl", "tdm", "iod", "fits", "regions", "html"]
+STDOUT = "-"
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verb into the program."""
+    app.command()(export)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Wish:
+    """What was asked for, checked."""
+
+    session: Path
+    kind: str
+    out: str | None
+    is_forced: bool
+
+
+def export(
+    session: Annotated[
+        Path, typer.Argument(metavar="SESSION", help="A session's folder, or a branch's.")
+    ],
+    *,
+    format_: Annotated[AnyFormat, typer.Option("--format", help="What to make of it.")],
+    out: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATH",
+            help="Where to write: a file, for fits and regions a folder, - for stdout; "
+            "default: SESSION/branches/exports.",
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write over existing files.")] = False,
+    everything: Annotated[
+        bool,
+        typer.Option(
+            "--all", help="Tables also hold what the operator's word replaced, and say so."
+        ),
+    ] = False,
+    frames: Annotated[
+        str | None, typer.Option(metavar="3,9-12", help="fits, regions: these frames alone.")
+    ] = None,
+    track: Annotated[int | None, typer.Option(help="tdm, iod: this track alone.")] = None,
+    norad: Annotated[
+        int | None, typer.Option(help="tdm, iod: the object's catalogue number, if known.")
+    ] = None,
+    cospar: Annotated[
+        str | None,
+        typer.Option(metavar="2009-064A", help="tdm, iod: its international designation."),
+    ] = None,
+    station: Annotated[
+        str, typer.Option(help="iod: your station's number; 9999 has none.")
+    ] = "9999",
+    sky: Annotated[
+        str, typer.Option(help="iod: the sky, one of E G F P B T, excellent to terrible.")
+    ] = " ",
+    originator: Annotated[str, typer.Option(help="tdm: who makes it.")] = "RSOCONSOLE",
+    json_: JsonOption = False,
+) -> None:
+    """The night for others: tables, CCSDS TDM, IOD, solved FITS, DS9 regions, a report.
+
+    csv, ecsv, jsonl: every measurement, its errors, and what the track made of it.
+
+    tdm, iod: what the tracks took, as messages to others; no streak that the frame cuts.
+
+    fits, regions: kept frames with their plate in the header; their streaks for DS9.
+
+    html: a report in one file, which needs no network.
+
+    An existing file is left alone unless --force is given.
+
+    Example: rsoconsole export sessions/intelsat-14 --format tdm --norad 36097 --out -
+    """
+    wish = _Wish(session=session, kind=format_, out=out, is_forced=force)
+    if out == STDOUT and (json_ or format_ in {"fits", "regions"}):
+        raise typer.BadParameter(
+            "--out - prints one text: not with --json, not for fits or regions"
+        )
+    if format_ == "html":
+        _report(wish, json_)
+        return
+    from rsoconsole.export import ExportOptions, Target
+    from rsoconsole.export.frames import parse_numbers
+
+    try:
+        options = ExportOptions(
+            everything=everything,
+            track=track,
+            target=Target(norad_id=norad, cospar=cospar),
+            station=station,
+            sky=sky,
+            originator=originator,
+            frames=None if frames is None else parse_numbers(frames),
+            is_forced=force,
+        )
+    except (ValueError, ExportError) as error:
+        raise typer.BadParameter(str(error)) from error
+    _export(wish, options, json_)
+
+
+def _export(wish: _Wish, options: Any, json_: bool) -> None:
+    from rsoconsole.export import export as write
+    from rsoconsole.export import render
+
+    kind: Any = wish.kind
+    if wish.out == STDOUT:
+        text, made = render(wish.session, kind, options)
+        typer.echo(text, nl=False)
+    else:
+        made = write(wish.session, kind, None if wish.out is None else Path(wish.out), options)
+    if json_:
+        output.emit_json(
+            {
+                "export": str(made.path),
+                "format": made.format,
+                "measurements": made.measurements,
+                "tracks": made.tracks,
+                "files": [str(path) for path in made.files],
+                "left_out": dict(made.left_out),
+                "simulated": made.is_simulated,
+            }
+        )
+    elif wish.out != STDOUT:
+        for path in made.files:
+            output.say(str(path))
+    _tell_what_is_not_in_it(made)
+
+
+def _tell_what_is_not_in_it(made: Any) -> None:
+    if made.left_out:
+        words = ", ".join(f"{number} {what}" for what, number in made.left_out.items())
+        output.complain(f"left out: {words}")
+    if made.is_simulated and made.format in {"tdm", "iod"}:
+        output.complain("this night was simulated: send it to nobody")
+
+
+def _report(wish: _Wish, json_: bool) -> None:
+    from rsoconsole.export.api import default_path, write_file
+    from rsoconsole.notebook.report import render_report
+
+    report = render_report(wish.session)
+    if wish.out == STDOUT:
+        typer.echo(report.html, nl=False)
+        return
+    path = default_path(wish.session, "html") if wish.out is None else Path(wish.out)
+    write_file(path, report.html.encode("utf-8"), is_forced=wish.is_forced)
+    if json_:
+        output.emit_json(
+            {
+                "export": str(path),
+                "format": "html",
+                "measurements": report.measurements,
+                "tracks": report.tracks,
+                "files": [str(path)],
+                "left_out": {},
+                "simulated": report.is_simulated,
+            }
+        )
+    else:
+        output.say(str(path))

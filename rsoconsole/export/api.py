@@ -1,0 +1,220 @@
+"""One call for every format but the report, which the floor above draws."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal, get_args
+
+from rsoconsole.errors import ExportError
+from rsoconsole.export import frames as on_record
+from rsoconsole.export.iod import STATION, check_station, to_iod
+from rsoconsole.export.night import ExportedNight, read_night
+from rsoconsole.export.regions import to_regions
+from rsoconsole.export.solved_fits import solved_fits
+from rsoconsole.export.tables import to_csv, to_ecsv, to_jsonl
+from rsoconsole.export.target import Target
+from rsoconsole.export.tdm import ORIGINATOR, to_tdm, whole
+from rsoconsole.session.frame_files import write_durably
+
+TextFormat = Literal["csv", "ecsv", "jsonl", "tdm", "iod"]
+FrameFormat = Literal["fits", "regions"]
+Format = Literal[TextFormat, FrameFormat]
+TEXT_FORMATS: tuple[str, ...] = get_args(TextFormat)
+FRAME_FORMATS: tuple[str, ...] = get_args(FrameFormat)
+FOLDER = Path("branches") / "exports"
+"""Where in a session its exports lie, unless another place is named."""
+_SUFFIXES: Mapping[FrameFormat, str] = {"fits": ".fits.fz", "regions": ".reg"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportOptions:
+    """What may be asked for beside session and format."""
+
+    everything: bool = False
+    """Tables also hold what the operator refused and what his word replaced."""
+    track: int | None = None
+    """TDM and IOD of this track alone."""
+    target: Target = field(default_factory=Target)
+    """What the track's object is called."""
+    station: str = STATION
+    """IOD: the observing site's number."""
+    sky: str = " "
+    """IOD: state of the sky, one of E, G, F, P, B, T."""
+    originator: str = ORIGINATOR
+    """TDM: who made it."""
+    frames: tuple[int, ...] | None = None
+    """FITS and regions of these frames alone."""
+    is_forced: bool = False
+    """Existing files are written over."""
+
+    def __post_init__(self) -> None:
+        """Raises ExportError for what cannot be written."""
+        check_station(self.station, self.sky)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Export:
+    """What was written."""
+
+    path: Path | None
+    """The file; the folder where each frame has its own; None where only a text was made."""
+    files: tuple[Path, ...]
+    format: str
+    measurements: int
+    tracks: int
+    left_out: Mapping[str, int]
+    """How many of what is not in it, in words."""
+    is_simulated: bool
+
+
+def export(
+    session: Path, kind: Format, out: Path | None = None, options: ExportOptions | None = None
+) -> Export:
+    """Write a session or a branch in another format, whole files or none.
+
+    ``out``: a file, or for ``fits`` and ``regions`` a folder; None means ``branches/exports`` in
+    the session. Raises SessionError for what is no session, ExportError for what cannot be
+    exported, for files that exist (unless ``is_forced``) and where nothing can be written.
+    """
+    options = options or ExportOptions()
+    if kind not in (*TEXT_FORMATS, *FRAME_FORMATS):
+        formats = ", ".join((*TEXT_FORMATS, *FRAME_FORMATS))
+        raise ExportError(
+            f"{kind!r} is none of {formats}; html is made by notebook.report.write_report"
+        )
+    if kind in FRAME_FORMATS:
+        return _export_frames(session, kind, out, options)  # type: ignore[arg-type]
+    text, made = render(session, kind, options)  # type: ignore[arg-type]
+    path = default_path(session, kind) if out is None else out
+    write_file(path, text.encode("utf-8"), is_forced=options.is_forced)
+    return replace(made, path=path, files=(path,))
+
+
+def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str, Export]:
+    """The text of a format that has one, and what is in it. Raises as ``export`` does."""
+    night = read_night(session, everything=options.everything and kind not in {"tdm", "iod"})
+    if kind in {"tdm", "iod"}:
+        return _messages(night, kind, options)
+    texts = {
+        "csv": lambda: to_csv(night.rows),
+        "ecsv": lambda: to_ecsv(night),
+        "jsonl": lambda: to_jsonl(night.rows),
+    }
+    made = Export(
+        path=None,
+        files=(),
+        format=kind,
+        measurements=len(night.rows),
+        tracks=len(night.tracks),
+        left_out={},
+        is_simulated=night.is_simulated,
+    )
+    return texts[kind](), made
+
+
+def default_path(session: Path, extension: str) -> Path:
+    """``SESSION/branches/exports/NAME.EXT``."""
+    return session / FOLDER / f"{session.resolve().name}.{extension}"
+
+
+def write_file(path: Path, content: bytes, *, is_forced: bool) -> None:
+    """A whole file in its place, or none. Raises ExportError."""
+    if path.is_dir():
+        raise ExportError(f"{path} is a folder: name a file with --out")
+    if path.exists() and not is_forced:
+        raise ExportError(f"{path} is there already: --force writes it anew, --out names another")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_durably(path, content)
+    except OSError as error:
+        raise ExportError(
+            f"{path} cannot be written: {error.strerror or error}; name another place with --out"
+        ) from error
+
+
+def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[str, Export]:
+    """TDM and IOD: what tracks took, and no streak that a frame's edge cuts."""
+    tracks = night.tracks if options.track is None else (options.track,)
+    if not set(tracks) <= set(night.tracks):
+        known = ", ".join(map(str, night.tracks)) or "none"
+        raise ExportError(f"the session has no track {options.track}; it has {known}")
+    if options.target.is_known and len(tracks) > 1:
+        raise ExportError(
+            f"the session has {len(tracks)} tracks: --track says which of them has that number"
+        )
+    taken = [row for track in tracks for row in night.of_track(track)]
+    sent = whole(tuple(taken))
+    if not sent:
+        raise ExportError(
+            "no track took anything in this session: there is nothing to report; "
+            "csv, ecsv and jsonl carry measurements that no track took"
+        )
+    if kind == "tdm":
+        text = to_tdm(
+            night,
+            tracks,
+            target=options.target,
+            created_utc_ns=time.time_ns(),
+            originator=options.originator,
+        )
+    else:
+        text = to_iod(
+            night, tracks, target=options.target, station=options.station, sky=options.sky
+        )
+    counted = {
+        "cut by the frame's edge": len(taken) - len(sent),
+        "taken by no track": sum(row.track is None for row in night.rows),
+        "of other tracks": sum(row.track is not None for row in night.rows) - len(taken),
+    }
+    made = Export(
+        path=None,
+        files=(),
+        format=kind,
+        measurements=len(sent),
+        tracks=len(tracks),
+        left_out={words: number for words, number in counted.items() if number},
+        is_simulated=night.is_simulated,
+    )
+    return text, made
+
+
+def _export_frames(
+    session: Path, kind: FrameFormat, out: Path | None, options: ExportOptions
+) -> Export:
+    night = read_night(session)
+    frames = on_record.frames_on_record(session, night.rows)
+    numbers = on_record.chosen(frames, options.frames)
+    left_out: dict[str, int] = {}
+    if options.frames is None:
+        usable = [n for n in numbers if kind == "regions" or frames[n].file is not None]
+        left_out["pixels not kept"] = len(numbers) - len(usable)
+        numbers = [n for n in usable if frames[n].solution is not None]
+        left_out["not solved"] = len(usable) - len(numbers)
+    if not numbers:
+        why = ", ".join(f"{number} {words}" for words, number in left_out.items() if number)
+        raise ExportError(
+            f"the session has no frame to export ({why or 'it has none'});"
+            " session.keep_frames says which frames keep their pixels"
+        )
+    folder = session / FOLDER / f"{session.resolve().name}-frames" if out is None else out
+    paths = [folder / f"{number:06d}{_SUFFIXES[kind]}" for number in numbers]
+    there = next((path for path in paths if path.exists()), None)
+    if there is not None and not options.is_forced:
+        raise ExportError(f"{there} is there already: --force writes it anew, --out names another")
+    if folder.exists() and not folder.is_dir():
+        raise ExportError(f"{folder} is a file: --out names a folder for a file a frame")
+    for number, path in zip(numbers, paths, strict=True):
+        frame = frames[number]
+        is_fits = kind == "fits"
+        content = solved_fits(frame, night.config) if is_fits else to_regions(frame).encode()
+        write_file(path, content, is_forced=True)
+    return Export(
+        path=folder,
+        files=tuple(paths),
+        format=kind,
+        measurements=sum(len(frames[number].rows) for number in numbers),
+        tracks=len({row.track for n in numbers for row in frames[n].rows if row.track}),
+        left_out={words: number for words, number in left_out.items() if number},
+        is_simulated=night.is_simulated,
+    )

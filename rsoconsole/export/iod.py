@@ -1,0 +1,122 @@
+"""IOD lines, as satellite observers exchange them (SeeSat-L): fixed columns, a line a measurement.
+
+Angle format 2, ``HHMMmmm+DDMMmm``: 0.9 arcsec (times cos Dec) by 0.6; epoch 5, J2000. The errors
+come from the data: of the position the larger axis of its covariance with the format's own
+rounding, of the time how well the shutter is known with the clock's recorded offset. Optical
+behaviour and magnitude are not measured and stay empty. Source: G. Lewis 1998, IOD Observation
+Format Description, clarified 2002.
+"""
+
+import math
+import re
+from collections.abc import Iterable
+
+from rsoconsole.errors import ExportError
+from rsoconsole.export.night import ExportedNight
+from rsoconsole.export.rows import MeasuredRow
+from rsoconsole.export.target import Target
+from rsoconsole.export.tdm import whole
+from rsoconsole.sky.angles import wrap_360
+from rsoconsole.sky.times import NS_PER_DAY, tai_minus_utc_s, utc_ns_to_iso
+
+NS_PER_MS = 1_000_000
+STATION = "9999"
+"""For a site that has no number of its own."""
+_STATION = re.compile(r"[0-9A-HJ-NP-Z]{4}", re.ASCII)
+SKIES = "EGFPBT "
+"""Excellent, good, fair, poor, bad, terrible, not said."""
+RA_STEPS_PER_DEG = 4000
+"""Thousandths of a minute of time."""
+DEC_STEPS_PER_DEG = 6000
+"""Hundredths of a minute of arc."""
+_ARCSEC_PER_RA_STEP = 0.9
+_ARCSEC_PER_DEC_STEP = 0.6
+_UNIFORM = 1.0 / math.sqrt(12.0)
+"""One sigma of a rounding, in steps."""
+
+
+def to_iod(
+    night: ExportedNight,
+    tracks: Iterable[int],
+    *,
+    target: Target,
+    station: str = STATION,
+    sky: str = " ",
+) -> str:
+    """A line for each measurement a track took, in order of time.
+
+    A streak that the frame cuts is left out. Raises ExportError for a station or a sky that
+    cannot be written.
+    """
+    check_station(station, sky)
+    offset_s = night.about.get("clock_offset_s")
+    clock_s = float(offset_s) if isinstance(offset_s, int | float) else 0.0
+    time_sigma_s = math.hypot(night.config.exposure.timing_sigma_s, clock_s)
+    rows = [row for track in tracks for row in whole(night.of_track(track))]
+    rows.sort(key=lambda row: row.t_mid_utc_ns)
+    return "".join(_line(row, target, station, sky, time_sigma_s) + "\n" for row in rows)
+
+
+def check_station(station: str, sky: str) -> None:
+    """Raises ExportError for a station or a state of the sky that a line cannot say."""
+    if _STATION.fullmatch(station) is None:
+        raise ExportError(
+            f"{station!r} is no station: four digits or capitals without I and O, such as 9999"
+        )
+    if len(sky) != 1 or sky not in SKIES:
+        raise ExportError(f"{sky!r} is no state of the sky: one of E, G, F, P, B, T")
+
+
+def _line(row: MeasuredRow, target: Target, station: str, sky: str, time_sigma_s: float) -> str:
+    instant = utc_ns_to_iso(to_the_millisecond(row.t_mid_utc_ns))
+    digits = re.sub(r"\D", "", instant)
+    name = target.iod_name(row.track or 0, int(instant[:4]))
+    position = mx(position_sigma_arcsec(row) / 60.0)
+    angles = _angles(row.ra_icrs_deg, row.dec_icrs_deg)
+    return f"{name} {station} {sky} {digits} {mx(time_sigma_s)} 25 {angles} {position}"
+
+
+def to_the_millisecond(t_utc_ns: int) -> int:
+    """Rounded; never across a leap second, which would make a second of half a millisecond."""
+    rounded = (t_utc_ns + NS_PER_MS // 2) // NS_PER_MS * NS_PER_MS
+    if rounded % NS_PER_DAY == 0 and rounded > t_utc_ns:
+        leap_s = float(tai_minus_utc_s(rounded)) - float(tai_minus_utc_s(t_utc_ns))
+        return rounded if leap_s == 0.0 else rounded - NS_PER_MS
+    return rounded
+
+
+def position_sigma_arcsec(row: MeasuredRow) -> float:
+    """The one error that a line has room for: that of the worst direction, rounding included."""
+    east2, cross, north2 = row.cov_sky_arcsec2
+    cos_dec = math.cos(math.radians(row.dec_icrs_deg))
+    east2 += (_ARCSEC_PER_RA_STEP * cos_dec * _UNIFORM) ** 2
+    north2 += (_ARCSEC_PER_DEC_STEP * _UNIFORM) ** 2
+    half_difference = math.hypot((east2 - north2) / 2.0, cross)
+    return math.sqrt((east2 + north2) / 2.0 + half_difference)
+
+
+def mx(value: float) -> str:
+    """``MX`` for M x 10^(X - 8): one digit, from 1e-8 to 90; beyond, the nearest of these."""
+    if value <= 1e-8:
+        return "10"
+    exponent = math.floor(math.log10(value))
+    mantissa = round(value / 10.0**exponent)
+    if mantissa >= 10:
+        mantissa, exponent = 1, exponent + 1
+    if exponent > 1:
+        return "99"
+    return "10" if exponent < -8 else f"{mantissa}{exponent + 8}"
+
+
+def _angles(ra_deg: float, dec_deg: float) -> str:
+    ra_steps = round(wrap_360(ra_deg) * RA_STEPS_PER_DEG) % (360 * RA_STEPS_PER_DEG)
+    minutes, thousandths = divmod(ra_steps, 1000)
+    hours, minutes = divmod(minutes, 60)
+    dec_steps = round(abs(dec_deg) * DEC_STEPS_PER_DEG)
+    sign = "-" if dec_deg < 0.0 and dec_steps else "+"
+    arc_minutes, hundredths = divmod(dec_steps, 100)
+    degrees, arc_minutes = divmod(arc_minutes, 60)
+    return (
+        f"{hours:02d}{minutes:02d}{thousandths:03d}"
+        f"{sign}{degrees:02d}{arc_minutes:02d}{hundredths:02d}"
+    )

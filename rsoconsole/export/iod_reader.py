@@ -1,0 +1,200 @@
+"""IOD lines read back, of all angle formats; what is not said is None.
+
+Strict in the columns, as the format is: a line that is one column off is none. Digits that are
+missing at the end of a time or an angle are zeros, and ``t_step_ns`` says how fine the time is.
+"""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from rsoconsole.errors import ExportError
+from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+
+_LINE = re.compile(
+    r"""
+    (?:(?P<norad>\d{5})[ ](?P<year>\d{2})[ ](?P<launch>\d{3})
+       (?P<piece>[A-Z]{3}|[A-Z]{2}[ ]|[A-Z][ ][ ])[ ]|[ ]{16})
+    (?P<station>[0-9A-HJ-NP-Z]{4})[ ]
+    (?P<sky>[EGFPBTCO ])[ ]
+    (?P<date>\d{8})
+    (?:(?P<short_time>\d{0,9})[ ]*$
+       |(?=[\d ]{9}[ ])(?P<time>\d{0,9})[ ]*(?<=^.{41})
+        (?P<time_mx>\d{2})[ ]
+        (?:(?P<code>[1-7])(?P<epoch>[0-6 ])[ ]
+           (?=[\d ]{7}[+-])(?P<first>\d{1,7})[ ]*
+           (?P<sign>[+-])(?=[\d ]{6}(?:[ ]|$))(?P<second>\d{1,6})[ ]*(?<=^.{62})
+           (?P<position_mx>\d{2})
+           |[ ]{20})
+        (?:[ ](?P<behaviour>[EFIRSXBHPADMNV])
+           (?:(?P<magnitude_sign>[+-])(?=[\d ]{3}(?:[ ]|$))(?P<magnitude>\d{1,3})[ ]*(?<=^.{70})
+              (?:[ ](?=[\d ]{2}|\d$)(?P<magnitude_sigma>\d{1,2})[ ]*
+                 (?:(?<=^.{74})(?=[\d ]{1,6}[ ]*$)[ ]*(?P<flash>\d{1,6}))?
+              )?
+           )?
+        )?[ ]*$
+    )
+    """,
+    re.VERBOSE | re.ASCII,
+)
+EPOCHS = {"1": 1855, "2": 1875, "3": 1900, "4": 1950, "5": 2000, "6": 2050}
+"""Years of the equinox; 0 and blank are that of date."""
+FIRST_SATELLITE = 57
+"""Two digits of a year from here on are of the last century."""
+_ARCSEC_BY_CODE = {1: 1.0, 2: 60.0, 3: 3600.0, 4: 1.0, 5: 60.0, 6: 3600.0, 7: 3600.0}
+"""Unit of the position's uncertainty."""
+HORIZONTAL = (4, 5, 6)
+"""Angle formats of azimuth and elevation."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IodObservation:
+    """One line."""
+
+    norad_id: int | None
+    cospar: str | None
+    """As in ``1998-123A``."""
+    station: str
+    sky: str | None
+    """Of the station: E, G, F, P, B, T; C: clouded out, O: observer not there."""
+    t_utc_ns: int
+    t_step_ns: int
+    """What the time's last digit is worth."""
+    time_sigma_s: float | None
+    angle_format: int | None
+    """4 to 6: azimuth and elevation, else right ascension and declination."""
+    epoch_year: int | None
+    """Of the equinox; None: that of date, or no angles."""
+    first_deg: float | None
+    """Right ascension, or azimuth."""
+    second_deg: float | None
+    """Declination, or elevation."""
+    position_sigma_arcsec: float | None
+    behaviour: str | None
+    magnitude: float | None
+    magnitude_sigma: float | None
+    flash_period_s: float | None
+
+
+def read_iod(path: Path) -> tuple[IodObservation, ...]:
+    """The observations of a file; empty lines and lines that begin with # are passed over.
+
+    Raises ExportError naming the line that is none.
+    """
+    try:
+        lines = path.read_text(encoding="ascii").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ExportError(f"{path} cannot be read: {error}") from error
+    found = []
+    for number, line in enumerate(lines, start=1):
+        if line.strip() and not line.startswith("#"):
+            try:
+                found.append(parse_iod(line))
+            except ExportError as error:
+                raise ExportError(f"{path}, line {number}: {error}") from error
+    return tuple(found)
+
+
+def parse_iod(line: str) -> IodObservation:
+    """The observation in one line. Raises ExportError."""
+    match = _LINE.match(line.rstrip("\r\n"))
+    if match is None:
+        raise ExportError(f"{line.strip()[:50]!r} does not keep the columns of an IOD line")
+    found = match.groupdict()
+    t_utc_ns, t_step_ns = _instant(found["date"], found["time"] or found["short_time"] or "")
+    code = None if found["code"] is None else int(found["code"])
+    first, second = (None, None) if code is None else _angles(code, found)
+    position = None if code is None else _mx(found["position_mx"]) * _ARCSEC_BY_CODE[code]
+    return IodObservation(
+        norad_id=None if found["norad"] is None else int(found["norad"]),
+        cospar=None if found["norad"] is None else _cospar(found),
+        station=found["station"],
+        sky=found["sky"].strip() or None,
+        t_utc_ns=t_utc_ns,
+        t_step_ns=t_step_ns,
+        time_sigma_s=None if found["time_mx"] is None else _mx(found["time_mx"]),
+        angle_format=code,
+        epoch_year=EPOCHS.get(found["epoch"] or ""),
+        first_deg=first,
+        second_deg=second,
+        position_sigma_arcsec=position,
+        behaviour=found["behaviour"],
+        magnitude=_magnitude(found),
+        magnitude_sigma=_tenths(found["magnitude_sigma"], 2),
+        flash_period_s=None if found["flash"] is None else int(found["flash"]) / 1000.0,
+    )
+
+
+def _cospar(found: dict[str, str]) -> str:
+    year = int(found["year"])
+    century = 1900 if year >= FIRST_SATELLITE else 2000
+    return f"{century + year}-{found['launch']}{found['piece'].strip()}"
+
+
+def _instant(day: str, clock: str) -> tuple[int, int]:
+    full = clock.ljust(9, "0")
+    text = f"{day[:4]}-{day[4:6]}-{day[6:]}T{full[:2]}:{full[2:4]}:{full[4:6]}.{full[6:]}Z"
+    try:
+        t_utc_ns = iso_to_utc_ns(text)
+    except ValueError as error:
+        raise ExportError(str(error)) from error
+    steps_s = (86_400.0, 36_000.0, 3600.0, 600.0, 60.0, 10.0, 1.0, 0.1, 0.01, 0.001)
+    return t_utc_ns, round(steps_s[len(clock)] * NS_PER_S)
+
+
+def _mx(text: str) -> float:
+    return int(text[0]) * 10.0 ** (int(text[1]) - 8)
+
+
+def _tenths(text: str | None, width: int) -> float | None:
+    """Digits with one decimal behind an implied point; missing ones are zeros."""
+    return None if text is None else int(text.ljust(width, "0")) / 10.0
+
+
+def _magnitude(found: dict[str, str | None]) -> float | None:
+    size = _tenths(found["magnitude"], 3)
+    return size if size is None or found["magnitude_sign"] == "+" else -size
+
+
+def _angles(code: int, found: dict[str, str]) -> tuple[float, float]:
+    """Both angles in degrees, minutes and seconds above 59 carried over as written."""
+    first_of, second_of = _FORMATS[code]
+    first = first_of(found["first"].ljust(7, "0"))
+    second = math.copysign(second_of(found["second"].ljust(6, "0")), float(found["sign"] + "1"))
+    what = "azimuth and elevation" if code in HORIZONTAL else "right ascension and declination"
+    if not (0.0 <= first < 360.0 and abs(second) <= 90.0):
+        raise ExportError(f"{what} of {first:.4f} and {second:+.4f} deg are beyond their range")
+    return first, second
+
+
+def _sexagesimal(text: str, wholes: int) -> float:
+    """Wholes, two digits of minutes, two of seconds, then decimals of these."""
+    tail = text[wholes + 4 :]
+    seconds = int(text[wholes + 2 : wholes + 4]) + (int(tail) / 10.0 ** len(tail) if tail else 0.0)
+    return int(text[:wholes]) + int(text[wholes : wholes + 2]) / 60.0 + seconds / 3600.0
+
+
+def _minutes(text: str, wholes: int) -> float:
+    """Wholes, two digits of minutes, then decimals of these."""
+    tail = text[wholes + 2 :]
+    minutes = int(text[wholes : wholes + 2]) + int(tail) / 10.0 ** len(tail)
+    return int(text[:wholes]) + minutes / 60.0
+
+
+def _decimal(text: str, wholes: int) -> float:
+    return int(text) / 10.0 ** (len(text) - wholes)
+
+
+_Read = Callable[[str], float]
+_FORMATS: dict[int, tuple[_Read, _Read]] = {
+    1: (lambda t: 15.0 * _sexagesimal(t, 2), lambda t: _sexagesimal(t, 2)),
+    2: (lambda t: 15.0 * _minutes(t, 2), lambda t: _minutes(t, 2)),
+    3: (lambda t: 15.0 * _minutes(t, 2), lambda t: _decimal(t, 2)),
+    4: (lambda t: _sexagesimal(t, 3), lambda t: _sexagesimal(t, 2)),
+    5: (lambda t: _minutes(t, 3), lambda t: _minutes(t, 2)),
+    6: (lambda t: _decimal(t, 3), lambda t: _decimal(t, 2)),
+    7: (lambda t: 15.0 * _sexagesimal(t, 2), lambda t: _decimal(t, 2)),
+}
+"""Readers of both angles, by angle format."""

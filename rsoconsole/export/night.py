@@ -1,0 +1,263 @@
+"""A session gathered for others: who observed with what, and every measurement that counts."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rsoconsole import __version__
+from rsoconsole.config import Config
+from rsoconsole.export.rows import MeasuredRow, row_of
+from rsoconsole.records import (
+    FollowedAgain,
+    FrameTaken,
+    Measurement,
+    Miss,
+    NotFollowed,
+    Ruling,
+    TrackState,
+)
+from rsoconsole.session.reader import SessionReader
+from rsoconsole.sky.angles import separation_deg, wrap_180, wrap_360
+from rsoconsole.tracking.lqe import measured_direction_deg
+
+KINDS = (FrameTaken, Measurement, TrackState, NotFollowed, Miss, Ruling, FollowedAgain)
+FIRST_WITHIN_DEG = 1e-6
+"""How exactly a track's first slope leads back to the measurement it came from."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedNight:
+    """What the writers of all formats are given."""
+
+    name: str
+    """Of the session's folder."""
+    title: str
+    config: Config
+    about: Mapping[str, Any]
+    """What the session says of itself, without its configuration."""
+    rows: tuple[MeasuredRow, ...]
+    """In order of time."""
+
+    @property
+    def tracks(self) -> tuple[int, ...]:
+        """Numbers of the tracks that took something."""
+        return tuple(sorted({row.track for row in self.rows if row.track is not None}))
+
+    def of_track(self, track: int) -> tuple[MeasuredRow, ...]:
+        """What it took and what counts, in order of time."""
+        return tuple(row for row in self.rows if row.track == track and not row.is_superseded)
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether no telescope was there."""
+        return self.about.get("is_simulated") is True
+
+    def facts(self) -> dict[str, Any]:
+        """What a table says of where it comes from; plain values."""
+        site, optics = self.config.site, self.config.optics
+        facts: dict[str, Any] = {
+            "session": self.name,
+            "title": self.title,
+            "is_simulated": self.is_simulated,
+            "is_closed": self.about.get("is_closed") is True,
+            "site": site.model_dump(mode="json"),
+            "optics": optics.model_dump(mode="json"),
+            "exposure_s": self.config.exposure.exposure_s,
+            "timing_sigma_s": self.config.exposure.timing_sigma_s,
+            "clock_offset_s": self.about.get("clock_offset_s"),
+            "filter_preset": self.config.filter.preset,
+            "directions": "ICRS, astrometric: relative to catalogue stars",
+            "times": "UTC, mid-exposure by the shutter",
+            "exported_by": f"rsoconsole {__version__}",
+            "versions": self.about.get("versions"),
+        }
+        told = {"branch_of", "tried"}
+        facts.update((key, value) for key, value in self.about.items() if key in told)
+        # Whatever identifies the model and, where a session has one, its contents.
+        marks = ("sha256", "digest")
+        facts.update((k, v) for k, v in self.about.items() if any(mark in k for mark in marks))
+        return facts
+
+
+@dataclass(slots=True, kw_only=True)
+class _Followed:
+    """What was made of one frame, once."""
+
+    measured: list[Measurement] = field(default_factory=list)
+    predicted: TrackState | None = None
+    corrected: TrackState | None = None
+    refusals: dict[int, NotFollowed] = field(default_factory=dict)
+    """By the measurement's place in ``measured``."""
+
+    def taken(self) -> Measurement | None:
+        """The one that its innovation speaks of."""
+        if self.corrected is None or not self.measured:
+            return None
+        place = measured_direction_deg(self.corrected, self.predicted)
+        return min(
+            self.measured, key=lambda m: separation_deg(m.ra_icrs_deg, m.dec_icrs_deg, *place)
+        )
+
+    def refuse(self, record: NotFollowed) -> None:
+        for place, each in enumerate(self.measured):
+            if each == record.measurement:
+                self.refusals[place] = record
+
+
+@dataclass(slots=True, kw_only=True)
+class _FrameStory:
+    """A frame, and all that was made of it; the last counts."""
+
+    taken: FrameTaken
+    seen: list[Measurement] = field(default_factory=list)
+    """By the detector; the operator's own belong to what his word led to."""
+    ruling: Ruling | None = None
+    told: list[_Followed] = field(default_factory=lambda: [_Followed()])
+
+    @property
+    def last(self) -> _Followed:
+        return self.told[-1]
+
+    def measured_again(self) -> list[Measurement]:
+        """What there is to follow by the operator's word."""
+        if self.ruling is None:
+            return list(self.seen)
+        left = [m for m in self.seen if m not in self.ruling.refused]
+        own = self.ruling.taken
+        return left if own is None or own in left else [*left, own]
+
+
+def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
+    """Gather a session's or a branch's measurements, whoever took them.
+
+    Without ``everything`` only what counts: not what the operator refused, and of frames that
+    were followed again by his word only the last reading. Raises SessionError.
+    """
+    reader = SessionReader(session)
+    about = reader.about()
+    config = reader.config()
+    about.pop("config", None)
+    stories: dict[int, _FrameStory] = {}
+    record: Any
+    for _, _, record in reader.records(kinds=KINDS):
+        if isinstance(record, FrameTaken):
+            stories[record.frame_id] = _FrameStory(taken=record)
+        elif record.frame_id in stories:
+            _hear(stories[record.frame_id], record)
+    rows = sorted(_rows(stories, everything), key=lambda row: row.t_mid_utc_ns)
+    name = session.resolve().name
+    return ExportedNight(
+        name=name,
+        title=str(about.get("title") or name),
+        config=config,
+        about=about,
+        rows=tuple(rows),
+    )
+
+
+def _hear(story: _FrameStory, record: Any) -> None:
+    match record:
+        case Measurement():
+            if record.source == "network":
+                story.seen.append(record)
+                story.last.measured.append(record)
+        case Ruling():
+            story.ruling = record
+        case FollowedAgain():
+            story.told.append(_Followed(measured=story.measured_again()))
+        case NotFollowed():
+            story.last.refuse(record)
+        case TrackState(kind="predicted"):
+            story.last.predicted = record
+        case TrackState():
+            story.last.corrected = record
+
+
+def _rows(stories: Mapping[int, _FrameStory], everything: bool) -> Iterator[MeasuredRow]:
+    firsts = _firsts(stories)
+    track = 0
+    numbers: dict[int, int] = {}
+    for frame_id in sorted(stories, key=lambda n: (_instant(stories[n]), n)):
+        corrected = stories[frame_id].last.corrected
+        track += corrected is not None and corrected.kind == "initial"
+        numbers[frame_id] = track
+    for story in stories.values():
+        for told in story.told:
+            is_last = told is story.last
+            if is_last or everything:
+                yield from _rows_of(story, told, firsts if is_last else {}, numbers)
+
+
+def _instant(story: _FrameStory) -> int:
+    return story.taken.t_start_utc_ns or 0
+
+
+def _rows_of(
+    story: _FrameStory,
+    told: _Followed,
+    firsts: Mapping[int, tuple[Measurement, int]],
+    numbers: Mapping[int, int],
+) -> Iterator[MeasuredRow]:
+    is_last = told is story.last
+    taken = told.taken()
+    first, started_by = firsts.get(story.taken.frame_id, (None, 0))
+    for place, measurement in enumerate(told.measured):
+        is_taken = measurement is taken or measurement is first
+        refusal = told.refusals.get(place)
+        frame_id = started_by if measurement is first else story.taken.frame_id
+        yield row_of(
+            measurement,
+            story.taken,
+            track=(numbers.get(frame_id) or None) if is_taken and is_last else None,
+            is_taken=is_taken,
+            reason=_reason(story, measurement, refusal, is_taken=is_taken and is_last),
+            nis=None if refusal is None or is_taken else refusal.nis,
+            predicted=told.predicted,
+            corrected=told.corrected if measurement is taken else None,
+            is_superseded=not is_last,
+        )
+
+
+def _reason(
+    story: _FrameStory, measurement: Measurement, refusal: NotFollowed | None, *, is_taken: bool
+) -> str | None:
+    """Why it does not count, or why no track took it."""
+    if is_taken:
+        return None
+    if story.ruling is not None and measurement in story.ruling.refused:
+        return f"refused by {story.ruling.by}"
+    return None if refusal is None else refusal.reason
+
+
+def _firsts(stories: Mapping[int, _FrameStory]) -> dict[int, tuple[Measurement, int]]:
+    """By frame: the measurement with which a track began, and the frame that told so.
+
+    A track starts with its second measurement, with the slope from the first: back along it.
+    """
+    firsts: dict[int, tuple[Measurement, int]] = {}
+    for frame_id, story in stories.items():
+        state = story.last.corrected
+        if state is None or state.kind != "initial":
+            continue
+        best: tuple[float, Measurement] | None = None
+        for other in stories.values():
+            for measurement in other.last.measured:
+                off_deg = _off_slope_deg(state, measurement)
+                if off_deg is not None and (best is None or off_deg < best[0]):
+                    best = off_deg, measurement
+        if best is not None and best[0] < FIRST_WITHIN_DEG:
+            firsts[best[1].frame_id] = best[1], frame_id
+    return firsts
+
+
+def _off_slope_deg(state: TrackState, measurement: Measurement) -> float | None:
+    dt_s = (measurement.t_mid_utc_ns - state.t_utc_ns) / 1e9
+    if dt_s >= 0.0:
+        return None
+    ra_deg = wrap_360(state.x[0] + state.x[1] * dt_s)
+    dec_deg = state.x[2] + state.x[3] * dt_s
+    return math.hypot(
+        wrap_180(measurement.ra_icrs_deg - ra_deg), measurement.dec_icrs_deg - dec_deg
+    )

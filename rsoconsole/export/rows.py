@@ -1,0 +1,209 @@
+"""One measurement with what the track made of it: a line of every table, and its columns."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from rsoconsole.records import FrameTaken, Measurement, TrackState
+from rsoconsole.sky.angles import wrap_360
+from rsoconsole.sky.times import utc_ns_to_iso
+from rsoconsole.tracking.lqe import sky_covariance_arcsec2, sky_rate_arcsec_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredRow:
+    """One measurement of one frame; what the track says of it is None where it was not taken.
+
+    Directions ICRS, astrometric, in degrees; errors and residuals on the sky in arcsec, those in
+    right ascension times cos Dec; pixels 0-based.
+    """
+
+    frame_id: int
+    track: int | None
+    """Number of the track that took it, from 1 in order of time."""
+    t_mid_utc_ns: int
+    exposure_s: float | None
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    sigma_ra_arcsec: float
+    """On the sky."""
+    sigma_dec_arcsec: float
+    correlation: float
+    """Of the errors in right ascension and declination, -1 to 1."""
+    x_px: float
+    y_px: float
+    confidence: float
+    source: str
+    """``network`` or ``operator``."""
+    is_clipped: bool
+    """The frame cuts the streak: only the position across it holds."""
+    is_taken: bool
+    not_taken_because: str | None
+    """Of a superseded one that was taken: why it no longer counts, where somebody refused it."""
+    ra_a_icrs_deg: float | None
+    """One end of the streak, then the other; which came first in time is not known."""
+    dec_a_icrs_deg: float | None
+    ra_b_icrs_deg: float | None
+    dec_b_icrs_deg: float | None
+    predicted_ra_icrs_deg: float | None
+    """Where the track expected its object in this frame."""
+    predicted_dec_icrs_deg: float | None
+    predicted_sigma_ra_arcsec: float | None
+    predicted_sigma_dec_arcsec: float | None
+    residual_ra_arcsec: float | None
+    """Measured minus predicted."""
+    residual_dec_arcsec: float | None
+    sigma_residual_ra_arcsec: float | None
+    """sqrt of the diagonal of S."""
+    sigma_residual_dec_arcsec: float | None
+    nis: float | None
+    """Normalised innovation squared; 2 on average for a sound filter."""
+    updated_ra_icrs_deg: float | None
+    """The track's place after this measurement."""
+    updated_dec_icrs_deg: float | None
+    rate_ra_arcsec_s: float | None
+    """The track's motion on the sky after it."""
+    rate_dec_arcsec_s: float | None
+    is_superseded: bool
+    """By the operator's word it counts no more; only there when all was asked for."""
+
+    @property
+    def t_mid_utc(self) -> str:
+        """Mid-exposure, ISO 8601 to the nanosecond."""
+        return utc_ns_to_iso(self.t_mid_utc_ns, decimals=9)
+
+    @property
+    def cov_sky_arcsec2(self) -> tuple[float, float, float]:
+        """East-east, east-north, north-north."""
+        east, north = self.sigma_ra_arcsec, self.sigma_dec_arcsec
+        return east**2, self.correlation * east * north, north**2
+
+
+Kind = Literal["integer", "real", "text", "truth"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """One column of a table."""
+
+    name: str
+    kind: Kind
+    unit: str | None
+    """As astropy writes it."""
+    words: str
+
+
+_SPEC: Sequence[tuple[str, Kind, str | None, str]] = (
+    ("frame_id", "integer", None, "number of the exposure"),
+    ("track", "integer", None, "track that took it, from 1 in order of time"),
+    ("t_mid_utc", "text", None, "mid-exposure by the shutter, UTC"),
+    ("t_mid_utc_ns", "integer", "ns", "the same since 1970-01-01, POSIX count"),
+    ("exposure_s", "real", "s", "length of the exposure"),
+    ("ra_icrs_deg", "real", "deg", "measured right ascension, astrometric"),
+    ("dec_icrs_deg", "real", "deg", "measured declination, astrometric"),
+    ("sigma_ra_arcsec", "real", "arcsec", "one sigma in right ascension times cos Dec"),
+    ("sigma_dec_arcsec", "real", "arcsec", "one sigma in declination"),
+    ("correlation", "real", None, "of both errors"),
+    ("x_px", "real", "pix", "column of the streak's midpoint, 0-based"),
+    ("y_px", "real", "pix", "row of it"),
+    ("confidence", "real", None, "of the detection, 0 to 1"),
+    ("source", "text", None, "network or operator"),
+    ("is_clipped", "truth", None, "the frame cuts the streak"),
+    ("is_taken", "truth", None, "a track took it"),
+    ("not_taken_because", "text", None, "why none did"),
+    ("ra_a_icrs_deg", "real", "deg", "one end of the streak"),
+    ("dec_a_icrs_deg", "real", "deg", "one end of the streak"),
+    ("ra_b_icrs_deg", "real", "deg", "its other end"),
+    ("dec_b_icrs_deg", "real", "deg", "its other end"),
+    ("predicted_ra_icrs_deg", "real", "deg", "where the track expected it"),
+    ("predicted_dec_icrs_deg", "real", "deg", "where the track expected it"),
+    ("predicted_sigma_ra_arcsec", "real", "arcsec", "one sigma of that, times cos Dec"),
+    ("predicted_sigma_dec_arcsec", "real", "arcsec", "one sigma of that"),
+    ("residual_ra_arcsec", "real", "arcsec", "measured minus predicted, times cos Dec"),
+    ("residual_dec_arcsec", "real", "arcsec", "measured minus predicted"),
+    ("sigma_residual_ra_arcsec", "real", "arcsec", "sqrt(S) of the innovation"),
+    ("sigma_residual_dec_arcsec", "real", "arcsec", "sqrt(S) of the innovation"),
+    ("nis", "real", None, "normalised innovation squared"),
+    ("updated_ra_icrs_deg", "real", "deg", "the track after it"),
+    ("updated_dec_icrs_deg", "real", "deg", "the track after it"),
+    ("rate_ra_arcsec_s", "real", "arcsec / s", "motion of the track, times cos Dec"),
+    ("rate_dec_arcsec_s", "real", "arcsec / s", "motion of the track"),
+    ("is_superseded", "truth", None, "counts no more, by the operator's word"),
+)
+COLUMNS: tuple[Column, ...] = tuple(
+    Column(name=name, kind=kind, unit=unit, words=words) for name, kind, unit, words in _SPEC
+)
+DERIVED = ("t_mid_utc",)
+"""Columns for people: made of others, and not read back."""
+
+
+def row_of(
+    measurement: Measurement,
+    frame: FrameTaken | None,
+    *,
+    track: int | None,
+    is_taken: bool,
+    reason: str | None,
+    nis: float | None,
+    predicted: TrackState | None,
+    corrected: TrackState | None,
+    is_superseded: bool,
+) -> MeasuredRow:
+    """A row from what is on record; ``corrected`` is given for what the track took alone."""
+    east2, cross, north2 = measurement.cov_sky_arcsec2
+    sigma_east, sigma_north = math.sqrt(max(east2, 0.0)), math.sqrt(max(north2, 0.0))
+    both = sigma_east * sigma_north
+    end_a, end_b = measurement.ends_icrs_deg or ((None, None), (None, None))
+    return MeasuredRow(
+        frame_id=measurement.frame_id,
+        track=track,
+        t_mid_utc_ns=measurement.t_mid_utc_ns,
+        exposure_s=None if frame is None else frame.exposure_s,
+        ra_icrs_deg=measurement.ra_icrs_deg,
+        dec_icrs_deg=measurement.dec_icrs_deg,
+        sigma_ra_arcsec=sigma_east,
+        sigma_dec_arcsec=sigma_north,
+        correlation=min(max(cross / both, -1.0), 1.0) if both > 0.0 else 0.0,
+        x_px=measurement.x_px,
+        y_px=measurement.y_px,
+        confidence=measurement.confidence,
+        source=measurement.source,
+        is_clipped=measurement.is_clipped,
+        is_taken=is_taken,
+        not_taken_because=reason,
+        ra_a_icrs_deg=end_a[0],
+        dec_a_icrs_deg=end_a[1],
+        ra_b_icrs_deg=end_b[0],
+        dec_b_icrs_deg=end_b[1],
+        **_predicted(predicted),
+        **_corrected(corrected, nis),
+        is_superseded=is_superseded,
+    )
+
+
+def _predicted(state: TrackState | None) -> dict[str, Any]:
+    names = ("ra_icrs_deg", "dec_icrs_deg", "sigma_ra_arcsec", "sigma_dec_arcsec")
+    if state is None:
+        return {f"predicted_{name}": None for name in names}
+    covariance = sky_covariance_arcsec2(state)
+    sigmas = (math.sqrt(float(covariance[0, 0])), math.sqrt(float(covariance[1, 1])))
+    values = (wrap_360(state.x[0]), state.x[2], *sigmas)
+    return {f"predicted_{name}": value for name, value in zip(names, values, strict=True)}
+
+
+def _corrected(state: TrackState | None, nis: float | None) -> dict[str, Any]:
+    residual = (None, None) if state is None else state.innovation_arcsec or (None, None)
+    sigma = (None, None) if state is None else state.sigma_innovation_arcsec or (None, None)
+    rate = (None, None) if state is None else sky_rate_arcsec_s(state)
+    return {
+        "residual_ra_arcsec": residual[0],
+        "residual_dec_arcsec": residual[1],
+        "sigma_residual_ra_arcsec": sigma[0],
+        "sigma_residual_dec_arcsec": sigma[1],
+        "nis": nis if state is None else state.nis,
+        "updated_ra_icrs_deg": None if state is None else wrap_360(state.x[0]),
+        "updated_dec_icrs_deg": None if state is None else state.x[2],
+        "rate_ra_arcsec_s": rate[0],
+        "rate_dec_arcsec_s": rate[1],
+    }

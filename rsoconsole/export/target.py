@@ -1,0 +1,67 @@
+"""What a track's object is called in formats that want a name, also where nobody knows it."""
+
+import re
+from dataclasses import dataclass
+
+from rsoconsole.errors import ExportError
+
+_COSPAR = re.compile(r"(\d{4})-(\d{3})([A-Z]{1,3})", re.ASCII)
+LARGEST_NORAD = 99_999
+"""What five columns hold."""
+UNKNOWN_NORAD = 99_900
+"""The first number of those that stand for unknown objects: 99901 is the night's first."""
+UNKNOWN_LAUNCH = 999
+_PIECES = "ABCDEFGHJKLMNPQRSTUVWXYZ"
+"""Letters of pieces: without I and O."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """The object's numbers in the catalogues, as far as somebody gave them."""
+
+    norad_id: int | None = None
+    cospar: str | None = None
+    """As in ``2009-064A``."""
+
+    def __post_init__(self) -> None:
+        """Raises ExportError for what cannot be such a number."""
+        if self.norad_id is not None and not 1 <= self.norad_id <= LARGEST_NORAD:
+            raise ExportError(f"{self.norad_id} is no catalogue number of five digits")
+        if self.cospar is not None and _COSPAR.fullmatch(self.cospar) is None:
+            raise ExportError(
+                f"{self.cospar!r} is no international designation: write it like 2009-064A"
+            )
+
+    @property
+    def is_known(self) -> bool:
+        """Whether somebody named it."""
+        return self.norad_id is not None or self.cospar is not None
+
+    def tdm_name(self, track: int) -> str:
+        """The international designation, else the catalogue number, else UNKNOWN and a number."""
+        if self.cospar is not None:
+            return self.cospar
+        return f"UNKNOWN-{track}" if self.norad_id is None else str(self.norad_id)
+
+    def iod_name(self, track: int, year: int) -> str:
+        """Columns 1 to 15 of an IOD line.
+
+        An unknown object is 999NN with NN its track, launch 999 of the year of the observation:
+        no launch has that number. Raises ExportError where more tracks are than such numbers.
+        """
+        if track > LARGEST_NORAD - UNKNOWN_NORAD:
+            raise ExportError("more than 99 tracks: give one at a time with --track")
+        norad = UNKNOWN_NORAD + track if self.norad_id is None else self.norad_id
+        match = _COSPAR.fullmatch(self.cospar or "")
+        if match is None:
+            piece = _piece(track)
+            return f"{norad:05d} {year % 100:02d} {UNKNOWN_LAUNCH:03d}{piece:<3}"
+        return f"{norad:05d} {int(match[1]) % 100:02d} {match[2]}{match[3]:<3}"
+
+
+def _piece(number: int) -> str:
+    letters = ""
+    while number > 0:
+        number, place = divmod(number - 1, len(_PIECES))
+        letters = _PIECES[place] + letters
+    return letters

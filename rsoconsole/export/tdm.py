@@ -1,0 +1,161 @@
+"""CCSDS Tracking Data Message 2.0 (503.0-B-2), keyword = value: what a track measured, for others.
+
+One segment a track: right ascension and declination in degrees at mid-exposure, UTC. The standard
+has no keyword for the error of an angle; here it stands in the comments of the data section,
+``SIGMA epoch sigma_ra_arcsec sigma_dec_arcsec correlation`` for each epoch (the first on the sky,
+times cos Dec), which ``tdm_reader`` understands and every other reader passes over.
+
+Directions are ICRS: EME2000 differs from it by 0.02 arcsec, less than any error here, and is the
+name that readers of angles expect. They are relative to stars of a catalogue, so annual and diurnal
+aberration are out of them; the keywords say so with how much that was.
+"""
+
+import math
+import re
+import unicodedata
+from collections.abc import Iterator
+from pathlib import PurePath
+
+import numpy as np
+
+from rsoconsole.export.night import ExportedNight
+from rsoconsole.export.rows import MeasuredRow
+from rsoconsole.export.target import Target
+from rsoconsole.records import Site
+from rsoconsole.sky.angles import direction_to_unit, wrap_360
+from rsoconsole.sky.frames import hour_angle_icrs_deg
+from rsoconsole.sky.places import LIGHT_KM_S, earth_velocity_km_s
+from rsoconsole.sky.times import utc_ns_to_iso
+
+VERSION = "2.0"
+ANGLE_DECIMALS = 9
+LONGEST_LINE = 254
+ORIGINATOR = "RSOCONSOLE"
+EQUATOR_KM_S = 7.292115e-5 * 6378.137
+"""Speed of the Earth's surface at its equator."""
+
+
+def to_tdm(
+    night: ExportedNight,
+    tracks: tuple[int, ...],
+    *,
+    target: Target,
+    created_utc_ns: int,
+    originator: str = ORIGINATOR,
+) -> str:
+    """The message. A streak that the frame cuts is left out: along it nothing was measured."""
+    lines = [
+        f"CCSDS_TDM_VERS = {VERSION}",
+        f"COMMENT Session {night.name}: {night.title}",
+        *(["COMMENT SIMULATED: no telescope observed this"] if night.is_simulated else []),
+        f"CREATION_DATE = {_epoch(created_utc_ns, 3)}",
+        f"ORIGINATOR = {_name(originator)}",
+    ]
+    for track in tracks:
+        rows = whole(night.of_track(track))
+        if rows:
+            lines.extend(_segment(night, track, rows, target))
+    return "".join(_ascii(line)[:LONGEST_LINE].rstrip() + "\n" for line in lines)
+
+
+def whole(rows: tuple[MeasuredRow, ...]) -> tuple[MeasuredRow, ...]:
+    """Those whose place is known in every direction."""
+    return tuple(row for row in rows if not row.is_clipped)
+
+
+def _segment(
+    night: ExportedNight, track: int, rows: tuple[MeasuredRow, ...], target: Target
+) -> Iterator[str]:
+    yield "META_START"
+    yield from _metadata(night, track, rows, target)
+    yield "META_STOP"
+    yield "DATA_START"
+    for row in rows:
+        errors = f"{row.sigma_ra_arcsec:.6g} {row.sigma_dec_arcsec:.6g} {row.correlation:.4f}"
+        yield f"COMMENT SIGMA {_epoch(row.t_mid_utc_ns)} {errors}"
+    for row in rows:
+        yield f"ANGLE_1 = {_epoch(row.t_mid_utc_ns)} {_ra(row.ra_icrs_deg)}"
+        yield f"ANGLE_2 = {_epoch(row.t_mid_utc_ns)} {_dec(row.dec_icrs_deg)}"
+    yield "DATA_STOP"
+
+
+def _metadata(
+    night: ExportedNight, track: int, rows: tuple[MeasuredRow, ...], target: Target
+) -> Iterator[str]:
+    site, optics = night.config.site.to_site(), night.config.optics
+    middle = rows[len(rows) // 2]
+    annual_deg, diurnal_deg = aberration_deg(
+        site, middle.ra_icrs_deg, middle.dec_icrs_deg, middle.t_mid_utc_ns
+    )
+    exposure_s = next((row.exposure_s for row in rows if row.exposure_s is not None), None)
+    yield (
+        f"COMMENT Site WGS84: latitude {site.latitude_deg:.6f} deg, longitude"
+        f" {site.longitude_deg:.6f} deg east, height {site.elevation_m:.1f} m"
+    )
+    yield (
+        f"COMMENT Telescope: focal length {optics.focal_length_mm:g} mm, pixels of"
+        f" {optics.pixel_um:g} um; angles by streaks against catalogue stars"
+    )
+    yield "COMMENT Angles are astrometric and along ICRS axes; EME2000 differs by 0.02 arcsec"
+    yield "COMMENT CORRECTION_ABERRATION: size on the sky of what was taken out, deg"
+    yield "COMMENT SIGMA in the data section: epoch, RA times cos Dec (arcsec), Dec (arcsec),"
+    yield "COMMENT correlation of both"
+    yield f"TRACK_ID = {_name(PurePath(night.name).name)}_{track}"
+    yield "DATA_TYPES = ANGLE_1,ANGLE_2"
+    yield "TIME_SYSTEM = UTC"
+    yield f"START_TIME = {_epoch(rows[0].t_mid_utc_ns)}"
+    yield f"STOP_TIME = {_epoch(rows[-1].t_mid_utc_ns)}"
+    yield f"PARTICIPANT_1 = {_name(night.config.site.name) or 'SITE'}"
+    yield f"PARTICIPANT_2 = {target.tdm_name(track)}"
+    yield "MODE = SEQUENTIAL"
+    yield "PATH = 2,1"
+    yield "TIMETAG_REF = RECEIVE"
+    if exposure_s is not None:
+        yield f"INTEGRATION_INTERVAL = {exposure_s:.6f}"
+    yield "INTEGRATION_REF = MIDDLE"
+    yield "ANGLE_TYPE = RADEC"
+    yield "REFERENCE_FRAME = EME2000"
+    yield "DATA_QUALITY = VALIDATED"
+    yield f"CORRECTION_ABERRATION_YEARLY = {annual_deg:.7f}"
+    yield f"CORRECTION_ABERRATION_DIURNAL = {diurnal_deg:.7f}"
+    yield "CORRECTIONS_APPLIED = YES"
+
+
+def aberration_deg(
+    site: Site, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int
+) -> tuple[float, float]:
+    """How far (annual, diurnal) aberration moves a star there, in degrees on the sky."""
+    line = direction_to_unit(ra_icrs_deg, dec_icrs_deg)
+    velocity = earth_velocity_km_s(t_utc_ns)
+    across_km_s = velocity - np.dot(velocity, line) * line
+    hour_angle_deg = hour_angle_icrs_deg(site, ra_icrs_deg, dec_icrs_deg, t_utc_ns)
+    to_east = math.cos(math.radians(dec_icrs_deg)) * math.sin(math.radians(hour_angle_deg))
+    speed_km_s = EQUATOR_KM_S * math.cos(math.radians(site.latitude_deg))
+    diurnal = speed_km_s * math.sqrt(max(1.0 - to_east**2, 0.0)) / LIGHT_KM_S
+    return math.degrees(float(np.linalg.norm(across_km_s)) / LIGHT_KM_S), math.degrees(diurnal)
+
+
+def _epoch(t_utc_ns: int, decimals: int = 9) -> str:
+    return utc_ns_to_iso(t_utc_ns, decimals).removesuffix("Z")
+
+
+def _ra(ra_deg: float) -> str:
+    text = f"{wrap_360(ra_deg):.{ANGLE_DECIMALS}f}"
+    return f"{0.0:.{ANGLE_DECIMALS}f}" if text.startswith("360") else text
+
+
+def _dec(dec_deg: float) -> str:
+    text = f"{dec_deg:.{ANGLE_DECIMALS}f}"
+    return text.removeprefix("-") if not text.strip("-0.") else text
+
+
+def _name(text: str) -> str:
+    """As the values of keywords are written: capitals, no blanks."""
+    return re.sub(r"[^A-Z0-9.+-]+", "_", _ascii(text).upper()).strip("_")
+
+
+def _ascii(text: str) -> str:
+    """Letters without their accents; a line break in a title would end the line."""
+    bare = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
+    plain = bare.encode("ascii", "replace").decode()
+    return "".join(c if c.isprintable() else " " for c in plain)

@@ -1,0 +1,53 @@
+"""What a recorded frame would have shown under another tau or header latency. Pure."""
+
+from dataclasses import replace
+
+from rsoconsole.config import Config
+from rsoconsole.pipeline.fold import Shown
+from rsoconsole.pipeline.measure import measure
+from rsoconsole.records import Rejection, Solution
+
+TOO_FAINT = "confidence "
+"""How the detector's verdict on what is only below tau begins."""
+
+
+def at_instant(shown: Shown, t_mid_utc_ns: int) -> Shown:
+    """The same measurements at the frame's mid-exposure: another where its latency is tried."""
+    if all(m.t_mid_utc_ns == t_mid_utc_ns for m in shown.measurements):
+        return shown
+    moved = (replace(m, t_mid_utc_ns=t_mid_utc_ns) for m in shown.measurements)
+    return replace(shown, measurements=tuple(moved))
+
+
+def at_tau(shown: Shown, config: Config) -> Shown:
+    """What the frame would have shown at the configured tau, most confident first.
+
+    The detector keeps what passed its gates and lay below tau, so nothing is guessed; without a
+    plate solution a candidate is detected and not measured, as ever.
+    """
+    tau = config.detector.tau
+    found = shown.detections
+    admitted = [
+        r.detection
+        for r in found.rejected
+        if r.reason.startswith(TOO_FAINT) and r.detection.confidence > tau
+    ]
+    kept = [d for d in found.detections if d.confidence > tau]
+    too_faint = [
+        Rejection(detection=d, reason=f"{TOO_FAINT}{d.confidence:.2f} below tau {tau:.2f}")
+        for d in found.detections
+        if d.confidence <= tau
+    ]
+    measurements = [m for m in shown.measurements if m.source == "operator" or m.confidence > tau]
+    if isinstance(shown.solution, Solution):
+        made = (measure(d, shown.solution, shown.taken, config.exposure) for d in admitted)
+        measurements += [m for m in made if m is not None]
+    # Sorting is stable: what was measured keeps its order.
+    detections = sorted((*kept, *admitted), key=lambda d: -d.confidence)
+    rejected = [r for r in found.rejected if r.detection not in admitted]
+    rejected = sorted((*rejected, *too_faint), key=lambda r: -r.detection.confidence)
+    return replace(
+        shown,
+        detections=replace(found, detections=tuple(detections), rejected=tuple(rejected)),
+        measurements=tuple(sorted(measurements, key=lambda m: -m.confidence)),
+    )

@@ -1,0 +1,262 @@
+"""The search for the likeliest settings, and how wide the likelihood is about them. Pure."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rsoconsole.records import FloatArray
+
+HALF_WIDTH = 0.5
+"""By how much log L falls to the ends of a 68 % interval of one parameter (Wilks 1938)."""
+_WORST = -1e12
+_FINE = {"xatol": 0.02, "fatol": 0.01}
+_COARSE = {"xatol": 0.1, "fatol": 0.05}
+_STRIDE = 0.2
+"""Of a parabola's three points, in natural logarithms."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One number that is sought: a setting, or several that are moved together."""
+
+    label: str
+    names: tuple[str, ...]
+    """Dotted settings that all take its value."""
+    recorded: float
+    low: float
+    high: float
+    scan: tuple[float, ...]
+    """Where to look first, in units of what was recorded."""
+
+    def held_at(self, value: float) -> "Parameter":
+        """The same, with no other value to take."""
+        return replace(self, low=value, high=value, scan=())
+
+    def clipped(self, log_value: float) -> float:
+        """The logarithm within the bounds."""
+        return min(max(log_value, math.log(self.low)), math.log(self.high))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """The likeliest values of some parameters, the others as recorded."""
+
+    parameters: tuple[Parameter, ...]
+    values: tuple[float, ...]
+    log_likelihood: float
+
+    def settings(self) -> dict[str, float]:
+        """By dotted name."""
+        pairs = zip(self.parameters, self.values, strict=True)
+        return {name: value for parameter, value in pairs for name in parameter.names}
+
+    def value(self, parameter: Parameter) -> float:
+        """Of one parameter; as recorded where it was not sought."""
+        pairs = zip(self.parameters, self.values, strict=True)
+        found = (value for each, value in pairs if each.names == parameter.names)
+        return next(found, parameter.recorded)
+
+
+@dataclass(slots=True)
+class Search:
+    """Maximises a likelihood over the logarithms of parameters."""
+
+    log_likelihood: Callable[[Mapping[str, float]], float]
+    """Of settings by dotted name; not finite where the filter breaks down."""
+    on_evaluation: Callable[[], None] = lambda: None
+    evaluations: int = 0
+    _known: dict[tuple[tuple[str, float], ...], float] = field(default_factory=dict)
+
+    def at(self, parameters: Sequence[Parameter], logs: Iterable[float]) -> float:
+        """Log-likelihood at these logarithms of the parameters' values."""
+        pairs = zip(parameters, logs, strict=True)
+        settings = {
+            name: parameter.low
+            if parameter.low == parameter.high
+            else math.exp(parameter.clipped(float(log)))
+            for parameter, log in pairs
+            for name in parameter.names
+        }
+        key = tuple(sorted(settings.items()))
+        if key not in self._known:
+            self.evaluations += 1
+            self.on_evaluation()
+            value = self.log_likelihood(settings)
+            self._known[key] = value if math.isfinite(value) else _WORST
+        return self._known[key]
+
+    def fit(
+        self,
+        parameters: tuple[Parameter, ...],
+        start: Fit | None = None,
+        *,
+        is_coarse: bool = False,
+    ) -> Fit:
+        """The likeliest values; ``start``: a fit that is near, in the place of a scan."""
+        if not parameters:
+            return Fit(parameters=(), values=(), log_likelihood=self.at((), ()))
+        if start is None:
+            logs = self._scanned(parameters)
+        else:
+            logs = np.log([start.value(parameter) for parameter in parameters])
+        return self._refined(parameters, logs, _COARSE if is_coarse else _FINE)
+
+    def interval(
+        self, parameter: Parameter, best: Fit, fall: float = HALF_WIDTH
+    ) -> tuple[float, float]:
+        """Profile interval of one of a fit's parameters; a bound where it is that wide.
+
+        ``fall``: of log L to its ends; 68 % with the one that is given.
+        """
+        place = best.parameters.index(parameter)
+        ends = tuple(self._end(place, best, sense, fall) for sense in (-1.0, 1.0))
+        return math.exp(ends[0]), math.exp(ends[1])
+
+    def gain_along(self, parameter: Parameter, best: Fit) -> float:
+        """By how much one parameter more raises log L at least: the others stay where they are."""
+        logs = [math.log(parameter.recorded), *np.log(best.values)]
+        heights = [best.log_likelihood]
+        for factor in parameter.scan:
+            logs[0] = parameter.clipped(math.log(parameter.recorded * factor))
+            heights.append(self.at((parameter, *best.parameters), logs))
+        return max(heights) - best.log_likelihood
+
+    def open_ends(self, parameter: Parameter, best: Fit) -> tuple[bool, bool]:
+        """Whether the likelihood stays as good as the best down to the search's edge, and up."""
+        place = next(n for n, p in enumerate(best.parameters) if p.names == parameter.names)
+        others = [each for each in best.parameters if each.names != parameter.names]
+        logs = np.log([value for n, value in enumerate(best.values) if n != place])
+        falls = (
+            self._fall(parameter, math.log(edge), others, logs, best)[0]
+            for edge in (parameter.low, parameter.high)
+        )
+        is_open_below, is_open_above = (fall < HALF_WIDTH for fall in falls)
+        return is_open_below, is_open_above
+
+    def _scanned(self, parameters: tuple[Parameter, ...]) -> FloatArray:
+        """The best of a grid: one parameter after another, each with the best of those before."""
+        logs = np.log([parameter.recorded for parameter in parameters])
+        for _ in range(2 if len(parameters) > 1 else 1):
+            for place, parameter in enumerate(parameters):
+                trials = [logs.copy() for _ in parameter.scan]
+                for trial, factor in zip(trials, parameter.scan, strict=True):
+                    trial[place] = parameter.clipped(math.log(parameter.recorded * factor))
+                logs = max([logs, *trials], key=lambda each: self.at(parameters, each))
+        return np.asarray(logs)
+
+    def _refined(
+        self, parameters: tuple[Parameter, ...], logs: FloatArray, options: Mapping[str, float]
+    ) -> Fit:
+        from scipy.optimize import minimize
+
+        held = tuple(each for each in parameters if each.low == each.high)
+        sought = tuple(each for each in parameters if each.low < each.high)
+        if not sought:
+            values = tuple(each.low for each in held)
+            log_likelihood = self.at(held, np.log(values))
+            return Fit(parameters=held, values=values, log_likelihood=log_likelihood)
+        at_held = [math.log(each.low) for each in held]
+        logs = np.array(
+            [log for each, log in zip(parameters, logs, strict=True) if each not in held]
+        )
+        bounds = [(math.log(each.low), math.log(each.high)) for each in sought]
+        start = np.array([each.clipped(log) for each, log in zip(sought, logs, strict=True)])
+        found = minimize(
+            lambda x: -self.at((*sought, *held), (*x, *at_held)),
+            start,
+            method="Nelder-Mead",
+            bounds=bounds,
+            options={**options, "initial_simplex": _simplex(start, bounds), "maxfev": 120},
+        )
+        return Fit(
+            parameters=(*sought, *held),
+            values=(*(math.exp(value) for value in found.x), *(each.low for each in held)),
+            log_likelihood=-float(found.fun),
+        )
+
+    def _end(self, place: int, best: Fit, sense: float, most: float) -> float:
+        """Where the profile has fallen by so much at most, as a logarithm."""
+        parameter = best.parameters[place]
+        at = math.log(best.values[place])
+        bound = math.log(parameter.high if sense > 0.0 else parameter.low)
+        others = [each for each in best.parameters if each is not parameter]
+        logs = np.log([value for n, value in enumerate(best.values) if n != place])
+        inside, outside, step = (0.0, 0.0), None, 0.25
+        for _ in range(12):
+            width = min(step, abs(bound - at))
+            fall, logs = self._fall(parameter, at + sense * width, others, logs, best)
+            if fall >= most:
+                outside = (width, fall)
+                break
+            inside = (width, fall)
+            if width == abs(bound - at):
+                return bound
+            step *= 2.0
+        if outside is None:
+            return bound
+        for _ in range(2):
+            width = _between(inside, outside, most)
+            fall, _ = self._fall(parameter, at + sense * width, others, logs, best)
+            inside, outside = (inside, (width, fall)) if fall >= most else ((width, fall), outside)
+        return at + sense * _between(inside, outside, most)
+
+    def _fall(
+        self,
+        parameter: Parameter,
+        log_value: float,
+        others: Sequence[Parameter],
+        logs: FloatArray,
+        best: Fit,
+    ) -> tuple[float, FloatArray]:
+        """(by how much the profile lies below the best, where the others are then)."""
+        together = (parameter, *others)
+        logs, height = np.array(logs, float), self.at(together, (log_value, *logs))
+        for place in [*range(len(others))] * min(len(others), 2):
+            logs, height = self._climbed(together, log_value, logs, height, place)
+        return best.log_likelihood - height, logs
+
+    def _climbed(
+        self,
+        together: Sequence[Parameter],
+        log_value: float,
+        logs: FloatArray,
+        height: float,
+        place: int,
+    ) -> tuple[FloatArray, float]:
+        """To the top of the parabola through three points along one of the others."""
+        heights = []
+        for side in (-_STRIDE, _STRIDE):
+            beside = logs.copy()
+            beside[place] = together[place + 1].clipped(logs[place] + side)
+            heights.append(self.at(together, (log_value, *beside)))
+        bend = heights[0] - 2.0 * height + heights[1]
+        step = math.copysign(3.0 * _STRIDE, heights[1] - heights[0])
+        if bend < 0.0:
+            step = _STRIDE * (heights[0] - heights[1]) / (2.0 * bend)
+            step = min(max(step, -6.0 * _STRIDE), 6.0 * _STRIDE)
+        there = logs.copy()
+        there[place] = together[place + 1].clipped(logs[place] + step)
+        above = self.at(together, (log_value, *there))
+        return (there, above) if above > height else (logs, height)
+
+
+def _simplex(
+    start: FloatArray, bounds: Sequence[tuple[float, float]], size: float = 0.5
+) -> FloatArray:
+    """Corners about a start, inside the bounds."""
+    corners = [start]
+    for place, (_, high) in enumerate(bounds):
+        corner = start.copy()
+        corner[place] += size if corner[place] + size <= high else -size
+        corners.append(corner)
+    return np.array(corners)
+
+
+def _between(inside: tuple[float, float], outside: tuple[float, float], fall: float) -> float:
+    """Where a parabola through both has fallen so far."""
+    (w0, f0), (w1, f1) = inside, outside
+    r0, r1 = math.sqrt(max(f0, 0.0)), math.sqrt(f1)
+    share = (math.sqrt(fall) - r0) / max(r1 - r0, 1e-9)
+    return w0 + min(max(share, 0.05), 0.95) * (w1 - w0)
