@@ -182,6 +182,18 @@ def test_a_night_in_which_everything_happens_is_replayed_bit_for_bit(busy_night)
     assert len(states) > 60
 
 
+def test_wherever_a_session_is_cut_off_only_its_last_frame_lacks_anything(busy_night):
+    records = busy_night.records
+    lacking = 0
+    for end in range(1, len(records), 23):
+        *whole, last = list(replay(records[:end], CONFIG)) or [None]
+        assert all(frame.is_as_recorded for frame in whole)
+        if last is not None:
+            assert last.records[: len(last.recorded)] == last.recorded
+            lacking += not last.is_as_recorded
+    assert lacking > 2
+
+
 def test_after_every_frame_the_replay_follows_what_the_engine_followed(busy_night):
     after = {frame.taken.frame_id: frame.after for frame in replay(busy_night.records, CONFIG)}
     assert {n: after[n] for n in busy_night.followed} == busy_night.followed

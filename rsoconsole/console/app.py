@@ -23,6 +23,7 @@ from rsoconsole.console.command import Place
 from rsoconsole.console.commands import bindings, commands_in
 from rsoconsole.console.dialogs import HelpDialog
 from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.live import LiveScreen
 from rsoconsole.console.messages import EngineSeen, NightSeen, OutlookSeen
 from rsoconsole.console.night import NightView
@@ -197,8 +198,10 @@ class ConsoleApp(App[str]):
         """Which of the two that is."""
         return "review" if isinstance(self.shown, ReviewScreen) else "live"
 
-    def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:  # noqa: ARG002 -- the one that is shown counts
-        """Every command by name."""
+    def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
+        """Every command by name; those of a screen of its own come first."""
+        if isinstance(screen, FrameSheet):
+            yield from screen.system_commands()
         for command in commands_in(self.place):
             if command.name in {"stop_by_letter", "put_away"}:
                 continue
@@ -234,7 +237,8 @@ class ConsoleApp(App[str]):
     def action_help(self) -> None:
         """Keys and signs."""
         if not isinstance(self.screen, HelpDialog):
-            self.push_screen(HelpDialog(self._own_keys, self.shown.mode, self.place))
+            mode = self.screen.mode if isinstance(self.screen, FrameSheet) else self.shown.mode
+            self.push_screen(HelpDialog(self._own_keys, mode, self.place))
 
     def action_colours(self) -> None:
         """The next of night, dark, light and the terminal's own."""
@@ -245,6 +249,8 @@ class ConsoleApp(App[str]):
 
     def action_leave(self) -> None:
         """As the screen has it."""
+        if isinstance(self.screen, FrameSheet):
+            self.pop_screen()
         screen = self.screen
         if isinstance(screen, NightScreen):
             screen.action_leave()

@@ -213,6 +213,14 @@ SEAT_COMMANDS: tuple[Command, ...] = (
         where=BOTH,
     ),
     _command(
+        "open_frame",
+        "enter",
+        "Open the frame",
+        "at full resolution, where its pixels were kept; process it again with another τ or map",
+        "picture",
+        where=BOTH,
+    ),
+    _command(
         "stretch",
         "f",
         "Stretch",

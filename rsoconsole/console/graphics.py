@@ -98,6 +98,8 @@ def _draw(canvas: RedGreenBlue, mark: Mark, window: Window, colour: Colour) -> N
     if mark.outline_px:
         points = np.array([at(*point) for point in mark.outline_px], np.int32)
         cv2.polylines(canvas, [points], True, colour, 1, cv2.LINE_AA)
+    if mark.kind == "box":
+        return
     if mark.kind in {"predicted", "cursor"}:
         arm = MARGIN_PX if mark.kind == "predicted" else 2 * MARGIN_PX
         cv2.line(canvas, (x - arm, y), (x + arm, y), colour, 1)
@@ -106,7 +108,8 @@ def _draw(canvas: RedGreenBlue, mark: Mark, window: Window, colour: Colour) -> N
     else:
         ends = mark.ends_px or ((mark.x_px, mark.y_px),) * 2
         corners = np.array([at(*end) for end in ends])
-        low, high = corners.min(axis=0) - MARGIN_PX, corners.max(axis=0) + MARGIN_PX
+        margin = 2 * MARGIN_PX if mark.is_outer else MARGIN_PX
+        low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
         left_top, right_bottom = (int(low[0]), int(low[1])), (int(high[0]), int(high[1]))
         cv2.rectangle(canvas, left_top, right_bottom, colour, 1)
         label_at = (right_bottom[0] + FONT_ROOM_PX, right_bottom[1])

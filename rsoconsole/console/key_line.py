@@ -8,7 +8,7 @@ from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.words import clipped
 
-Mode = Literal["live", "mark", "tune", "log", "review", "review tune", "review log"]
+Mode = Literal["live", "mark", "tune", "log", "review", "review tune", "review log", "sheet"]
 """What the keys are for at this moment."""
 
 
@@ -63,6 +63,21 @@ _OF_MODES: dict[Mode, tuple[Key, ...]] = {
         Key("/", "Filter", is_weighty=True),
         Key("esc", "Back", is_weighty=True),
     ),
+    "sheet": (
+        Key("esc", "Back", is_weighty=True, command="back"),
+        Key(", .", "τ", is_weighty=True),
+        Key("+ -", "Zoom", is_weighty=True),
+        Key("d", "Next candidate", command="next_candidate"),
+        Key("↑↓←→", "Move"),
+        Key("[ ]", "Step"),
+        Key("m", "Map", command="map_mode"),
+        Key("v", "Network's view", command="network_view"),
+        Key("f", "Stretch", command="stretch"),
+        Key("o", "Marks", command="marks"),
+        Key("p", "Plate anew", command="plate"),
+        Key("r", "As recorded", command="as_recorded"),
+        Key("l", "List", command="list"),
+    ),
 }
 
 
@@ -74,6 +89,7 @@ MODE_WORDS: dict[Mode, str] = {
     "review": "",
     "review tune": "Now: the tuning pane, over what has been recorded",
     "review log": "Now: the log of the whole night; what came later is dim",
+    "sheet": "Now: one frame at full resolution",
 }
 
 

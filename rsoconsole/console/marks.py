@@ -15,7 +15,18 @@ SIGMAS = 3.0
 SHOWN_REJECTED = 0.01
 """Confidence from which on a rejected candidate is pointed at: the rest is noise."""
 
-Kind = Literal["followed", "candidate", "rejected", "operator", "predicted", "cursor"]
+Kind = Literal[
+    "followed",
+    "candidate",
+    "rejected",
+    "operator",
+    "predicted",
+    "now",
+    "now_rejected",
+    "box",
+    "cursor",
+]
+"""``now`` and ``now_rejected``: of a frame that is processed once more; ``box``: the network's."""
 
 _BRACKETS: dict[Kind, tuple[str, str]] = {
     "followed": ("[", "]"),
@@ -23,6 +34,9 @@ _BRACKETS: dict[Kind, tuple[str, str]] = {
     "rejected": ("‹", "›"),
     "operator": ("<", ">"),
     "predicted": ("", ""),
+    "now": ("{", "}"),
+    "now_rejected": ("«", "»"),
+    "box": ("", ""),
     "cursor": ("", ""),
 }
 _SHORT_COLUMNS = 4
@@ -33,12 +47,15 @@ Cells = dict[tuple[int, int], tuple[str, str]]
 """(column, row) -> (character, kind of mark)."""
 
 _ORDER: dict[Kind, int] = {
+    "box": -1,
     "rejected": 0,
     "predicted": 1,
     "candidate": 2,
     "operator": 3,
     "followed": 4,
-    "cursor": 5,
+    "now_rejected": 5,
+    "now": 6,
+    "cursor": 7,
 }
 """What is written last stays."""
 
@@ -54,7 +71,11 @@ class Mark:
     """Of a streak, the left one first."""
     label: str = ""
     outline_px: tuple[tuple[float, float], ...] = ()
-    """Points of a line about it: where the track is with 3 sigma."""
+    """Points of a line about it: where the track is with 3 sigma, or a candidate's box."""
+    is_outer: bool = False
+    """Written about another mark of the same streak, with its label a row below."""
+    gap: int = 0
+    """Cells between its sign and its label."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,6 +119,11 @@ def marks_of(detail: FrameDetail) -> tuple[Mark, ...]:
     ]
     predicted = _predicted_mark(detail)
     return (*marks, predicted) if predicted is not None else tuple(marks)
+
+
+def mark_of(detection: Detection, kind: Kind) -> Mark:
+    """A streak's two ends and its confidence."""
+    return _mark_of(detection, kind, None)
 
 
 def _mark_of(detection: Detection, kind: Kind, followed: Measurement | None) -> Mark:
@@ -167,6 +193,8 @@ def overlay(marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = Fal
 def _signs(mark: Mark, centre: tuple[int, int], window: Window) -> list[tuple[int, int, str]]:
     """(column, row, text) of what a mark writes."""
     column, row = centre
+    if mark.kind == "box":
+        return []
     if mark.kind == "predicted":
         return [(column, row, "+")]
     if mark.kind == "cursor":
@@ -180,8 +208,11 @@ def _signs(mark: Mark, centre: tuple[int, int], window: Window) -> list[tuple[in
         # One row, with a line for the streak, which is hardly seen at this scale.
         half = max(1, (right[0] - left[0]) // 2 + 1)
         left, right = (column - half, row), (column + half, row)
-        opening += "━" * (2 * half - 1)
-    fits_right = right[0] + 1 + len(mark.label) <= window.columns
-    label_at = right[0] + 1 if fits_right else left[0] - len(mark.label)
-    label_row = right[1] if fits_right else left[1]
+        opening += "" if mark.is_outer else "━" * (2 * half - 1)
+    if mark.is_outer:
+        left, right = (left[0] - 1, left[1]), (right[0] + 1, right[1])
+    columns = mark.gap + len(mark.label)
+    fits_right = right[0] + 1 + columns <= window.columns
+    label_at = right[0] + 1 + mark.gap if fits_right else left[0] - columns
+    label_row = (right[1] if fits_right else left[1]) + mark.is_outer
     return [(*left, opening), (*right, closing), (label_at, label_row, mark.label)]

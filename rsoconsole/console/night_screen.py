@@ -20,6 +20,7 @@ from rsoconsole.console.fold import (
     has_tune_of_its_own,
     tune_box,
 )
+from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.key_line import Key, Mode, key_at, key_line
 from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.marks import Mark
@@ -270,6 +271,29 @@ class NightScreen(TuneActions):
         self._stretch = (self._stretch + 1) % len(STRETCHES)
         self.show_picture()
         self.say(f"stretch: {STRETCHES[self._stretch]}")
+
+    def action_open_frame(self) -> None:
+        """The frame that is shown, at full resolution."""
+        shown = self.picture or self.night.frame
+        if shown is None or self.night.folder is None:
+            self.say("no frame has been shown yet", "warn")
+            return
+        self.app.push_screen(
+            FrameSheet(
+                self.night.folder,
+                shown.frame_id,
+                self.night.config,
+                status=self.top,
+                alert=self._alert_elsewhere,
+                keymap=self.keymap,
+            )
+        )
+
+    def _alert_elsewhere(self) -> str:
+        """The alert for a screen over this one, which covers what came of a STOP."""
+        news = self.stop_news
+        stopped = f"STOP {news.text}" if news else ""
+        return " · ".join(part for part in (stopped, self.alert) if part)
 
     def action_log(self) -> None:
         """All panes to the log, and back."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any, ClassVar, Literal, get_args
 
+from rich.color import Color
 from rich.segment import Segment
 from rich.style import Style
 from textual.app import ComposeResult
@@ -17,6 +18,7 @@ from rsoconsole.console.messages import Pointed
 from rsoconsole.console.picture import (
     GREYS,
     Drawing,
+    LightImage,
     Picture,
     Stretch,
     draw_closeup,
@@ -98,6 +100,9 @@ class FramePane(Widget):
         "frame--rejected",
         "frame--operator",
         "frame--predicted",
+        "frame--now",
+        "frame--now_rejected",
+        "frame--box",
         "frame--cursor",
         "frame--title",
         "frame--caption",
@@ -108,6 +113,9 @@ class FramePane(Widget):
     FramePane > .frame--rejected { color: #af875f; background: black; }
     FramePane > .frame--operator { color: black; background: #87d7ff; text-style: bold; }
     FramePane > .frame--predicted { color: #87d7ff; background: black; text-style: bold; }
+    FramePane > .frame--now { color: black; background: #ff87d7; text-style: bold; }
+    FramePane > .frame--now_rejected { color: #ff87d7; background: black; }
+    FramePane > .frame--box { color: #af875f; background: black; }
     FramePane > .frame--cursor { color: black; background: #87ffaf; text-style: bold; }
     FramePane > .frame--title { text-style: bold; }
     FramePane > .frame--caption { color: $text-muted; }
@@ -204,7 +212,7 @@ class FramePane(Widget):
         super().notify_style_update()
         self._strips = []
         self._styles_made.clear()
-        if self._pixels is not None and self._picture is not None:
+        if self._pixels is not None:
             self._paint()
 
     def render_line(self, y: int) -> Strip:
@@ -223,21 +231,34 @@ class FramePane(Widget):
         """The same by the terminal's own graphics."""
         from rsoconsole.console.graphics import cell_px, painted
 
-        picture, drawing = self._picture, self.drawing
-        self._pixels.display = picture is not None and drawing is not None
-        if picture is None or drawing is None:
+        drawing = self.drawing
+        self._pixels.display = drawing is not None
+        if drawing is None:
             return
-        window, is_field = drawing.window, self._sight == "field"
-        marks = (*picture.marks, *self._marks)
+        window, cell = drawing.window, cell_px()
         self._pixels.styles.width, self._pixels.styles.height = window.columns, window.rows
         self._pixels.image = painted(
-            shares(picture, drawing, self._stretch, is_field=is_field),
+            self._light(drawing, cell),
             window,
-            tuple(m for m in marks if m.kind != "rejected" or not is_field),
+            self._shown_marks(),
             {name: self._ink(name) for name in KINDS},
-            cell=cell_px(),
+            cell=cell,
             is_red=self.app.theme == NIGHT,
         )
+
+    def _light(self, drawing: Drawing, _cell_px: tuple[int, int]) -> LightImage:
+        """What is drawn, from dark 0 to bright 1, at its own resolution."""
+        assert self._picture is not None
+        return shares(self._picture, drawing, self._stretch, is_field=self._sight == "field")
+
+    def _shown_marks(self) -> tuple[Mark, ...]:
+        """What is pointed at; afar a rejected candidate is no more than clutter."""
+        marks = (*(self._picture.marks if self._picture is not None else ()), *self._marks)
+        return tuple(m for m in marks if m.kind != "rejected" or self._sight != "field")
+
+    def _absent(self) -> str:
+        """What is said where nothing is drawn."""
+        return self.absent if self._picture is None else "nothing to look at closely"
 
     def _ink(self, kind: str) -> tuple[int, int, int]:
         """Colour of a kind of mark: what is bright of its style."""
@@ -270,9 +291,8 @@ class FramePane(Widget):
     def _picture_strips(self, drawing: Drawing | None, width: int, rows: int) -> list[Strip]:
         if not width or not rows:
             return []
-        picture = self._picture
-        if picture is None or drawing is None:
-            words = self.absent if picture is None else "nothing to look at closely"
+        if drawing is None:
+            words = self._absent()
             return [
                 self._text(
                     (words if row == rows // 2 else "").center(width)[:width], "frame--caption"
@@ -280,12 +300,13 @@ class FramePane(Widget):
                 for row in range(rows)
             ]
         window = drawing.window
-        marks = overlay((*picture.marks, *self._marks), window, has_rejected=self._sight != "field")
-        blank = Strip.blank(width, self.rich_style)
+        marks = overlay(self._shown_marks(), window, has_rejected=True)
+        style = self.rich_style
+        blank = Strip.blank(width, style)
         if self._pixels is not None:
             return [blank] * rows
         return [
-            self._row(runs(drawing.greys, marks, row)).adjust_cell_length(width, self.rich_style)
+            self._row(runs(drawing.greys, marks, row)).adjust_cell_length(width, style)
             for row in range(window.rows)
         ] + [blank] * (rows - window.rows)
 
@@ -304,11 +325,11 @@ class FramePane(Widget):
         upper, lower = (self._colour(grey * 255 / (GREYS - 1)) for grey in key)
         return Style(color=upper, bgcolor=lower)
 
-    def _colour(self, grey: float) -> str:
+    def _colour(self, grey: float) -> Color:
         """Grey, or red for eyes that are used to the dark."""
         if self.app.theme == NIGHT:
-            return f"rgb({round(0.75 * grey)},{round(0.12 * grey)},{round(0.06 * grey)})"
-        return f"rgb({round(grey)},{round(grey)},{round(grey)})"
+            return Color.from_rgb(round(0.75 * grey), round(0.12 * grey), round(0.06 * grey))
+        return Color.from_rgb(round(grey), round(grey), round(grey))
 
     def _text(self, text: str, name: str) -> Strip:
         return Strip([Segment(text, self.get_component_rich_style(name))])

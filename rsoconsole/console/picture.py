@@ -196,10 +196,16 @@ def _greys(light: LightImage, stretch: Stretch) -> ByteImage:
 
     A crowded field fills every square with faint stars: the fainter part of them stays dark.
     """
-    return np.asarray(np.round(_shares(light, stretch) * (GREYS - 1)), np.uint8)
+    return greys(shares_of(light, stretch))
 
 
-def _shares(light: LightImage, stretch: Stretch) -> LightImage:
+def greys(shares: LightImage) -> ByteImage:
+    """Shares of brightness as steps of grey."""
+    return np.asarray(np.round(shares * (GREYS - 1)), np.uint8)
+
+
+def shares_of(light: LightImage, stretch: Stretch) -> LightImage:
+    """Dark 0 to bright 1, between what is dark and what is bright of these squares."""
     low, high = (float(v) for v in np.percentile(light, _PERCENT[stretch]))
     share = np.clip((light - low) / max(high - low, _LEAST_RANGE), 0.0, 1.0)
     return np.asarray(FLOOR + (1 - FLOOR) * share, np.float32)
@@ -218,7 +224,7 @@ def shares(picture: Picture, drawing: Drawing, stretch: Stretch, *, is_field: bo
         rows, columns = round(window.height_px), round(window.width_px)
         stretch = "asinh" if stretch == "streaks" else stretch
         light = _light(picture.closeup[y0 : y0 + rows, x0 : x0 + columns], stretch)
-    return _shares(light, stretch)
+    return shares_of(light, stretch)
 
 
 def fitted_cells(aspect: float, columns: int, rows: int) -> tuple[int, int]:

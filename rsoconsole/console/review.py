@@ -361,11 +361,6 @@ class ReviewScreen(ReviewCompare):
         """Review that one."""
         self.open(folder)
 
-    def action_open_frame(self) -> None:
-        """The frame at full resolution."""
-        # JOIN: push FrameSheet(self.folder, self.night.frame.frame_id, self.night.config) here.
-        self.say("this version opens no frame at full resolution", "warn")
-
     def action_give_seat(self) -> None:
         """The seat of the night behind."""
         if self._live is not None:

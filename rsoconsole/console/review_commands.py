@@ -92,12 +92,4 @@ REVIEW_COMMANDS: tuple[Command, ...] = (
         "streaks",
         where=_HERE,
     ),
-    _command(
-        "open_frame",
-        "enter",
-        "Open the frame",
-        "at full resolution",
-        "picture",
-        where=_HERE,
-    ),
 )

@@ -54,7 +54,7 @@ def verdict_lines(detail: FrameDetail, tau: float) -> list[str]:
         return ["It is not known yet what the frame shows."]
     lines: list[str] = []
     for each in sorted(found.detections, key=lambda d: -d.confidence):
-        lines += _lines(each, *_fate(each, detail))
+        lines += _lines(each, *fate(each, detail))
     rejected = sorted(found.rejected, key=lambda r: -r.detection.confidence)
     for one in rejected[:MOST_REJECTED]:
         lines += _lines(one.detection, "rejected", one.reason)
@@ -69,7 +69,7 @@ def verdict_lines(detail: FrameDetail, tau: float) -> list[str]:
     return [head, "", *lines]
 
 
-def _fate(streak: Detection, detail: FrameDetail) -> tuple[str, str]:
+def fate(streak: Detection, detail: FrameDetail) -> tuple[str, str]:
     """What became of a detection above tau, and why where it was not followed."""
     followed = detail.followed
     if followed is not None and _is_at(streak, followed.x_px, followed.y_px):

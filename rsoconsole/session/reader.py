@@ -131,22 +131,28 @@ class SessionReader:
         return Counts(records=records, frames=frames, t_first_utc_ns=t_first, t_last_utc_ns=t_last)
 
     def records(
-        self, since_seq: int = 0, kinds: Collection[type[Any]] | None = None
+        self,
+        since_seq: int = 0,
+        kinds: Collection[type[Any]] | None = None,
+        *,
+        frame_id: int | None = None,
     ) -> Iterator[tuple[int, int, Record]]:
         """(seq, t_utc_ns, record) in the order of the log, after ``since_seq``, to its end.
 
-        ``kinds`` are record types, e.g. ``(Measurement, TrackState)``; None means all. Kinds that
-        this version does not know are passed over; in the place of a record that cannot be read
+        ``kinds`` are record types, e.g. ``(Measurement, TrackState)``; None means all. With
+        ``frame_id`` only the records of that frame. Kinds that this version does not know are
+        passed over; in the place of a record that cannot be read
         stands an alarm that says so.
         """
         names = [kind.__name__ for kind in kinds] if kinds is not None else list(KINDS)
         places = ", ".join("?" * len(names))
         # With + SQLite goes through the log itself: by the index of kinds it would sort all that is
         # left of the log for each page. Few kinds are found by the index.
-        column = "+kind" if kinds is None else "kind"
-        sql = f"{_SELECT} AND {column} IN ({places}) ORDER BY seq LIMIT {PAGE_RECORDS}"
+        column = "+kind" if kinds is None and frame_id is None else "kind"
+        of_frame, frame = ("", ()) if frame_id is None else (" AND frame_id = ?", (frame_id,))
+        sql = f"{_SELECT} AND {column} IN ({places}){of_frame} ORDER BY seq LIMIT {PAGE_RECORDS}"
         while True:
-            page = self._fetch(sql, (since_seq, *names))
+            page = self._fetch(sql, (since_seq, *names, *frame))
             for seq, t_utc_ns, kind, body in page:
                 yield seq, t_utc_ns, self._decoded(kind, body)
             if len(page) < PAGE_RECORDS:
@@ -179,6 +185,14 @@ class SessionReader:
     def frame_path(self, frame_id: int) -> Path | None:
         """The frame's FITS file; None when it was not kept or is not written yet."""
         return self._file(frame_id, "frame")
+
+    def not_kept_because(self, frame_id: int) -> str | None:
+        """Why the frame's pixels were not kept; None when they were, or nothing is said of it."""
+        sql = "SELECT reason FROM files WHERE frame_id = ? AND role = 'frame'"
+        rows = self._fetch(sql, (frame_id,))
+        if not rows and self._origin is not None:
+            return self._origin.not_kept_because(frame_id)
+        return str(rows[0][0]) if rows and rows[0][0] else None
 
     def preview_path(self, frame_id: int) -> Path | None:
         """The frame's small picture; None when there is none."""

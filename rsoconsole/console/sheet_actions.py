@@ -1,0 +1,212 @@
+"""What the keys and the mouse do in a frame at full resolution."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import ClassVar
+
+from textual.app import SystemCommand
+from textual.binding import Binding, BindingType
+from textual.screen import Screen
+
+from rsoconsole.console.messages import Pointed
+from rsoconsole.console.picture import STRETCHES
+from rsoconsole.console.sheet import Sheet
+from rsoconsole.console.sheet_pane import SheetPane
+from rsoconsole.console.sheet_view import STEPS
+from rsoconsole.records import MapMode
+
+ROOM_PX = 20.0
+"""Seen beyond both ends of a candidate that is gone to."""
+_MOVES = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
+
+
+class SheetActions(Screen[None]):
+    """Changes what is looked at and what is tried; the screen built on it shows and asks."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape", "back", "Back", show=False),
+        Binding("q", "app.leave", "Leave", id="leave", show=False),
+        *(Binding(key, f"move('{key}')", show=False) for key in _MOVES),
+        Binding("left_square_bracket", "step(-1)", "Smaller step", id="smaller_step", show=False),
+        Binding("right_square_bracket", "step(1)", "Larger step", id="larger_step", show=False),
+        Binding("plus,equals_sign", "zoom_by(-1)", "Nearer", show=False),
+        Binding("minus", "zoom_by(1)", "Farther", show=False),
+        Binding("z", "zoom", "Zoom", id="zoom", show=False),
+        Binding("f", "stretch", "Stretch", id="stretch", show=False),
+        Binding("o", "marks", "Marks on and off", show=False),
+        Binding("d", "next_candidate", "Next candidate", id="follow_next", show=False),
+        Binding("comma", "tau(-1)", "Smaller tau", show=False),
+        Binding("full_stop", "tau(1)", "Larger tau", show=False),
+        Binding("m", "map_mode", "Map mode", show=False),
+        Binding("v", "network_view", "What the network sees", show=False),
+        Binding("p", "plate", "Plate anew", show=False),
+        Binding("r", "as_recorded", "As recorded", show=False),
+        Binding("l", "list", "List", id="log", show=False),
+    ]
+
+    def __init__(self, sheet: Sheet) -> None:
+        super().__init__()
+        self.sheet = sheet
+
+    def show(self) -> None:
+        """Draw everything again; the screen does."""
+
+    def process(self) -> None:
+        """Ask for the frame with what is tried now; the screen does."""
+
+    def action_list(self) -> None:
+        """The whole screen to the panel, and back; the screen does."""
+
+    def action_back(self) -> None:
+        """To the screen below; the screen does."""
+
+    @property
+    def picture(self) -> SheetPane:
+        """The frame's widget."""
+        return self.query_one("#picture", SheetPane)
+
+    # -- the view ------------------------------------------------------------------------------
+
+    def action_move(self, key: str) -> None:
+        """The cross, and the view with it."""
+        across, down = _MOVES[key]
+        if self.sheet.view is not None:
+            step = STEPS[self.sheet.step]
+            self.sheet.view = self.sheet.view.moved(step * across, step * down)
+            self.picture.redraw()
+
+    def action_step(self, by: int) -> None:
+        """How far an arrow goes."""
+        self.sheet.step = min(max(self.sheet.step + by, 0), len(STEPS) - 1)
+        self.picture.redraw()
+
+    def action_zoom_by(self, by: int) -> None:
+        """Nearer or farther, by two."""
+        if self.sheet.view is not None:
+            self.sheet.view = self.sheet.view.zoomed(by)
+            self.picture.redraw()
+
+    def action_zoom(self) -> None:
+        """Nearer; from the nearest back to the whole field."""
+        view = self.sheet.view
+        if view is None:
+            self.picture.next_sight()
+        else:
+            nearer = view.zoomed(-1)
+            self.sheet.view = replace(view, zoom=None) if nearer == view else nearer
+            self.picture.redraw()
+
+    def action_stretch(self) -> None:
+        """How light becomes grey."""
+        at = STRETCHES.index(self.sheet.stretch)
+        self.sheet.stretch = STRETCHES[(at + 1) % len(STRETCHES)]
+        self.picture.redraw()
+
+    def action_marks(self) -> None:
+        """What is pointed at, or the pixels beneath it."""
+        self.sheet.has_marks = not self.sheet.has_marks
+        self.picture.redraw()
+
+    def action_next_candidate(self) -> None:
+        """Go to the next one, the likeliest first."""
+        sheet = self.sheet
+        count = len(sheet.candidates)
+        if not count:
+            return
+        sheet.chosen = 0 if sheet.chosen is None else (sheet.chosen + 1) % count
+        if sheet.view is not None:
+            streak = sheet.candidates[sheet.chosen].shown
+            view = sheet.view.at(streak.x_px, streak.y_px)
+            if view.zoom is None:
+                wide, high = abs(streak.x_b_px - streak.x_a_px), abs(streak.y_b_px - streak.y_a_px)
+                view = view.showing(wide + 2.0 * ROOM_PX, high + 2.0 * ROOM_PX)
+            sheet.view = view
+        self.show()
+
+    # -- the settings --------------------------------------------------------------------------
+
+    def _can_process(self) -> bool:
+        """Whether there are pixels to process; why not, the screen says already."""
+        if self.sheet.pixels is None:
+            self.app.bell()
+        return self.sheet.pixels is not None
+
+    def action_tau(self, by: int) -> None:
+        """More or less of it, by a quarter."""
+        if not self._can_process():
+            return
+        sheet = self.sheet
+        before = sheet.tau
+        sheet.tau_steps += by
+        if sheet.tau == before:
+            sheet.tau_steps -= by  # at its bound: no step that would have to be gone back
+        else:
+            self.process()
+
+    def action_map_mode(self) -> None:
+        """The other way to make the map that the network looks at."""
+        if not self._can_process():
+            return
+        sheet = self.sheet
+        mode: MapMode = "paper" if (sheet.map_mode or sheet.recorded_mode) == "fast" else "fast"
+        sheet.map_mode = None if mode == sheet.recorded_mode else mode
+        self.process()
+
+    def action_network_view(self) -> None:
+        """The map instead of the frame, and back."""
+        if not self._can_process():
+            return
+        self.sheet.sees_as_network = not self.sheet.sees_as_network
+        if self.sheet.sees_as_network and self.sheet.map is None:
+            self.process()
+        self.show()
+
+    def action_plate(self) -> None:
+        """A plate from this frame's stars alone, or the recorded one again."""
+        if not self._can_process():
+            return
+        self.sheet.solves_anew = not self.sheet.solves_anew
+        self.process()
+
+    def action_as_recorded(self) -> None:
+        """Nothing tried any more."""
+        if not self._can_process():
+            return
+        sheet = self.sheet
+        sheet.tau_steps, sheet.map_mode, sheet.solves_anew = 0, None, False
+        self.process()
+
+    # -- the mouse -----------------------------------------------------------------------------
+
+    def on_pointed(self, message: Pointed) -> None:
+        """The cross goes there."""
+        if self.sheet.view is not None and not message.is_release:
+            self.sheet.view = self.sheet.view.at(message.x_px, message.y_px)
+            self.picture.redraw()
+
+    def on_mouse_scroll_up(self) -> None:
+        """Nearer."""
+        self.action_zoom_by(-1)
+
+    def on_mouse_scroll_down(self) -> None:
+        """Farther."""
+        self.action_zoom_by(1)
+
+    def system_commands(self) -> Iterable[SystemCommand]:
+        """For the palette: what this screen does beside what the console does everywhere."""
+        for title, help_, action in (
+            ("Frame: next candidate", "go to it", self.action_next_candidate),
+            ("Frame: nearer", "by two", lambda: self.action_zoom_by(-1)),
+            ("Frame: farther", "by two", lambda: self.action_zoom_by(1)),
+            ("Frame: stretch", "how light becomes grey", self.action_stretch),
+            ("Frame: marks", "on and off", self.action_marks),
+            ("Frame: smaller tau", "by a quarter; processes again", lambda: self.action_tau(-1)),
+            ("Frame: larger tau", "by a quarter; processes again", lambda: self.action_tau(1)),
+            ("Frame: map mode", "fast or paper; processes again", self.action_map_mode),
+            ("Frame: what the network sees", "the map, and back", self.action_network_view),
+            ("Frame: plate anew", "from its own stars, or the recorded", self.action_plate),
+            ("Frame: as recorded", "nothing tried any more", self.action_as_recorded),
+            ("Frame: list", "all candidates, and back", self.action_list),
+            ("Frame: back", "to the screen below", self.action_back),
+        ):
+            yield SystemCommand(title, help_, action)
