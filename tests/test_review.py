@@ -17,11 +17,12 @@ from rsoconsole.console.review import ReviewScreen
 from rsoconsole.console.review_log import ReviewLogPane
 from rsoconsole.console.session_list import SessionListDialog
 from rsoconsole.console.timeline_lines import strip_place
+from rsoconsole.console.timeline_pane import MomentField
 from rsoconsole.console.tune import TunePane
 from rsoconsole.console.verdicts import VerdictsDialog
 from tests import eventful_night, made_up_night
 from tests.review_rig import frame_shown, is_there, play_review, press
-from tests.seat_rig import FakeWire, play, until
+from tests.seat_rig import FULL, FakeWire, play, until
 
 FRAMES = 110
 LARGE = (120, 40)
@@ -135,6 +136,27 @@ def test_a_moment_shows_nothing_of_what_came_later(eventful: Path):
         assert review.night.tau == 0.11  # changed in frame 90
 
     play_review(eventful, scene, LARGE, start="50")
+
+
+def test_a_moment_is_typed_in_the_last_line_and_the_sky_stays_in_view(eventful: Path):
+    async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
+        field = review.query_one(MomentField)
+        assert not field.display
+        await pilot.press("g", "5")
+        assert field.display
+        assert field.region.y == FULL[1] - 1
+        assert field.value == "5"
+        assert pilot.app.screen is review
+        await pilot.press("escape")
+        assert not field.display
+        await pilot.press("full_stop")  # keys are the review's again
+        await until(pilot, lambda: is_there(review, 51))
+        await pilot.press("g")
+        review.action_tune()  # from the palette, say
+        await pilot.pause()
+        assert not field.display
+
+    play_review(eventful, scene, start="50")
 
 
 def test_playing_shows_frame_after_frame_until_it_is_stopped(eventful: Path):
@@ -571,7 +593,9 @@ def test_stop_of_a_review_alone_goes_to_the_engine_all_the_same(eventful: Path):
     wire = FakeWire(eventful)
 
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
-        await pilot.press("g", "ctrl+x")
+        await pilot.press("g", "x")
+        assert wire.verbs == []  # a letter, where one types
+        await pilot.press("ctrl+x")
         await until(pilot, lambda: "stop" in wire.verbs)
         await until(pilot, lambda: review.stop_news is not None)
         assert pilot.app.screen is review

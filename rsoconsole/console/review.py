@@ -35,7 +35,7 @@ from rsoconsole.console.review_words import (
 )
 from rsoconsole.console.timeline import Timeline
 from rsoconsole.console.timeline_lines import Place, timeline_lines
-from rsoconsole.console.timeline_pane import TimelinePane
+from rsoconsole.console.timeline_pane import MomentField, TimelinePane
 from rsoconsole.console.tune import LAST_FRAMES, TuneWords
 
 if TYPE_CHECKING:
@@ -47,6 +47,8 @@ LIVE_S = 0.5
 LINES = 200
 """Of the log in its small pane."""
 OUTLOOK_GOOD_NS = 600 * 10**9
+OUTLOOK_AFTER_S = 0.7
+"""So long a moment must stay before what lies ahead of it is reckoned."""
 HEAD = "head"
 """Where a night that goes on is opened: at its last frame, and on with it."""
 
@@ -89,6 +91,7 @@ class ReviewScreen(ReviewCompare):
         """The seat's panes, and the time line."""
         yield from super().compose()
         yield TimelinePane(id="timeline")
+        yield MomentField()
 
     def on_mount(self) -> None:
         """Begin to read; without a session, ask which."""
@@ -171,9 +174,16 @@ class ReviewScreen(ReviewCompare):
             self.reckon_now_and_then()
 
     def _ask_outlook(self) -> None:
-        """The sky's reckoning takes the processor: not before the night has been read."""
-        if self.timeline.is_whole and self.moment is not None:
-            self._outlook_watch.tell(self.night, self.engine)
+        """The sky's reckoning takes the processor: not while somebody goes through the night."""
+        moment = self.moment
+        if not self.timeline.is_whole or moment is None:
+            return
+
+        def ask() -> None:
+            if self.moment is moment:
+                self._outlook_watch.tell(self.night, self.engine)
+
+        self.set_timer(OUTLOOK_AFTER_S, ask)
 
     def on_review_failed(self, message: ReviewFailed) -> None:
         """Why nothing comes."""
@@ -286,6 +296,11 @@ class ReviewScreen(ReviewCompare):
         modes: dict[Mode, Mode] = {"log": "review log", "tune": "review tune"}
         return modes.get(super().mode, "review")
 
+    def place_panes(self) -> None:
+        """The field lies over the keys."""
+        super().place_panes()
+        self.query_one(MomentField).styles.offset = (0, self.size.height - 1)
+
     def timeline_rows(self, height: int) -> int:
         """By the terminal's height."""
         return timeline_rows(height)
@@ -373,6 +388,8 @@ class ReviewScreen(ReviewCompare):
 
     def action_put_away(self) -> None:
         """What lies over the night, then what is being played."""
+        if self.close_field():
+            return
         if not self.is_log_open and self.stop_news is None and self.player.is_playing:
             self.action_play()
         else:

@@ -4,15 +4,16 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.console.ask import LineDialog
+from textual.widgets import Input
+
 from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.moments import Moment
 from rsoconsole.console.night_screen import NightScreen
-from rsoconsole.console.places import EXAMPLES, seq_of, understood
+from rsoconsole.console.places import seq_of, understood
 from rsoconsole.console.player import Player, speed_words
 from rsoconsole.console.timeline import KINDS, Kind, Timeline
 from rsoconsole.console.timeline_lines import SIGNS, time_at
-from rsoconsole.console.timeline_pane import TimelinePane
+from rsoconsole.console.timeline_pane import MomentField, TimelinePane
 
 PLAY_S = 0.1
 """How often it is looked whether another frame is due."""
@@ -111,13 +112,24 @@ class ReviewMoves(NightScreen):
             self.go(seq)
 
     def action_goto_moment(self) -> None:
-        """Ask which."""
+        """Ask which, in the last line."""
+        self.query_one(MomentField).open()
 
-        def decided(text: str | None) -> None:
-            if text:
-                self.go_to_text(text)
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """To what was typed there."""
+        event.stop()
+        self.close_field()
+        if event.value.strip():
+            self.go_to_text(event.value)
 
-        self.app.push_screen(LineDialog("go to a moment", EXAMPLES), decided)
+    def close_field(self) -> bool:
+        """Nothing is typed any more; whether something was."""
+        field = self.query_one(MomentField)
+        is_open = field.display
+        if is_open:
+            field.close()
+            self.set_focus(None)
+        return is_open
 
     def go_to_text(self, text: str) -> None:
         """To what was typed; why not, where there is no such moment."""

@@ -1,9 +1,11 @@
-"""The time line as a pane: it shows lines, and says where the mouse points in the night."""
+"""The time line as a pane, which says where the mouse points; a field to type a moment in."""
 
-from textual.events import MouseDown, MouseEvent, MouseMove, MouseUp
+from textual.events import Blur, MouseDown, MouseEvent, MouseMove, MouseUp
 from textual.message import Message
+from textual.widgets import Input
 
 from rsoconsole.console.panes import LinesPane
+from rsoconsole.console.places import EXAMPLES
 from rsoconsole.console.timeline_lines import strip_place
 
 
@@ -40,3 +42,28 @@ class TimelinePane(LinesPane):
         x, columns = strip_place(self.size.width)
         if self.size.height > 1:
             self.post_message(self.Pointed(event.x - x, columns))
+
+
+class MomentField(Input, can_focus=False):
+    """A frame or a time is typed in the last line, and the sky stays in view."""
+
+    DEFAULT_CSS = """
+    MomentField { display: none; layer: over; position: absolute; width: 100%; height: 1; }
+    """
+
+    def __init__(self) -> None:
+        super().__init__(placeholder=f"go to a moment: {EXAMPLES}", id="moment", compact=True)
+
+    def open(self) -> None:
+        """Type now."""
+        self.value = ""
+        self.display = self.can_focus = True
+        self.focus()
+
+    def close(self) -> None:
+        """Typed, or not wanted."""
+        self.display = self.can_focus = False
+
+    def on_blur(self, _event: Blur) -> None:
+        """Something else is looked at."""
+        self.close()

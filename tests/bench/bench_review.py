@@ -72,8 +72,7 @@ def wait_read(terminal: Terminal) -> None:
 def jumped_ms(terminal: Terminal, frame_id: int) -> float:
     """From the last key of a jump to that frame until its picture's title is on the terminal."""
     terminal.press("g")
-    wait(lambda: terminal.shows("go to a moment", since=0))
-    time.sleep(0.2)
+    time.sleep(0.3)
     terminal.press(f"{frame_id}")
     time.sleep(0.2)
     known = len(terminal.text)
