@@ -1,5 +1,6 @@
 """What a review does: every command by its effect, on nights whole, growing and damaged."""
 
+import contextlib
 import shutil
 import sqlite3
 from contextlib import closing
@@ -614,6 +615,10 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
         eventful_night.write(root / name, 4 * n).close()
     cut = eventful_night.write(root / "20240303-cut", 3)
     cut.flush()
+    with contextlib.closing(sqlite3.connect(root / "20240303-cut" / "session.db")) as database:
+        # Its engine is dead, as far as anybody can tell.
+        database.execute("DELETE FROM meta WHERE key = 'writer'")
+        database.commit()
     branch = root / "20240302-intelsat" / "branches" / "larger-q"
     branch.mkdir(parents=True)
     shutil.copy(root / "20240302-intelsat" / "session.db", branch / "session.db")
