@@ -70,7 +70,7 @@ def frames_without_a_gap(session: Path) -> int:
 
 def test_frames_go_on_when_a_console_is_killed_and_the_next_shows_the_whole_past(engine):
     with console(engine) as first:
-        wait_for(lambda: first.shows(FIRST_WORDS), "a console at work")
+        wait_for(lambda: first.shows("AUTO has the mount"), "a console at work")
         frames = engine.frames()
         first.kill()
     wait_for(lambda: engine.frames() >= frames + FRAMES_AFTER, "frames after the console")
@@ -85,7 +85,7 @@ def test_frames_go_on_when_a_console_is_killed_and_the_next_shows_the_whole_past
 @pytest.mark.parametrize("before", [(), DEAF], ids=["as it is", "under nohup"])
 def test_frames_go_on_when_the_line_to_a_console_is_lost(engine, before):
     with console(engine, before) as first:
-        wait_for(lambda: first.shows(FIRST_WORDS), "a console at work")
+        wait_for(lambda: first.shows("AUTO has the mount"), "a console at work")
         frames = engine.frames()
         first.hang_up()
         wait_for(lambda: first.process.poll() is not None, "the console's end")
