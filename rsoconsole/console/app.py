@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import gc
 import locale
 import logging
 import os
@@ -167,9 +166,6 @@ class ConsoleApp(App[str]):
             self.theme = THEMES[0].name
         self.set_keymap(self._own_keys)
         self.push_screen(self.root)
-        # What the libraries have made stays for good: a collection that walks all of it again and
-        # again would hold up the effect of a key for a tenth of a second.
-        self.call_after_refresh(gc.freeze)
         if self.root is not self.live:
             return
         self._session_watch.start()

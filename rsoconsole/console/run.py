@@ -1,5 +1,6 @@
 """How a console is opened: over the running engine, or over one session."""
 
+import gc
 import getpass
 import os
 import signal
@@ -64,8 +65,7 @@ def run_console(
         sessions_root=config.session.root,
         graphics=offered(graphics or settings.graphics),
     )
-    # Under nohup it would be ignored, and a console without a terminal would stay for ever.
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    _settle()
     ending = app.run()
     if app.failure is not None:
         raise app.failure
@@ -108,10 +108,19 @@ def run_review(
         sessions_root=config.session.root,
         graphics=offered(graphics or config.console.graphics),
     )
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    _settle()
     app.run()
     if app.failure is not None:
         raise app.failure
+
+
+def _settle() -> None:
+    """What a process is told that is a console until its end."""
+    # Under nohup it would be ignored, and a console without a terminal would stay for ever.
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    # What the libraries have made stays for good: a collection that walks all of it again and
+    # again would hold up the effect of a key for a tenth of a second.
+    gc.freeze()
 
 
 def _expect_terminal(without: str) -> None:
