@@ -73,6 +73,11 @@ class Moments:
         return self._timeline.so_far(self.read_seq, is_closed=self._head.is_closed)
 
     @property
+    def is_read(self) -> bool:
+        """Whether all that is known of the log has been read."""
+        return self.read_seq >= self.last_seq
+
+    @property
     def last_seq(self) -> int:
         """The last place of the log that is known."""
         return self._timeline.last_seq

@@ -17,6 +17,8 @@ log = logging.getLogger(__name__)
 LOOK_S = 0.25
 READ_AT_ONCE_S = 0.02
 """So long the log is read before it is looked whether another moment is wanted."""
+BREATH_S = 0.2
+"""So long the reading rests after a moment was shown: drawing it comes first."""
 TELL_S = 0.3
 CLOSED_CHECK_S = 2.0
 
@@ -72,8 +74,10 @@ class ReviewWatch(Looker):
     def _work(self, folder: Path) -> None:
         moments = self._moments
         if moments is None or moments.reader.folder != folder:
-            moments = self._moments = self._opened(folder)
-        self._show_wanted(moments)
+            self._moments = self._opened(folder)
+            return  # which moment is wanted first, the time line's reader says now
+        if self._show_wanted(moments) and not moments.is_read:
+            self._wake.wait(BREATH_S)
         has_all = moments.read_on(READ_AT_ONCE_S)
         if has_all:
             self._see_whether_closed(moments)
@@ -94,10 +98,13 @@ class ReviewWatch(Looker):
         self._tell(moments, is_due=True)
         return moments
 
-    def _show_wanted(self, moments: Moments) -> None:
+    def _show_wanted(self, moments: Moments) -> bool:
+        """Whether one was wanted."""
         wanted, self._wanted = self._wanted, None
-        if wanted is not None and wanted[0] == moments.reader.folder:
-            self._show(moments, wanted[1])
+        if wanted is None or wanted[0] != moments.reader.folder:
+            return False
+        self._show(moments, wanted[1])
+        return True
 
     def _show_again(self, moments: Moments) -> None:
         """What was shown in part is shown whole as soon as it has been read."""
