@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.engine_view import EngineView
-from rsoconsole.console.looker import Looker
 from rsoconsole.console.night import NightView
+from rsoconsole.control.looker import Looker
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rsoconsole.console.log_lines import LogLine
-from rsoconsole.console.looker import Looker
 from rsoconsole.console.moments import Moment, Moments
 from rsoconsole.console.timeline import Timeline
+from rsoconsole.control.looker import Looker
 from rsoconsole.errors import SessionError
 from rsoconsole.session.reader import SessionReader
 

@@ -4,12 +4,12 @@ Only while somebody looks: a panel whose page was closed lets go of engine and s
 """
 
 import logging
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from rsoconsole.control import Wire, printable
+from rsoconsole.control.looker import Looker
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.notebook.live_night import LiveNight
 from rsoconsole.notebook.panel_view import night_view, status_view
@@ -18,10 +18,9 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 0.5
 ANSWER_S = 1.0
-CLOSING_S = 2.0
 
 
-class Link:
+class Link(Looker):
     """Hands over what it sees; ``status`` at every turn, the rest where it has changed."""
 
     def __init__(
@@ -34,36 +33,14 @@ class Link:
         on_night: Callable[[dict[str, Any], bytes], None],
     ) -> None:
         """``on_night``: hears the view of the record and the newest picture (PNG, or empty)."""
+        super().__init__("panel", EVERY_S)
         self._wire, self._seat = wire, seat
         self._is_watched = is_watched
         self._on_status, self._on_night = on_status, on_night
         self._told: dict[str, Any] = {}
-        self._wake = threading.Event()
-        self._is_closing = False
         self._fault = ""
         self.live: LiveNight | None = None
         """The engine's session; None before it is known."""
-        self._thread = threading.Thread(target=self._run, name="panel-link", daemon=True)
-
-    def start(self) -> None:
-        """Begin to look."""
-        self._thread.start()
-
-    def look_now(self) -> None:
-        """Do not wait for the next turn (any thread)."""
-        self._wake.set()
-
-    def close(self) -> None:
-        """End; a slow disk or an engine that hangs is not waited for."""
-        self._is_closing = True
-        self._wake.set()
-        if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._thread.join(CLOSING_S)
-
-    @property
-    def is_running(self) -> bool:
-        """Whether its thread lives."""
-        return self._thread.is_alive()
 
     @property
     def now_utc_ns(self) -> int | None:
@@ -71,17 +48,14 @@ class Link:
         now = self._told.get("now_utc_ns")
         return now if isinstance(now, int) else None
 
-    def _run(self) -> None:
-        while not self._is_closing:
-            try:
-                if self._is_watched():
-                    self._look()
-            except Exception:  # the panel must go on, whatever it met
-                log.exception("the panel's look failed")
-            self._wake.wait(EVERY_S)
-            self._wake.clear()
-
     def _look(self) -> None:
+        try:
+            if self._is_watched():
+                self._see()
+        except Exception:  # the panel must go on, whatever it met
+            log.exception("the panel's look failed")
+
+    def _see(self) -> None:
         reach, detail = self._ask()
         self._read()
         if self._is_closing:

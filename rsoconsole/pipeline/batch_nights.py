@@ -22,6 +22,7 @@ from rsoconsole.pipeline.batch import Processed, process_files
 from rsoconsole.pipeline.batch_pool import Crew, share_out
 from rsoconsole.pipeline.open import open_reducer
 from rsoconsole.records import Detections, Event, FrameTaken, Measurement, Miss, StateChange
+from rsoconsole.session.folders import put_in_place
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.recording import BatchRecording
 from rsoconsole.session.schema import DATABASE
@@ -185,7 +186,7 @@ def _processed(night: Night) -> NightOutcome:
     shutil.rmtree(beside, ignore_errors=True)
     try:
         _record(night, beside, identity)
-        _put_in_place(beside, night.session)
+        put_in_place(beside, night.session)
     except BaseException:
         shutil.rmtree(beside, ignore_errors=True)
         raise
@@ -217,17 +218,6 @@ def _record(night: Night, folder: Path, identity: dict[str, Any]) -> None:
         raise FrameError(f"none of its {len(paths)} frames can be used; the first: {first_error}")
     if recording.faults:
         raise SessionError("; ".join(recording.faults))
-
-
-def _put_in_place(beside: Path, session: Path) -> None:
-    if not session.exists():
-        beside.rename(session)
-        return
-    gone = session.with_name(f".{session.name}.gone")
-    shutil.rmtree(gone, ignore_errors=True)
-    session.rename(gone)
-    beside.rename(session)
-    shutil.rmtree(gone, ignore_errors=True)
 
 
 def _outcome(night: Night, state: State) -> NightOutcome:

@@ -18,6 +18,7 @@ from typing import Any
 from rsoconsole import __version__
 from rsoconsole.errors import SessionError
 from rsoconsole.pipeline.what_if_session import WhatIf
+from rsoconsole.session.folders import put_in_place
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.schema import DATABASE
 from rsoconsole.session.writer import SessionWriter
@@ -84,7 +85,7 @@ def save_branch(what_if: WhatIf, name: str, *, force: bool = False) -> Path:
         folder.parent.mkdir(exist_ok=True)
         shutil.rmtree(beside, ignore_errors=True)
         _write(what_if, name, beside)
-        _put_in_place(beside, folder)
+        put_in_place(beside, folder)
     except OSError as error:
         raise SessionError(
             f"no branch can be written in {folder.parent}: {error}; free some disk, or copy the"
@@ -189,14 +190,3 @@ def _writing(folder: Path, what_if: WhatIf, about: dict[str, Any]) -> Iterator[S
         raise SessionError(f"the branch cannot be written: {'; '.join(writer.faults)}")
     if SessionReader(folder).counts().records != len(what_if.log):
         raise SessionError("the branch could not be written in whole: free some disk and try again")
-
-
-def _put_in_place(beside: Path, folder: Path) -> None:
-    if not folder.exists():
-        beside.rename(folder)
-        return
-    gone = folder.with_name(f".{folder.name}.gone")
-    shutil.rmtree(gone, ignore_errors=True)
-    folder.rename(gone)
-    beside.rename(folder)
-    shutil.rmtree(gone, ignore_errors=True)

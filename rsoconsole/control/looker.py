@@ -13,7 +13,7 @@ class Looker(ABC):
         self._every_s = every_s
         self._wake = threading.Event()
         self._is_closing = False
-        self._thread = threading.Thread(target=self._run, name=f"console-{name}", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=f"look-{name}", daemon=True)
 
     def start(self) -> None:
         """Begin to look."""
@@ -27,8 +27,13 @@ class Looker(ABC):
         """End, without waiting for a slow disk or an engine that hangs."""
         self._is_closing = True
         self._wake.set()
-        if self._thread.is_alive():
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(CLOSING_S)
+
+    @property
+    def is_running(self) -> bool:
+        """Whether its thread lives."""
+        return self._thread.is_alive()
 
     def _run(self) -> None:
         while not self._is_closing:
