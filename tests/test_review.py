@@ -253,6 +253,20 @@ def test_two_moments_are_compared_side_by_side_with_what_lies_between(eventful: 
     play_review(eventful, scene, LARGE, start="50")
 
 
+def test_what_is_asked_for_before_the_moment_is_there_is_compared_once_it_is(eventful: Path):
+    async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
+        await pilot.press("k")
+        kept = review.kept
+        review.go(review.timeline.step(review.seq, 1))
+        review.action_compare()
+        assert not isinstance(pilot.app.screen, CompareDialog)
+        await until(pilot, lambda: isinstance(pilot.app.screen, CompareDialog))
+        assert review.kept is kept
+        assert review.moment.seq == review.seq
+
+    play_review(eventful, scene, LARGE, start="50")
+
+
 def test_b_blinks_the_whole_screen_between_the_two(eventful: Path):
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
         await pilot.press("b")

@@ -170,6 +170,7 @@ class ReviewScreen(ReviewCompare):
         self.show_night()
         self.show_engine()
         self.show_place()
+        self.compare_if_asked()
         if not self.player.is_playing:
             self.reckon_now_and_then()
 

@@ -13,18 +13,26 @@ class ReviewCompare(ReviewMoves):
     """A; None while none is kept."""
     _other_seq: int | None = None
     """B, while A is shown in its place."""
+    _is_asked_early = False
+    """Whether to compare as soon as the moment is there that was gone to."""
 
     def action_compare(self) -> None:
         """Keep this moment, or show it beside the one that is kept."""
         moment = self.moment
-        if moment is None or moment.seq != self.seq:
-            self.say("nothing is shown yet", "warn")
+        self._is_asked_early = moment is None or moment.seq != self.seq
+        if moment is None or self._is_asked_early:
+            self.say("the moment is being fetched …")
         elif self.kept is None:
             self._keep(moment)
         elif self.kept.seq == moment.seq and self._other_seq is None:
             self.say("this is A: go to another moment, then compare")
         else:
             self._compare(moment)
+
+    def compare_if_asked(self) -> None:
+        """What was asked for before the moment was there."""
+        if self._is_asked_early and self.moment is not None and self.moment.seq == self.seq:
+            self.action_compare()
 
     def _compare(self, moment: Moment) -> None:
         if self.kept is not None and self.kept.seq == moment.seq:
