@@ -128,9 +128,7 @@ def _is_bound(found: Fit) -> bool:
     return float(found.v_km_s @ found.v_km_s) / 2.0 < MU_EARTH_KM3_S2 / radius
 
 
-def _labelled(
-    seen: Sightings, found: tuple[Fit, int], prior: PriorName, forces: Forces
-) -> Orbit:
+def _labelled(seen: Sightings, found: tuple[Fit, int], prior: PriorName, forces: Forces) -> Orbit:
     best, rivals = found
     covariance = best.covariance * _inflation(best)
     sigma_a = _sigma_a_km(best, covariance)

@@ -73,9 +73,7 @@ class _Problem:
 
     def states(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions and velocities (..., 3) of unknowns (..., 6)."""
-        e, n, e_rate, n_rate, log_range, range_rate = (
-            unknowns[..., i, None] for i in range(6)
-        )
+        e, n, e_rate, n_rate, log_range, range_rate = (unknowns[..., i, None] for i in range(6))
         line = self.towards + e * self.east + n * self.north
         line = line / np.sqrt(np.sum(line * line, axis=-1, keepdims=True))
         distance = np.exp(log_range)
@@ -86,7 +84,9 @@ class _Problem:
 
     def rows(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Whitened residuals (2N + prior rows,) and their slopes (rows, 6)."""
-        around = unknowns + np.concatenate([np.zeros((1, 6)), np.diag(_DIFFERENCE), -np.diag(_DIFFERENCE)])
+        around = unknowns + np.concatenate(
+            [np.zeros((1, 6)), np.diag(_DIFFERENCE), -np.diag(_DIFFERENCE)]
+        )
         r, v = self.states(around)
         t = self.seen.t_s
         first = propagate(r[0], v[0], t, self.mu)[0]
@@ -99,7 +99,9 @@ class _Problem:
         if self.prior.sigma_e is not None:
             e_vector = _eccentricity_vector(r, v, self.mu) / self.prior.sigma_e
             value = np.concatenate([value, e_vector[0]])
-            slopes = np.concatenate([slopes, (e_vector[1:7] - e_vector[7:]).T / (2.0 * _DIFFERENCE)])
+            slopes = np.concatenate(
+                [slopes, (e_vector[1:7] - e_vector[7:]).T / (2.0 * _DIFFERENCE)]
+            )
         return value, slopes
 
 
@@ -215,9 +217,7 @@ def _finished(problem: _Problem, unknowns: FloatArray, is_converged: bool) -> Fi
     value, slopes = problem.rows(unknowns)
     is_used = _used(_squares(problem, value))
     for _ in range(3):
-        keep = np.concatenate(
-            [np.repeat(is_used, 2), np.ones(len(value) - 2 * len(is_used), bool)]
-        )
+        keep = np.concatenate([np.repeat(is_used, 2), np.ones(len(value) - 2 * len(is_used), bool)])
         normal = slopes[keep].T @ slopes[keep]
         try:
             step = -np.linalg.solve(normal, slopes[keep].T @ value[keep])
@@ -235,7 +235,9 @@ def _finished(problem: _Problem, unknowns: FloatArray, is_converged: bool) -> Fi
     to_state = _state_slopes(problem, unknowns)
     squares = _squares(problem, value)
     r, v = problem.states(unknowns)
-    at = problem.seen.t_s - problem.seen.light_times_s(propagate(r, v, problem.seen.t_s, problem.mu)[0])
+    at = problem.seen.t_s - problem.seen.light_times_s(
+        propagate(r, v, problem.seen.t_s, problem.mu)[0]
+    )
     places = (
         propagate(r, v, at, problem.mu)[0] if problem.motion is None else problem.motion(r, v, at)
     )
@@ -245,9 +247,7 @@ def _finished(problem: _Problem, unknowns: FloatArray, is_converged: bool) -> Fi
         covariance=to_state @ covariance @ to_state.T,
         residuals_arcsec=problem.seen.residuals_arcsec(places),
         is_used=is_used,
-        cost=float(
-            np.sum(np.minimum(squares, _OUTLIER)) + np.sum(value[2 * len(is_used) :] ** 2)
-        ),
+        cost=float(np.sum(np.minimum(squares, _OUTLIER)) + np.sum(value[2 * len(is_used) :] ** 2)),
         chi2=float(np.sum(squares[is_used])),
         degrees_of_freedom=2 * int(np.sum(is_used)) - 6,
         is_converged=is_converged and bool(np.all(np.isfinite(unknowns))),

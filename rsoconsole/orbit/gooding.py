@@ -19,7 +19,7 @@ from rsoconsole.records import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 
-_MOST_STEPS = 60
+_MOST_STEPS = 30
 _STEP = 1e-6
 """Of a range, for the slopes."""
 _LONGEST = 0.6
@@ -141,7 +141,9 @@ def gooding(
     knows what is possible. Several orbits through three lines are common.
     """
     begun = np.array([_ranges_at(lines, radius) for radius in starts_km])
-    branches = [(back, n, is_left) for back in (False, True) for n, is_left in _conics(most_revolutions)]
+    branches = [
+        (back, n, is_left) for back in (False, True) for n, is_left in _conics(most_revolutions)
+    ]
     searches = _Searches(
         lines=lines,
         mu=mu,

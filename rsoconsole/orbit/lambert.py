@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
 
-_MOST_STEPS = 24
+_MOST_STEPS = 16
 _ENOUGH = 1e-6
 """A step so small leaves an error of its fourth power."""
 _SERIES_WITHIN = 0.2

@@ -136,7 +136,9 @@ def _universal_anomaly(
         value = radius * u1 + sigma * u2 + u3 - time
         slope = radius * u0 + sigma * u1 + u2
         bend = (1.0 - alpha * radius) * u1 + sigma * u0
-        root = np.sqrt(np.abs((degree - 1.0) ** 2 * slope**2 - degree * (degree - 1) * value * bend))
+        root = np.sqrt(
+            np.abs((degree - 1.0) ** 2 * slope**2 - degree * (degree - 1) * value * bend)
+        )
         step = degree * value / (slope + np.where(slope >= 0.0, root, -root))
         chi = chi - np.where(np.isfinite(step), step, 0.0)
         if np.all(~(np.abs(step) > _ENOUGH * np.abs(chi))):
