@@ -99,7 +99,7 @@ def determine(
 def _candidates(prior: PriorName) -> tuple[Literal["geo", "meo"], ...]:
     if prior == "auto":
         return ("geo", "meo")
-    return (prior,) if prior in {"geo", "meo"} else ()  # type: ignore[return-value]
+    return (prior,) if prior in {"geo", "meo"} else ()
 
 
 def _best(

@@ -107,7 +107,7 @@ class _Searches:
         off = np.stack([seen @ east, seen @ north], axis=-1) / distance
         ahead = (seen @ self.lines.directions[1])[:, None] / distance
         size = np.sqrt(np.sum(off * off, axis=-1, keepdims=True))
-        return np.where(ahead > 0.0, off, off / size * (2.0 + ahead))
+        return np.asarray(np.where(ahead > 0.0, off, off / size * (2.0 + ahead)))
 
     def misses_about(self, ranges: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The miss (N, 2) and its slopes (N, 2, 2) by the two ranges."""

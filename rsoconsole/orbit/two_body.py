@@ -129,7 +129,7 @@ def _universal_anomaly(
     radius: FloatArray, sigma: FloatArray, alpha: FloatArray, time: FloatArray
 ) -> FloatArray:
     """chi such that r u1 + sigma u2 + u3 = sqrt(mu) dt."""
-    chi = np.where(alpha > 0.0, alpha * time, np.sign(time) * np.sqrt(np.abs(time / radius)))
+    chi = _start(radius, sigma, alpha, time)
     degree = _LAGUERRE_DEGREE
     for _ in range(_MOST_STEPS):
         u0, u1, u2, u3 = _universal_functions(chi, alpha)
@@ -144,6 +144,20 @@ def _universal_anomaly(
         if np.all(~(np.abs(step) > _ENOUGH * np.abs(chi))):
             break
     return np.asarray(chi)
+
+
+def _start(
+    radius: FloatArray, sigma: FloatArray, alpha: FloatArray, time: FloatArray
+) -> FloatArray:
+    """Of a hyperbola the logarithm that late times follow (Vallado 2013, algorithm 8)."""
+    way = np.sign(time)
+    root = np.sqrt(np.maximum(-1.0 / alpha, 0.0))
+    growth = -2.0 * alpha * time / (sigma + way * root * (1.0 - radius * alpha))
+    late = way * root * np.log(np.maximum(growth, 1.0))
+    open_ = np.where((alpha < 0.0) & (growth > np.e), late, time / radius)
+    parabolic = way * np.sqrt(np.abs(time / radius))
+    open_ = np.where(np.abs(open_) > np.abs(parabolic) * 30.0, parabolic, open_)
+    return np.where(alpha > 0.0, alpha * time, open_)
 
 
 def _universal_functions(
