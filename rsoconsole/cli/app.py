@@ -8,7 +8,7 @@ import platformdirs
 import typer
 
 from rsoconsole import __version__
-from rsoconsole.cli import demo, figures, frames, house, seat, service, telescope
+from rsoconsole.cli import demo, figures, frames, house, orbit, seat, service, telescope
 from rsoconsole.config import APP
 from rsoconsole.errors import RsoconsoleError
 
@@ -21,7 +21,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Find and follow satellites that nobody told you about. Start with: rsoconsole demo",
 )
-for group in (demo, seat, telescope, frames, house, service, figures):
+for group in (demo, seat, telescope, frames, house, service, figures, orbit):
     group.register(app)
 
 

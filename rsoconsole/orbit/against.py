@@ -72,7 +72,11 @@ def compare(seen: Sightings, site: Site, entries: Sequence[CatalogueEntry]) -> C
         rate_arcsec_s=expected.rate_rad_s[:, middle] / ARCSEC_RAD,
         range_km=expected.range_km[:, middle],
         mean_motion_rad_s=np.array(
-            [each.record.no_kozai / 60.0 for each, good in zip(entries, is_good, strict=True) if good]
+            [
+                each.record.no_kozai / 60.0
+                for each, good in zip(entries, is_good, strict=True)
+                if good
+            ]
         ),
     )
 

@@ -140,9 +140,7 @@ def _json(text: str, source: str) -> Sequence[Mapping[str, Any]]:
     return messages
 
 
-def _of_messages(
-    messages: Iterable[Mapping[str, Any]], source: str
-) -> tuple[CatalogueEntry, ...]:
+def _of_messages(messages: Iterable[Mapping[str, Any]], source: str) -> tuple[CatalogueEntry, ...]:
     return tuple(
         _of_message(each, f"{source}, object {number}")
         for number, each in enumerate(messages, start=1)

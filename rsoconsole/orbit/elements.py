@@ -14,7 +14,9 @@ from rsoconsole.sky.times import NS_PER_DAY
 
 _LINE_LENGTH = 69
 _ALPHA_5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"
-_WORTH = bytes("0123456789".find(chr(c)) if c in b"0123456789" else c == ord("-") for c in range(256))
+_WORTH = bytes(
+    "0123456789".find(chr(c)) if c in b"0123456789" else c == ord("-") for c in range(256)
+)
 """What each character adds to a checksum; a table, for catalogues are long."""
 _EPOCH = re.compile(r"([ \d]\d)([ \d]{3}\.[ \d]{8})")
 

@@ -213,11 +213,10 @@ def _unknown_weight(found: Comparison, scored: Sequence[Match]) -> float:
     """Of what no catalogue knows, in the unit of the matches' weights."""
     if not scored:
         return 1.0
-    n = next(
-        i for i, each in enumerate(found.entries) if each.norad_id == scored[0].norad_id
-    )
+    n = next(i for i, each in enumerate(found.entries) if each.norad_id == scored[0].norad_id)
     fresh = _covariance(found, n, 0.0, is_moved=False)
     return _UNCATALOGUED[len(found.offsets[n])] * float(np.exp(_log_size(fresh)))
+
 
 def _shared(match: Match, total: float) -> Match:
     return replace(match, probability=match.probability / total if total > 0.0 else 0.0)
@@ -259,7 +258,9 @@ def _called(match: Match) -> str:
 
 def _off_words(match: Match) -> str:
     off = match.separation_arcsec
-    words = f'is {off:.0f}"' if off < 600.0 else f"is {off / 3600.0:.2f} deg"
+    words = (
+        f'is {off:.{0 if off >= 10.0 else 1}f}"' if off < 600.0 else f"is {off / 3600.0:.2f} deg"
+    )
     rate = match.rate_difference_percent
     if rate is not None and (abs(rate) >= 1.0 or abs(match.rate_direction_deg or 0.0) >= 1.0):
         return f"{words} off and its motion {_motion_words(match)}"
@@ -273,7 +274,7 @@ def _motion_words(match: Match) -> str:
 
 def _hint(matches: Sequence[Match], verdict: Verdict, gate_deg: float) -> str:
     """Of a manoeuvre: a known object with the right motion, off its elements, and nothing else near."""
-    if verdict == "identified" and matches[0].undisturbed_sigma**2 > _OFF_ELEMENTS:
+    if verdict == "identified" and matches[0].undisturbed_sigma ** 2 > _OFF_ELEMENTS:
         return _moved_words(matches[0])
     if verdict != "unknown":
         return ""
@@ -290,8 +291,8 @@ def _hint(matches: Sequence[Match], verdict: Verdict, gate_deg: float) -> str:
 def _moved_words(match: Match) -> str:
     epoch = utc_ns_to_iso(match.tle_epoch_utc_ns, 0)[:16].replace("T", " ")
     return (
-        f"{_called(match)} with the right motion, {abs(match.along_track_arcsec):.0f}\" "
+        f'{_called(match)} with the right motion, {abs(match.along_track_arcsec):.0f}" '
         f"({abs(match.along_track_s):.0f} s) {'ahead' if match.along_track_arcsec > 0 else 'behind'} "
-        f"and {abs(match.cross_track_arcsec):.0f}\" across: manoeuvred since {epoch} UTC, the epoch of "
+        f'and {abs(match.cross_track_arcsec):.0f}" across: manoeuvred since {epoch} UTC, the epoch of '
         "its elements"
     )

@@ -137,7 +137,9 @@ def _along(
         expected = points[a][i] * (1.0 - share) + points[b][j] * share
         reach = _GATE * known.sigma * np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
         near = np.flatnonzero(np.all(np.abs(points[k] - expected) <= reach, axis=-1))
-        between = [(*each, *more) for each in between for more in ((), *(((k, int(n)),) for n in near))]
+        between = [
+            (*each, *more) for each in between for more in ((), *(((k, int(n)),) for n in near))
+        ]
     for each in between:
         yield (first, *each, last)
 
@@ -288,4 +290,8 @@ def _by_integers(sets: Sequence[tuple[tuple[int, int], ...]], gains: FloatArray)
         integrality=np.ones(len(sets)),
         bounds=Bounds(0.0, 1.0),
     )
-    return _greedy(sets, gains) if solved.x is None else [int(n) for n in np.flatnonzero(solved.x > 0.5)]
+    return (
+        _greedy(sets, gains)
+        if solved.x is None
+        else [int(n) for n in np.flatnonzero(solved.x > 0.5)]
+    )

@@ -12,9 +12,7 @@ from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.times import NS_PER_DAY
 
-HISTORY = (
-    Path(__file__).parents[3] / "shared" / "data" / "tles" / "geo_3sats_history_2019_2025.tle"
-)
+HISTORY = Path(__file__).parents[3] / "shared" / "data" / "tles" / "geo_3sats_history_2019_2025.tle"
 AGES_DAYS = ((3, 7), (7, 14), (14, 20), (20, 25), (25, 35), (35, 60))
 LOOKED_AHEAD = 7
 MEAN_MOTION_RAD_S = 7.2921e-5

@@ -4,7 +4,6 @@ Run: ``python -m tests.bench.bench_identify``. Truth is where an object's elemen
 error: as assumed of an undisturbed object, or as measured on satellites that are kept in their slots.
 """
 
-
 import time
 from collections import Counter
 from pathlib import Path
@@ -94,9 +93,7 @@ def trial(
             error = random.multivariate_normal(np.zeros(6), spread, method="eigh")
         else:
             error = random.choice(errors)
-        seen = seen_off_elements(
-            entry, error, SITE, t, random.normal(0.0, SIGMA_ARCSEC, (SEEN, 2))
-        )
+        seen = seen_off_elements(entry, error, SITE, t, random.normal(0.0, SIGMA_ARCSEC, (SEEN, 2)))
         whole[answer(identify(seen, SITE, entries), entry.norad_id)] += 1
         others = [each for each in entries if each.norad_id != entry.norad_id]
         without[identify(seen, SITE, others).verdict] += 1
