@@ -18,6 +18,7 @@ _ELEMENT_WORDS = (
 )
 _MOST_DECIMALS = 7
 _WIDTH = 78
+_HALF_SKY_ARCSEC = 648_000.0
 _NAME_WIDTH = 28
 
 
@@ -46,10 +47,9 @@ def identification_words(report: dict[str, Any]) -> str:
     if report["hint"]:
         lines.extend(_wrapped(report["hint"]))
     lines += ["", *_match_lines(report["matches"]), ""]
-    lines.append(
-        f"  {report['catalogued']} objects compared at {_clock(report['t_utc'], with_date=True)} UTC;"
-        f" gate {report['gate_deg']:g} deg"
-    )
+    at = _clock(report["t_utc"], with_date=True)
+    gate = f"gate {report['gate_deg']:g} deg"
+    lines.append(f"  {report['catalogued']} objects compared at {at} UTC; {gate}")
     if report["not_propagated"]:
         lines.append(f"  {report['not_propagated']} of them have no place then by SGP4 (decayed?)")
     lines.append("  off: measured minus predicted; along > 0: ahead, across > 0: north of eastward")
@@ -114,11 +114,10 @@ def _ahead_lines(report: dict[str, Any]) -> Iterator[str]:
     for each in report["predicted"]:
         name = _span((iso_to_utc_ns(each["t_utc"]) - iso_to_utc_ns(first)) / 1e9)
         shade = "" if each["lit"] >= 1.0 else "  in shadow" if each["lit"] <= 0.0 else "  penumbra"
-        yield (
-            f"  {_clock(each['t_utc'], seconds=True):11} {direction_text(each['ra'], each['dec']):27}"
-            f" {_angle(min(each['sigma_arcsec'], 648_000.0)):>8} {each['alt']:6.1f} {each['az']:6.1f}"
-            f"  in {name}{shade}"
-        )
+        clock, place = _clock(each["t_utc"], seconds=True), direction_text(each["ra"], each["dec"])
+        sigma = _angle(min(each["sigma_arcsec"], _HALF_SKY_ARCSEC))
+        altaz = f"{each['alt']:6.1f} {each['az']:6.1f}"
+        yield f"  {clock:11} {place:27} {sigma:>8} {altaz}  in {name}{shade}"
 
 
 def _event_lines(report: dict[str, Any]) -> Iterator[str]:

@@ -1,14 +1,16 @@
-"""Measured directions against where many element sets put their objects. Pure; all objects at once.
+"""Directions against where many element sets put their objects, all at once. Pure.
 
-Offsets are taken along and across each object's own predicted apparent motion. Along the track they are
-counted in time, across it in kilometres, and only then fitted by an offset and a rate: an object that is
-late is late by the same time at both ends of a pass, though its motion changes tenfold in between.
+Offsets are taken along and across each object's own predicted apparent motion. Along the track
+they are counted in time, across it in kilometres, and only then fitted by an offset and a rate: an
+object that is late is late by the same time at both ends of a pass, though its motion changes
+tenfold in between.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
+import numpy.typing as npt
 
 from rsoconsole.orbit.catalogue import CatalogueEntry, states_gcrs
 from rsoconsole.orbit.sightings import Sightings
@@ -108,10 +110,8 @@ def _expected(entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: IntArray)
     )
 
 
-def _some(expected: _Seen, chosen: np.ndarray) -> _Seen:  # type: ignore[type-arg]
-    return _Seen(
-        **{name: getattr(expected, name)[chosen] for name in _Seen.__slots__}  # type: ignore[attr-defined]
-    )
+def _some(expected: _Seen, chosen: npt.NDArray[np.bool_]) -> _Seen:
+    return _Seen(**{each.name: getattr(expected, each.name)[chosen] for each in fields(_Seen)})
 
 
 def _offsets(seen: Sightings, expected: _Seen) -> tuple[FloatArray, FloatArray, FloatArray]:

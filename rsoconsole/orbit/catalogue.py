@@ -1,4 +1,4 @@
-"""A catalogue of element sets as people publish it: two-line elements, or OMM as XML, JSON or CSV. Pure.
+"""Catalogues as people publish them: two-line elements, or OMM as XML, JSON or CSV. Pure.
 
 Source of OMM: CCSDS 502.0-B-3, as CelesTrak and Space-Track write it; its fields are read by the
 package sgp4. An OMM may carry catalogue numbers that two lines have no room for.

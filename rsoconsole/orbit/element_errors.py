@@ -1,22 +1,24 @@
 """How far an object may be from where its published elements put it. Pure.
 
-Elements carry no covariance, so one is assumed by kind of orbit and age, in two cases: the object has
-kept to its orbit (``undisturbed``), or its operator has moved it since (``manoeuvred``).
+Elements carry no covariance, so one is assumed by kind of orbit and age, in two cases: the object
+has kept to its orbit (``undisturbed``), or its operator has moved it since (``manoeuvred``).
 
 Geostationary figures: 319 element sets of Intelsat-14, SES-10 and Intelsat-21 (2018 to 2025), each
-carried to the epochs of the seven that follow (``tests/bench/bench_element_errors.py``). Kept in their
-slots by manoeuvres that no element set knows of, all three leave their elements by the natural drift
-that did not happen, 0.65 km times the square of the days, and across by a kilometre a day:
+carried to the epochs of the seven that follow (``tests/bench/bench_element_errors.py``). Kept in
+their slots by manoeuvres that no element set knows of, all three leave their elements by the
+natural drift that did not happen, 0.65 km times the square of the days, and across by a kilometre
+a day:
 
     age, days            3-7   7-14   14-20   20-25   25-35   35-60
     along, 68 %, km       39    100     222     368     585    1542
     across, 68 %, km      12     11      17      26      29      53
     radial, 68 %, km     1.3    2.9     3.3     3.3     5.1      26
 
-Undisturbed objects do much better: KazSat 2, close to a point of rest, was 17 km off after 12 days, and
-fresh sets are good to 5 to 30 arcsec, which is 1 to 5 km. NAVSTAR 77 was 3.6 km off after 8 days. For low
-and eccentric orbits: about 1 km at the epoch and 1 to 3 km a day (Flohrer, Krag & Klinkrad 2008; Levit &
-Marshall 2011, Advances in Space Research 47, 1107); not measured here.
+Undisturbed objects do much better: KazSat 2, close to a point of rest, was 17 km off after 12
+days, and fresh sets are good to 5 to 30 arcsec, which is 1 to 5 km. NAVSTAR 77 was 3.6 km off
+after 8 days. For low and eccentric orbits: about 1 km at the epoch and 1 to 3 km a day (Flohrer,
+Krag & Klinkrad 2008; Levit & Marshall 2011, Advances in Space Research 47, 1107); not measured
+here.
 """
 
 from dataclasses import dataclass
@@ -73,10 +75,11 @@ def manoeuvred_probability(regime: Regime, age_days: float) -> float:
 
 
 def covariance_rtn(spread: Spread, age_days: float, mean_motion_rad_s: float) -> FloatArray:
-    """(6, 6) of errors along (radial, along, across) and their rates in that turning frame; km, km/s.
+    """(6, 6) of errors (radial, along, across) and their rates in that turning frame; km, km/s.
 
-    An orbit a little off swings about its elements once a revolution: R = A cos(nt), T = -2A sin(nt),
-    N = B cos(nt), at any phase, beside what it is ahead or behind (Clohessy & Wiltshire 1960).
+    An orbit a little off swings about its elements once a revolution: R = A cos(nt),
+    T = -2A sin(nt), N = B cos(nt), at any phase, beside what it is ahead or behind (Clohessy &
+    Wiltshire 1960).
     """
     along, across, shape = (
         _grown(each, age_days) for each in (spread.along, spread.across, spread.shape)

@@ -1,9 +1,9 @@
-"""Which catalogued object was seen: measured directions against where element sets put everything. Pure.
+"""Which catalogued object was seen: directions against where element sets put everything. Pure.
 
-Each object's offset from the directions is split along and across its own predicted motion, with the
-rates at which the offset grows, and weighed with the covariance of the measurement and of elements of
-that age (``element_errors``), once for an object that has kept to its orbit and once for one that has
-been moved. An answer is given only where it leaves no second.
+Each object's offset from the directions is split along and across its own predicted motion, with
+the rates at which the offset grows, and weighed with the covariance of the measurement and of
+elements of that age (``element_errors``), once for an object that has kept to its orbit and once
+for one that has been moved. An answer is given only where it leaves no second.
 """
 
 from collections.abc import Sequence
@@ -40,10 +40,10 @@ _WIDE_DEG = 2.0
 """As far along its track a lone object may be suspected to have been moved."""
 _CLOSE_LOOK_DEG = 3.0
 _AT_LEAST = 24
-"""So many of the nearest are compared in full, however far they are: there is always a runner-up."""
+"""So many of the nearest are compared in full, however far: there is always a runner-up."""
 _UNCATALOGUED = {4: 2.4e-10, 2: 3.9e-9}
-"""Density of objects that no public catalogue knows: 0.05 a square degree, their rates over 4 by 4
-arcsec/s; in arcsec and arcsec/s, with and without rates. A fifth of what is catalogued at the belt."""
+"""Density of objects that no public catalogue knows: 0.05 a square degree, their rates over 4 by
+4 arcsec/s; in arcsec and arcsec/s, with and without rates. A fifth of what is catalogued there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,8 +68,8 @@ class Match:
     tle_age_days: float
     """Negative: the elements are younger than the directions."""
     score: float
-    """How many sigma off: Mahalanobis distance, raised where the elements are so vague that much would
-    fit. Smaller is better, and matches are ranked by it."""
+    """How many sigma off: Mahalanobis distance, raised where the elements are so vague that much
+    would fit. Smaller is better, and matches are ranked by it."""
     probability: float
     """That it is this one, among all that was compared and what no catalogue knows."""
     is_within_gate: bool
@@ -273,7 +273,7 @@ def _motion_words(match: Match) -> str:
 
 
 def _hint(matches: Sequence[Match], verdict: Verdict, gate_deg: float) -> str:
-    """Of a manoeuvre: a known object with the right motion, off its elements, and nothing else near."""
+    """Of a manoeuvre: a known object, the right motion, off its elements, nothing else near."""
     if verdict == "identified" and matches[0].undisturbed_sigma ** 2 > _OFF_ELEMENTS:
         return _moved_words(matches[0])
     if verdict != "unknown":
@@ -290,9 +290,10 @@ def _hint(matches: Sequence[Match], verdict: Verdict, gate_deg: float) -> str:
 
 def _moved_words(match: Match) -> str:
     epoch = utc_ns_to_iso(match.tle_epoch_utc_ns, 0)[:16].replace("T", " ")
+    way = "ahead of" if match.along_track_arcsec > 0.0 else "behind"
+    between = "since" if match.tle_age_days >= 0.0 else "before"
     return (
-        f'{_called(match)} with the right motion, {abs(match.along_track_arcsec):.0f}" '
-        f"({abs(match.along_track_s):.0f} s) {'ahead' if match.along_track_arcsec > 0 else 'behind'} "
-        f'and {abs(match.cross_track_arcsec):.0f}" across: manoeuvred since {epoch} UTC, the epoch of '
-        "its elements"
+        f'{_called(match)} has the right motion, {abs(match.along_track_arcsec):.0f}" '
+        f"({abs(match.along_track_s):.0f} s) {way} its elements and "
+        f'{abs(match.cross_track_arcsec):.0f}" across: manoeuvred {between} their epoch {epoch}'
     )

@@ -1,16 +1,16 @@
 """Are two tracklets of one object? One orbit through both, against two of their own. Pure.
 
-The answer is a ratio of evidences (MacKay 2003, Information Theory, Inference, and Learning Algorithms,
-28): how well one orbit explains the directions of both, with what is left uncertain, against two orbits
-drawn from the population (``population``). Unmodelled forces and the stars' own errors move whole
-tracklets: each has an offset of unknown size, solved for and integrated out. Where several tracklets of
-one night face several of another, all ways of pairing them are weighed, so that neighbours in one slot
-share what is certain.
+The answer is a ratio of evidences (MacKay 2003, Information Theory, Inference, and Learning
+Algorithms, 28): how well one orbit explains the directions of both, with what is left uncertain,
+against two orbits drawn from the population (``population``). Unmodelled forces and the stars' own
+errors move whole tracklets: each has an offset of unknown size, solved for and integrated out.
+Where several tracklets of one night face several of another, all ways of pairing them are weighed,
+so that neighbours in one slot share what is certain.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -91,7 +91,7 @@ def join(first: Alone, second: Alone) -> Joined | None:
 
 
 def log_odds(first: Alone, second: Alone) -> float:
-    """That both are of one object, against a chance meeting of two; minus infinity where none fits."""
+    """That both are of one object, against a chance meeting; minus infinity where none fits."""
     return _log_odds(first.population, join(first, second), first.log_evidence, second)
 
 
@@ -160,11 +160,11 @@ def _span_s(seen: Sightings) -> float:
 
 
 def _all_pairings(odds: FloatArray) -> float:
-    """Logarithm of the summed odds of every way to pair rows with columns, or to leave them single."""
+    """Logarithm of the summed odds of every way to pair rows with columns, or to leave single."""
     rows, columns = odds.shape
     weights = np.exp(np.clip(odds, -700.0, 300.0))
 
-    @lru_cache(maxsize=None)
+    @cache
     def ways(row: int, used: int) -> float:
         if row == rows:
             return 1.0
@@ -194,7 +194,7 @@ def through(
     offset_arcsec = float(np.hypot(STARS_ARCSEC, FORCES_ARCSEC_A_DAY * _span_s(seen) / 86_400.0))
     last = float("inf")
     for step in range(_STEPS):
-        values, rows = _rows(seen, which, len(parts), forces, state, population)
+        values, rows = _rows(seen, which, forces, state, population.sigma_e)
         if not np.all(np.isfinite(values)):
             return None
         values = np.concatenate([values, np.zeros(2 * len(parts))])
@@ -236,15 +236,15 @@ def carried(start: State, from_utc_ns: int, to_utc_ns: int) -> State:
 def _rows(
     seen: Sightings,
     which: FloatArray,
-    parts: int,
     forces: Forces,
     state: FloatArray,
-    population: Population,
+    sigma_e: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Whitened residuals with the belief in a small eccentricity, and their slopes.
 
     By the state at the epoch and by an offset of each part, east and north in arcsec.
     """
+    parts = int(which.max()) + 1
     around = state + np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
     r, v = around[:, None, :3], around[:, None, 3:]
     at = seen.t_s - seen.light_times_s(propagate(state[:3], state[3:], seen.t_s)[0])
@@ -257,7 +257,7 @@ def _rows(
     for part in range(parts):
         shifts[which == part, :, 2 * part : 2 * part + 2] = -seen.whitening[which == part]
     slopes = np.concatenate([slopes, shifts.reshape(-1, 2 * parts)], axis=1)
-    belief = _eccentricity(np.concatenate([state[None], around])) / population.sigma_e
+    belief = _eccentricity(np.concatenate([state[None], around])) / sigma_e
     by_state = (belief[1:7] - belief[7:]).T / (2.0 * _STEP)
     by_state = np.concatenate([by_state, np.zeros((3, 2 * parts))], axis=1)
     return np.concatenate([value, belief[0]]), np.concatenate([slopes, by_state])

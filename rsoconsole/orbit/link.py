@@ -1,12 +1,13 @@
 """Points of a few successive frames joined into tracklets, each with a probability. Pure.
 
-Every set of points, at most one a frame, through which a straight line at constant speed passes is a
-hypothesis; what it gains over chance is a likelihood ratio: how well the points lie on the line against
-how densely points lie anyhow, frames without a point, and how far its motion is from that which the
-objects of the sequence share. The set of hypotheses that gains most and uses no point twice is the
-answer (Morefield 1977, IEEE Trans. Automatic Control 22, 302; solved as an integer programme), and a tracklet's
-probability is what the answer gains over the best one without it. The common motion is learnt from the
-points themselves: geostationary objects all cross the stars alike.
+Every set of points, at most one a frame, through which a straight line at constant speed passes is
+a hypothesis; what it gains over chance is a likelihood ratio: how well the points lie on the line
+against how densely points lie anyhow, frames without a point, and how far its motion is from that
+which the objects of the sequence share. The set of hypotheses that gains most and uses no point
+twice is the answer (Morefield 1977, IEEE Trans. Automatic Control 22, 302; solved as an integer
+programme), and a tracklet's probability is what the answer gains over the best one without it. The
+common motion is learnt from the points themselves: geostationary objects all cross the stars
+alike.
 """
 
 from collections.abc import Iterator, Sequence

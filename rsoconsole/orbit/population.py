@@ -1,7 +1,7 @@
 """What orbits there are: how likely a given one is before it is seen. Pure.
 
-Rough figures of the public catalogue of 2023, by regime; they enter as logarithms, and a factor of two
-in any of them moves a probability of 0.9 to 0.95.
+Rough figures of the public catalogue of 2023, by regime; they enter as logarithms, and a factor of
+two in any of them moves a probability of 0.9 to 0.95.
 """
 
 from dataclasses import dataclass
@@ -72,8 +72,9 @@ def population_of(r_km: FloatArray, v_km_s: FloatArray, prior: str) -> Populatio
 def log_prior_density(population: Population, state: FloatArray, covariance: FloatArray) -> float:
     """Logarithm of the density of orbits at a state (6,), per km^3 and (km/s)^3.
 
-    The belief in a small eccentricity itself is left to whoever fits; only its size is in here. The
-    semi-major axis may be less certain than the population is wide: it is averaged over ``covariance``.
+    The belief in a small eccentricity itself is left to whoever fits; only its size is in here.
+    The semi-major axis may be less certain than the population is wide: it is averaged over
+    ``covariance``.
     """
     slopes = _slopes(state)
     a, _, _, q, p, _ = equinoctial(state)
@@ -102,9 +103,10 @@ def log_prior_density(population: Population, state: FloatArray, covariance: Flo
 
 
 def equinoctial(state: FloatArray) -> FloatArray:
-    """a in km, e cos and sin of the perigee's longitude, tan i/2 cos and sin of the node, mean longitude.
+    """Elements (..., 6) of states (..., 6), regular for circular orbits in the equator.
 
-    Of states (..., 6); regular for circular orbits in the equator. Source: Broucke & Cefola 1972.
+    a in km; e times cosine and sine of the perigee's longitude; tan i/2 times cosine and sine of
+    the node's; mean longitude in rad. Source: Broucke & Cefola 1972, Celestial Mechanics 5, 303.
     """
     r, v = state[..., :3], state[..., 3:]
     mu = MU_EARTH_KM3_S2

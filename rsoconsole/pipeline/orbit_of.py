@@ -1,4 +1,4 @@
-"""One orbit from all that was observed of an object, whether in one arc or over many nights. Pure."""
+"""One orbit from all that was observed of an object, in one arc or over many nights. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -84,7 +84,7 @@ def find_orbit(
 
 
 def find_by_gooding(observed: Observed) -> Found:
-    """The orbit through the first, the middlemost and the last direction alone, without any prior."""
+    """The orbit through the first, the middlemost and the last direction, without any prior."""
     seen = observed.seen
     nothing = Found(
         method="gooding",
@@ -119,7 +119,7 @@ def find_by_gooding(observed: Observed) -> Found:
 def _determined(
     seen: Sightings, used: Sequence[Sightings], start: Alone | None, prior: PriorName
 ) -> Orbit | None:
-    """Over several arcs refined from the orbit of the longest, arc by arc: no seed finds it at once."""
+    """Over several arcs refined from that of the longest, arc by arc: no seed finds it at once."""
     if len(used) == 1 or start is None:
         return determine(seen, prior=prior)
     state, epoch = start.state, start.seen.epoch_utc_ns

@@ -1,4 +1,4 @@
-"""Where an orbit leads: places with their uncertainty, the site's limit, the Earth's shadow. Pure."""
+"""Where an orbit leads: places with their sigmas, the site's limit, the Earth's shadow. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

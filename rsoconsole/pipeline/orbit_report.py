@@ -26,7 +26,7 @@ def orbit_report(
 ) -> dict[str, Any]:
     """The object of ``rsoconsole orbit``.
 
-    Elements are osculating, on GCRS axes. ``tle``: mean elements as two lines, once somebody has them.
+    Elements are osculating, on GCRS axes. ``tle``: mean elements as two lines, where there are any.
     """
     orbit, seen = found.orbit, found.seen
     report: dict[str, Any] = {

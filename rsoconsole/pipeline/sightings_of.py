@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +59,7 @@ def arcs(seen: Sightings) -> tuple[Sightings, ...]:
     """Its arcs, in order of time: a silence of three hours parts them."""
     starts = np.flatnonzero(np.diff(seen.t_s) > ARC_GAP_S) + 1
     edges = [0, *(int(n) for n in starts), len(seen)]
-    return tuple(_part(seen, slice(a, b)) for a, b in zip(edges, edges[1:], strict=False))
+    return tuple(_part(seen, slice(a, b)) for a, b in pairwise(edges))
 
 
 def longest_arc(seen: Sightings) -> Sightings:

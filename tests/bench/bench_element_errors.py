@@ -1,6 +1,7 @@
 """How far three geostationary satellites were from where older element sets had put them.
 
-Run: ``python -m tests.bench.bench_element_errors``. The table stands in ``rsoconsole/orbit/element_errors.py``.
+Run: ``python -m tests.bench.bench_element_errors``. The table stands in
+``rsoconsole/orbit/element_errors.py``.
 """
 
 from pathlib import Path

@@ -1,7 +1,9 @@
-"""How often the right name is given: objects of a real catalogue, seen with noise, off their elements.
+"""How often the right name is given: objects of a real catalogue, seen with noise, off their
+elements.
 
 Run: ``python -m tests.bench.bench_identify``. Truth is where an object's elements put it, plus an
-error: as assumed of an undisturbed object, or as measured on satellites that are kept in their slots.
+error: as assumed of an undisturbed object, or as measured on satellites that are kept in their
+slots.
 """
 
 import time
