@@ -22,6 +22,8 @@ TrackOption = Annotated[
     ),
 ]
 AHEAD_S = (600, 3600, 86_400)
+_ANOTHER = 0.1
+"""Probability of being of one object below which that is doubted aloud."""
 
 
 def register(app: typer.Typer) -> None:
@@ -82,6 +84,9 @@ def orbit(
         site, last = found.observed.site, int(found.seen.t_utc_ns[-1])
         outlook = orbit_outlook(found.orbit, site, limits, last, AHEAD_S)
     report = orbit_report(found, outlook)
+    for part in found.parts:
+        if part.is_used and part.probability is not None and part.probability < _ANOTHER:
+            output.complain(f"rsoconsole: {part.name} is probably of another object: leave it out")
     if json_:
         output.emit_json(report)
         return

@@ -25,8 +25,9 @@ from rsoconsole.sky.times import NS_PER_S
 
 STARS_ARCSEC = 0.3
 """Common error of a tracklet's plate solutions."""
-FORCES_ARCSEC_A_DAY = 2.0
-"""What an unknown area to mass does to a geostationary satellite."""
+FORCES_ARCSEC_A_DAY = 4.0
+"""What an area to mass that is off by all of the usual one does to a geostationary satellite (2.4), and
+what else is left out; SGP4 and these forces part by as much."""
 _STEPS = 8
 _SETTLED = 1e-3
 _STEP = np.array([1e-1, 1e-1, 1e-1, 1e-5, 1e-5, 1e-5])
