@@ -146,16 +146,23 @@ def random_case(regime: str, random: np.random.Generator) -> Random:
         arc = random.uniform(shortest, longest)
         t = np.array([0.0, arc * random.uniform(0.4, 0.6), arc])
         sites = _sites(np.radians(random.uniform(-60.0, 60.0)), random.uniform(0.0, 2 * np.pi), t)
+        if not _is_up(r[None] - sites[:1], sites[:1]):
+            continue
         states = _moved(r, v, t)
         seen = states[:, :3] - sites
-        ranges = np.linalg.norm(seen, axis=1)
-        if np.all(np.sum(seen * sites, axis=1) > np.sin(np.radians(10.0)) * ranges * EARTH_KM):
+        if _is_up(seen, sites):
+            ranges = np.linalg.norm(seen, axis=1)
             return Random(
                 lines=Lines(t_s=t, sites_km=sites, directions=seen / ranges[:, None]),
                 ranges_km=ranges,
                 r2_km=states[1, :3],
                 v2_km_s=states[1, 3:],
             )
+
+
+def _is_up(seen: FloatArray, sites: FloatArray) -> bool:
+    upward = np.sum(seen * sites, axis=1)
+    return bool(np.all(upward > np.sin(np.radians(10.0)) * np.linalg.norm(seen, axis=1) * EARTH_KM))
 
 
 def _orbit(

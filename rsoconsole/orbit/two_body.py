@@ -18,7 +18,7 @@ _MOST_STEPS = 60
 _ENOUGH = 1e-8
 """A step so small leaves an error of its third power."""
 _LAGUERRE_DEGREE = 5.0
-_SERIES_BELOW = 0.1
+_SERIES_BELOW = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,24 +48,26 @@ def propagate(
     Any conic, forwards and backwards. What has no solution in numbers comes out as NaN.
     """
     r0, v0 = np.asarray(r_km, float), np.asarray(v_km_s, float)
-    shape = np.broadcast_shapes(r0.shape[:-1], v0.shape[:-1], np.shape(dt_s))
-    dt = np.broadcast_to(np.asarray(dt_s, float), shape)
-    r0 = np.broadcast_to(r0, (*shape, 3))
-    v0 = np.broadcast_to(v0, (*shape, 3))
-    radius = np.sqrt(np.sum(r0 * r0, axis=-1))
-    sigma = np.sum(r0 * v0, axis=-1) / np.sqrt(mu)
-    alpha = 2.0 / radius - np.sum(v0 * v0, axis=-1) / mu
     with np.errstate(all="ignore"):
-        chi = _universal_anomaly(radius, sigma, alpha, _within_period(dt, alpha, mu) * np.sqrt(mu))
-        u0, u1, u2, u3 = _universal_functions(chi, alpha)
+        distance_2 = dot(r0, r0)
+        radius, along, speed_2 = np.sqrt(distance_2), dot(r0, v0), dot(v0, v0)
+        sigma, alpha = along / np.sqrt(mu), 2.0 / radius - speed_2 / mu
+        h_2 = (distance_2 * speed_2 - along * along) / mu
+        dt = _within_period(np.asarray(dt_s, float), alpha, mu)
+        radius, sigma, alpha, h_2, time = np.broadcast_arrays(
+            radius, sigma, alpha, h_2, dt * np.sqrt(mu)
+        )
+        chi = _universal_anomaly(
+            *(each.ravel() for each in (radius, sigma, alpha, h_2, time))
+        ).reshape(radius.shape)
+        u0, u1, u2, _ = _universal_functions(chi, alpha)
         new_radius = radius * u0 + sigma * u1 + u2
         f = 1.0 - u2 / radius
         g = (radius * u1 + sigma * u2) / np.sqrt(mu)
         f_dot = -np.sqrt(mu) * u1 / (new_radius * radius)
         g_dot = 1.0 - u2 / new_radius
-    _ = u3
-    r = f[..., None] * r0 + g[..., None] * v0
-    v = f_dot[..., None] * r0 + g_dot[..., None] * v0
+        r = f[..., None] * r0 + g[..., None] * v0
+        v = f_dot[..., None] * r0 + g_dot[..., None] * v0
     return np.asarray(r), np.asarray(v)
 
 
@@ -126,38 +128,63 @@ def _within_period(dt: FloatArray, alpha: FloatArray, mu: float) -> FloatArray:
 
 
 def _universal_anomaly(
-    radius: FloatArray, sigma: FloatArray, alpha: FloatArray, time: FloatArray
+    radius: FloatArray, sigma: FloatArray, alpha: FloatArray, h_2: FloatArray, time: FloatArray
 ) -> FloatArray:
-    """chi such that r u1 + sigma u2 + u3 = sqrt(mu) dt."""
-    chi = _start(radius, sigma, alpha, time)
+    """chi such that r u1 + sigma u2 + u3 = sqrt(mu) dt; all (N,). NaN where none is reached."""
+    found = _start(radius, sigma, alpha, h_2, time)
+    open_ = np.flatnonzero(np.isfinite(found))
+    chi = found[open_]
+    radius, sigma, alpha, time = (each[open_] for each in (radius, sigma, alpha, time))
     degree = _LAGUERRE_DEGREE
     for _ in range(_MOST_STEPS):
         u0, u1, u2, u3 = _universal_functions(chi, alpha)
         value = radius * u1 + sigma * u2 + u3 - time
         slope = radius * u0 + sigma * u1 + u2
         bend = (1.0 - alpha * radius) * u1 + sigma * u0
-        root = np.sqrt(
-            np.abs((degree - 1.0) ** 2 * slope**2 - degree * (degree - 1) * value * bend)
-        )
-        step = degree * value / (slope + np.where(slope >= 0.0, root, -root))
-        chi = chi - np.where(np.isfinite(step), step, 0.0)
-        if np.all(~(np.abs(step) > _ENOUGH * np.abs(chi))):
-            break
-    return np.asarray(chi)
+        inner = (degree - 1.0) ** 2 * slope**2 - degree * (degree - 1.0) * value * bend
+        # The slope is the distance from the centre, and never negative.
+        step = degree * value / (slope + np.sqrt(np.abs(inner)))
+        # Where numbers overflowed, chi was far too large.
+        step = np.where(np.isfinite(step), step, chi / 2.0)
+        chi = chi - step
+        is_open = np.abs(step) > _ENOUGH * np.abs(chi)
+        left = np.count_nonzero(is_open)
+        if left == 0:
+            found[open_] = chi
+            return found
+        if 2 * left < len(chi):
+            found[open_] = chi
+            open_, chi = open_[is_open], chi[is_open]
+            radius, sigma, alpha, time = (each[is_open] for each in (radius, sigma, alpha, time))
+            is_open = is_open[is_open]
+    found[open_] = np.where(is_open, np.nan, chi)
+    return found
 
 
 def _start(
-    radius: FloatArray, sigma: FloatArray, alpha: FloatArray, time: FloatArray
+    radius: FloatArray, sigma: FloatArray, alpha: FloatArray, h_2: FloatArray, time: FloatArray
 ) -> FloatArray:
-    """Of a hyperbola the logarithm that late times follow (Vallado 2013, algorithm 8)."""
-    way = np.sign(time)
-    root = np.sqrt(np.maximum(-1.0 / alpha, 0.0))
-    growth = -2.0 * alpha * time / (sigma + way * root * (1.0 - radius * alpha))
-    late = way * root * np.log(np.maximum(growth, 1.0))
-    open_ = np.where((alpha < 0.0) & (growth > np.e), late, time / radius)
-    parabolic = way * np.sqrt(np.abs(time / radius))
-    open_ = np.where(np.abs(open_) > np.abs(parabolic) * 30.0, parabolic, open_)
-    return np.where(alpha > 0.0, alpha * time, open_)
+    """A first chi: of an ellipse the mean motion's, of a hyperbola Kepler's equation's.
+
+    That equation is e sinh F - F = M with sqrt(-alpha) chi = F - F0; two rounds of
+    F = asinh((M + F) / e) come near from anywhere.
+    """
+    bound = alpha * time
+    is_open = alpha <= 0.0
+    if not np.any(is_open):
+        return bound
+    k = np.sqrt(np.maximum(-alpha, 1e-300))
+    e = np.sqrt(1.0 + h_2 * np.maximum(-alpha, 0.0))
+    start = np.arcsinh(sigma * k / e)
+    mean = k**3 * time + sigma * k - start
+    late = np.arcsinh(mean / e)
+    for _ in range(2):
+        late = np.arcsinh((mean + late) / e)
+    far = (late - start) / k
+    # Near a parabola that loses all its digits, but there a short time is a small chi.
+    near = np.sign(time) * np.minimum(np.abs(time / radius), np.cbrt(6.0 * np.abs(time)))
+    is_lost = ~np.isfinite(far) | (np.abs(late - start) < 1e-4)
+    return np.where(is_open, np.where(is_lost, near, far), bound)
 
 
 def _universal_functions(
@@ -178,12 +205,13 @@ def _stumpff(z: FloatArray) -> tuple[FloatArray, FloatArray]:
         return _stumpff_by_series(z)
     root = np.sqrt(np.abs(z))
     # 1 - cos by the half angle: no digits are lost to the difference.
-    if np.all(z > 0.0):
-        half, odd = np.sin(root / 2.0), root - np.sin(root)
-    else:
-        half = np.where(z >= 0.0, np.sin(root / 2.0), np.sinh(root / 2.0))
-        odd = np.where(z >= 0.0, root - np.sin(root), np.sinh(root) - root)
-    c2, c3 = 2.0 * half**2 / root**2, odd / root**3
+    half, odd = np.sin(root / 2.0), root - np.sin(root)
+    is_open = z < 0.0
+    if np.any(is_open):
+        half = np.where(is_open, np.sinh(root / 2.0), half)
+        odd = np.where(is_open, np.sinh(root) - root, odd)
+    size = root * root
+    c2, c3 = 2.0 * half * half / size, odd / (root * size)
     if not np.any(is_small):
         return c2, c3
     near_2, near_3 = _stumpff_by_series(np.where(is_small, z, 0.0))
@@ -191,8 +219,20 @@ def _stumpff(z: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _stumpff_by_series(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    s2 = s3 = np.ones_like(z)
-    for n in range(6, 0, -1):
-        s2 = 1.0 - z / ((2 * n + 1) * (2 * n + 2)) * s2
-        s3 = 1.0 - z / ((2 * n + 2) * (2 * n + 3)) * s3
-    return s2 / 2.0, s3 / 6.0
+    c2 = c3 = 1.0
+    for n in (5, 4, 3, 2):
+        c2 = 1.0 - z / ((2 * n - 1) * 2 * n) * c2
+        c3 = 1.0 - z / (2 * n * (2 * n + 1)) * c3
+    return np.asarray(c2 / 2.0), np.asarray(c3 / 6.0)
+
+
+def dot(one: FloatArray, other: FloatArray) -> FloatArray:
+    """(...) of vectors (..., 3)."""
+    return np.asarray(np.einsum("...i,...i->...", one, other))
+
+
+def cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    """(..., 3), in a third of the time that numpy's own takes for few vectors."""
+    ax, ay, az = one[..., 0], one[..., 1], one[..., 2]
+    bx, by, bz = other[..., 0], other[..., 1], other[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
