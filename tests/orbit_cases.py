@@ -1,5 +1,7 @@
-"""Orbits with known answers: published cases, and random ones of every regime. No code of the product
-makes their truth."""
+"""Orbits with known answers: published cases, and random ones of every regime.
+
+No code of the product makes their truth.
+"""
 
 from dataclasses import dataclass
 
@@ -142,7 +144,7 @@ def random_case(regime: str, random: np.random.Generator) -> Random:
     """One that stands 10 degrees high at all three instants; moved by a numerical integrator."""
     while True:
         a, e, i_deg, (shortest, longest) = _orbit(regime, random)
-        r, v = _state(a, e, np.radians(i_deg), *random.uniform(0.0, 2.0 * np.pi, 3))
+        r, v = state_of(a, e, np.radians(i_deg), tuple(random.uniform(0.0, 2.0 * np.pi, 3)))
         arc = random.uniform(shortest, longest)
         t = np.array([0.0, arc * random.uniform(0.4, 0.6), arc])
         sites = _sites(np.radians(random.uniform(-60.0, 60.0)), random.uniform(0.0, 2 * np.pi), t)
@@ -182,10 +184,11 @@ def _orbit(
     return 26560.0, 1.0 - (EARTH_KM + u(500, 1500)) / 26560.0, 63.4, (600, 3600)
 
 
-def _state(
-    a: float, e: float, i: float, node: float, argp: float, mean: float
+def state_of(
+    a: float, e: float, i: float, angles: tuple[float, float, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity by Kepler's equation, elementary."""
+    """Position and velocity by Kepler's equation, elementary; node, perigee, mean anomaly; rad."""
+    node, argp, mean = angles
     eccentric = mean
     for _ in range(200):
         eccentric -= (eccentric - e * np.sin(eccentric) - mean) / (1.0 - e * np.cos(eccentric))

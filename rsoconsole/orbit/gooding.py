@@ -1,9 +1,10 @@
 """Gooding's angles-only method: orbits through three lines of sight. Pure.
 
-The two outer ranges are unknown; Lambert's problem joins the outer places, and Newton's method brings
-the place between them onto the middle line of sight. Source: Gooding 1993, A new procedure for orbit
-determination based on three lines of sight (angles only), DRA Technical Report 93004; 1997, Celestial
-Mechanics and Dynamical Astronomy 66, 387. Kilometres, seconds, km/s along inertial axes.
+The two outer ranges are unknown; Lambert's problem joins the outer places, and Newton's method
+brings the place between them onto the middle line of sight. Source: Gooding 1993, A new procedure
+for orbit determination based on three lines of sight (angles only), DRA Technical Report 93004;
+1997, Celestial Mechanics and Dynamical Astronomy 66, 387. Kilometres, seconds, km/s along inertial
+axes.
 """
 
 from collections.abc import Iterable
@@ -184,7 +185,7 @@ def _search(searches: _Searches, ranges: FloatArray) -> FloatArray:
     ranges = ranges.copy()
     open_ = np.arange(len(ranges))
     miss, slopes = searches.misses_about(ranges)
-    is_open = np.isfinite(miss).all(axis=-1)
+    is_open: BoolArray = np.all(np.isfinite(miss), axis=-1)
     for n in range(_MOST_STEPS):
         open_, miss, slopes = open_[is_open], miss[is_open], slopes[is_open]
         if not len(open_):

@@ -1,8 +1,7 @@
 """Motion about a point mass: states carried through any time, elements of a state. Pure.
 
-Kilometres, seconds, km/s along any inertial axes. Universal variables after Battin (1999, An
-Introduction to the Mathematics and Methods of Astrodynamics, 4.5 and 4.6), solved by the Laguerre
-iteration of Conway (1986, Celestial Mechanics 39, 199), which converges from anywhere.
+Kilometres, seconds, km/s along any inertial axes. Source: Battin 1999, An Introduction to the
+Mathematics and Methods of Astrodynamics, chapter 4 for the motion, chapter 9 for its slopes.
 """
 
 from dataclasses import dataclass
@@ -10,15 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.orbit.universal import (
+    higher_functions,
+    universal_anomaly,
+    universal_functions,
+    within_period,
+)
 from rsoconsole.records import FloatArray
 
 MU_EARTH_KM3_S2 = 398_600.4418
 """IERS Conventions 2010, without the atmosphere's share left out."""
-_MOST_STEPS = 60
-_ENOUGH = 1e-8
-"""A step so small leaves an error of its third power."""
-_LAGUERRE_DEGREE = 5.0
-_SERIES_BELOW = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,28 +47,91 @@ def propagate(
 
     Any conic, forwards and backwards. What has no solution in numbers comes out as NaN.
     """
-    r0, v0 = np.asarray(r_km, float), np.asarray(v_km_s, float)
     with np.errstate(all="ignore"):
-        distance_2 = dot(r0, r0)
-        radius, along, speed_2 = np.sqrt(distance_2), dot(r0, v0), dot(v0, v0)
-        sigma, alpha = along / np.sqrt(mu), 2.0 / radius - speed_2 / mu
-        h_2 = (distance_2 * speed_2 - along * along) / mu
-        dt = _within_period(np.asarray(dt_s, float), alpha, mu)
-        radius, sigma, alpha, h_2, time = np.broadcast_arrays(
-            radius, sigma, alpha, h_2, dt * np.sqrt(mu)
-        )
-        chi = _universal_anomaly(
-            *(each.ravel() for each in (radius, sigma, alpha, h_2, time))
-        ).reshape(radius.shape)
-        u0, u1, u2, _ = _universal_functions(chi, alpha)
-        new_radius = radius * u0 + sigma * u1 + u2
-        f = 1.0 - u2 / radius
-        g = (radius * u1 + sigma * u2) / np.sqrt(mu)
-        f_dot = -np.sqrt(mu) * u1 / (new_radius * radius)
-        g_dot = 1.0 - u2 / new_radius
-        r = f[..., None] * r0 + g[..., None] * v0
-        v = f_dot[..., None] * r0 + g_dot[..., None] * v0
-    return np.asarray(r), np.asarray(v)
+        moved = _moved(r_km, v_km_s, dt_s, mu)
+    return moved.r_km, moved.v_km_s
+
+
+def propagate_with_slopes(
+    r_km: FloatArray, v_km_s: FloatArray, dt_s: FloatArray, mu: float = MU_EARTH_KM3_S2
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Positions, velocities (N, 3) and slopes (N, 3, 6) of one state (3,), (3,) at times (N,).
+
+    Slopes: of the later position by the first position and velocity, exact however many
+    revolutions lie between.
+    """
+    with np.errstate(all="ignore"):
+        moved = _moved(r_km, v_km_s, dt_s, mu)
+        whole = np.where(moved.alpha > 0.0, dt_s - moved.dt_s, 0.0)  # seconds of revolutions
+        chi = moved.chi + whole * np.sqrt(mu) * np.maximum(moved.alpha, 0.0)
+        u4, u5 = higher_functions(chi, moved.alpha)
+        root = np.sqrt(mu)
+        c = (3.0 * u5 - chi * u4) / root - dt_s * moved.u2
+        r0, v0, radius = moved.r0_km, moved.v0_km_s, moved.radius
+        by_r = _outer(moved.v_km_s - v0, moved.v_km_s - v0) * (moved.new_radius / mu)[:, None, None]
+        by_r += _outer(moved.r_km, r0) * (moved.u2 / radius**3)[:, None, None]
+        by_r += _outer(moved.v_km_s, r0) * (c / radius**3)[:, None, None]
+        by_r += moved.f[:, None, None] * np.eye(3)
+        by_v = _outer(moved.r_km - r0, v0) - _outer(moved.v_km_s - v0, r0)
+        by_v = by_v * (moved.u2 / mu)[:, None, None]
+        by_v += _outer(moved.v_km_s, v0) * (c / mu)[:, None, None]
+        by_v += moved.g[:, None, None] * np.eye(3)
+    return moved.r_km, moved.v_km_s, np.concatenate([by_r, by_v], axis=-1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Moved:
+    """A motion from one state to another, with what it was found by."""
+
+    r0_km: FloatArray
+    v0_km_s: FloatArray
+    r_km: FloatArray
+    v_km_s: FloatArray
+    dt_s: FloatArray
+    """At most half a revolution, to the same place."""
+    alpha: FloatArray
+    chi: FloatArray
+    u2: FloatArray
+    f: FloatArray
+    g: FloatArray
+    radius: FloatArray
+    new_radius: FloatArray
+
+
+def _moved(r_km: npt.ArrayLike, v_km_s: npt.ArrayLike, dt_s: npt.ArrayLike, mu: float) -> _Moved:
+    r0, v0 = np.asarray(r_km, float), np.asarray(v_km_s, float)
+    distance_2, along, speed_2 = dot(r0, r0), dot(r0, v0), dot(v0, v0)
+    radius = np.sqrt(distance_2)
+    sigma, alpha = along / np.sqrt(mu), 2.0 / radius - speed_2 / mu
+    h_2 = (distance_2 * speed_2 - along * along) / mu
+    dt = within_period(np.asarray(dt_s, float), alpha, mu)
+    radius, sigma, alpha, h_2, dt = np.broadcast_arrays(radius, sigma, alpha, h_2, dt)
+    flat = (each.ravel() for each in (radius, sigma, alpha, h_2, dt * np.sqrt(mu)))
+    chi = universal_anomaly(*flat).reshape(radius.shape)
+    u0, u1, u2, _ = universal_functions(chi, alpha)
+    new_radius = radius * u0 + sigma * u1 + u2
+    f = 1.0 - u2 / radius
+    g = (radius * u1 + sigma * u2) / np.sqrt(mu)
+    f_dot = -np.sqrt(mu) * u1 / (new_radius * radius)
+    g_dot = 1.0 - u2 / new_radius
+    return _Moved(
+        r0_km=r0,
+        v0_km_s=v0,
+        r_km=f[..., None] * r0 + g[..., None] * v0,
+        v_km_s=f_dot[..., None] * r0 + g_dot[..., None] * v0,
+        dt_s=dt,
+        alpha=alpha,
+        chi=chi,
+        u2=u2,
+        f=f,
+        g=g,
+        radius=radius,
+        new_radius=new_radius,
+    )
+
+
+def _outer(one: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(one[..., :, None] * other[..., None, :])
 
 
 def elements_of(
@@ -118,112 +181,6 @@ def _mean_anomaly_deg(true_rad: float, e: float) -> float:
     half = np.sqrt((e - 1.0) / (e + 1.0)) * np.tan(true_rad / 2.0)
     hyperbolic = 2.0 * np.arctanh(half)
     return float(np.degrees(e * np.sinh(hyperbolic) - hyperbolic))
-
-
-def _within_period(dt: FloatArray, alpha: FloatArray, mu: float) -> FloatArray:
-    """The same place on a closed orbit, at most half a revolution away."""
-    period = 2.0 * np.pi / np.sqrt(mu * np.maximum(alpha, 0.0) ** 3)
-    reduced = dt - period * np.rint(dt / period)
-    return np.where((alpha > 0.0) & np.isfinite(period), reduced, dt)
-
-
-def _universal_anomaly(
-    radius: FloatArray, sigma: FloatArray, alpha: FloatArray, h_2: FloatArray, time: FloatArray
-) -> FloatArray:
-    """chi such that r u1 + sigma u2 + u3 = sqrt(mu) dt; all (N,). NaN where none is reached."""
-    found = _start(radius, sigma, alpha, h_2, time)
-    open_ = np.flatnonzero(np.isfinite(found))
-    chi = found[open_]
-    radius, sigma, alpha, time = (each[open_] for each in (radius, sigma, alpha, time))
-    degree = _LAGUERRE_DEGREE
-    for _ in range(_MOST_STEPS):
-        u0, u1, u2, u3 = _universal_functions(chi, alpha)
-        value = radius * u1 + sigma * u2 + u3 - time
-        slope = radius * u0 + sigma * u1 + u2
-        bend = (1.0 - alpha * radius) * u1 + sigma * u0
-        inner = (degree - 1.0) ** 2 * slope**2 - degree * (degree - 1.0) * value * bend
-        # The slope is the distance from the centre, and never negative.
-        step = degree * value / (slope + np.sqrt(np.abs(inner)))
-        # Where numbers overflowed, chi was far too large.
-        step = np.where(np.isfinite(step), step, chi / 2.0)
-        chi = chi - step
-        is_open = np.abs(step) > _ENOUGH * np.abs(chi)
-        left = np.count_nonzero(is_open)
-        if left == 0:
-            found[open_] = chi
-            return found
-        if 2 * left < len(chi):
-            found[open_] = chi
-            open_, chi = open_[is_open], chi[is_open]
-            radius, sigma, alpha, time = (each[is_open] for each in (radius, sigma, alpha, time))
-            is_open = is_open[is_open]
-    found[open_] = np.where(is_open, np.nan, chi)
-    return found
-
-
-def _start(
-    radius: FloatArray, sigma: FloatArray, alpha: FloatArray, h_2: FloatArray, time: FloatArray
-) -> FloatArray:
-    """A first chi: of an ellipse the mean motion's, of a hyperbola Kepler's equation's.
-
-    That equation is e sinh F - F = M with sqrt(-alpha) chi = F - F0; two rounds of
-    F = asinh((M + F) / e) come near from anywhere.
-    """
-    bound = alpha * time
-    is_open = alpha <= 0.0
-    if not np.any(is_open):
-        return bound
-    k = np.sqrt(np.maximum(-alpha, 1e-300))
-    e = np.sqrt(1.0 + h_2 * np.maximum(-alpha, 0.0))
-    start = np.arcsinh(sigma * k / e)
-    mean = k**3 * time + sigma * k - start
-    late = np.arcsinh(mean / e)
-    for _ in range(2):
-        late = np.arcsinh((mean + late) / e)
-    far = (late - start) / k
-    # Near a parabola that loses all its digits, but there a short time is a small chi.
-    near = np.sign(time) * np.minimum(np.abs(time / radius), np.cbrt(6.0 * np.abs(time)))
-    is_lost = ~np.isfinite(far) | (np.abs(late - start) < 1e-4)
-    return np.where(is_open, np.where(is_lost, near, far), bound)
-
-
-def _universal_functions(
-    chi: FloatArray, alpha: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """u0 to u3 of Battin: d u(n+1) / d chi = u(n)."""
-    z = alpha * chi * chi
-    c2, c3 = _stumpff(z)
-    u2 = chi * chi * c2
-    u3 = chi**3 * c3
-    return 1.0 - alpha * u2, chi - alpha * u3, u2, u3
-
-
-def _stumpff(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(1 - cos s) / s2 and (s - sin s) / s3 with s2 = z; z < 0 by hyperbolic functions."""
-    is_small = np.abs(z) < _SERIES_BELOW
-    if np.all(is_small):
-        return _stumpff_by_series(z)
-    root = np.sqrt(np.abs(z))
-    # 1 - cos by the half angle: no digits are lost to the difference.
-    half, odd = np.sin(root / 2.0), root - np.sin(root)
-    is_open = z < 0.0
-    if np.any(is_open):
-        half = np.where(is_open, np.sinh(root / 2.0), half)
-        odd = np.where(is_open, np.sinh(root) - root, odd)
-    size = root * root
-    c2, c3 = 2.0 * half * half / size, odd / (root * size)
-    if not np.any(is_small):
-        return c2, c3
-    near_2, near_3 = _stumpff_by_series(np.where(is_small, z, 0.0))
-    return np.where(is_small, near_2, c2), np.where(is_small, near_3, c3)
-
-
-def _stumpff_by_series(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    c2 = c3 = 1.0
-    for n in (5, 4, 3, 2):
-        c2 = 1.0 - z / ((2 * n - 1) * 2 * n) * c2
-        c3 = 1.0 - z / (2 * n * (2 * n + 1)) * c3
-    return np.asarray(c2 / 2.0), np.asarray(c3 / 6.0)
 
 
 def dot(one: FloatArray, other: FloatArray) -> FloatArray:
