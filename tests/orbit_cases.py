@@ -1,5 +1,7 @@
-"""Orbits with known answers: published cases, and random ones of every regime. No code of the product
-makes their truth."""
+"""Orbits with known answers: published cases, and random ones of every regime.
+
+No code of the product makes their truth.
+"""
 
 from dataclasses import dataclass
 
@@ -142,20 +144,27 @@ def random_case(regime: str, random: np.random.Generator) -> Random:
     """One that stands 10 degrees high at all three instants; moved by a numerical integrator."""
     while True:
         a, e, i_deg, (shortest, longest) = _orbit(regime, random)
-        r, v = _state(a, e, np.radians(i_deg), *random.uniform(0.0, 2.0 * np.pi, 3))
+        r, v = state_of(a, e, np.radians(i_deg), tuple(random.uniform(0.0, 2.0 * np.pi, 3)))
         arc = random.uniform(shortest, longest)
         t = np.array([0.0, arc * random.uniform(0.4, 0.6), arc])
         sites = _sites(np.radians(random.uniform(-60.0, 60.0)), random.uniform(0.0, 2 * np.pi), t)
+        if not _is_up(r[None] - sites[:1], sites[:1]):
+            continue
         states = _moved(r, v, t)
         seen = states[:, :3] - sites
-        ranges = np.linalg.norm(seen, axis=1)
-        if np.all(np.sum(seen * sites, axis=1) > np.sin(np.radians(10.0)) * ranges * EARTH_KM):
+        if _is_up(seen, sites):
+            ranges = np.linalg.norm(seen, axis=1)
             return Random(
                 lines=Lines(t_s=t, sites_km=sites, directions=seen / ranges[:, None]),
                 ranges_km=ranges,
                 r2_km=states[1, :3],
                 v2_km_s=states[1, 3:],
             )
+
+
+def _is_up(seen: FloatArray, sites: FloatArray) -> bool:
+    upward = np.sum(seen * sites, axis=1)
+    return bool(np.all(upward > np.sin(np.radians(10.0)) * np.linalg.norm(seen, axis=1) * EARTH_KM))
 
 
 def _orbit(
@@ -175,10 +184,11 @@ def _orbit(
     return 26560.0, 1.0 - (EARTH_KM + u(500, 1500)) / 26560.0, 63.4, (600, 3600)
 
 
-def _state(
-    a: float, e: float, i: float, node: float, argp: float, mean: float
+def state_of(
+    a: float, e: float, i: float, angles: tuple[float, float, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity by Kepler's equation, elementary."""
+    """Position and velocity by Kepler's equation, elementary; node, perigee, mean anomaly; rad."""
+    node, argp, mean = angles
     eccentric = mean
     for _ in range(200):
         eccentric -= (eccentric - e * np.sin(eccentric) - mean) / (1.0 - e * np.cos(eccentric))

@@ -33,6 +33,54 @@ def test_any_conic_lands_where_an_integrator_lands(speed: float, dt_s: float) ->
     assert np.linalg.norm(v1 - solved.y[3:, -1]) < 1e-10 * scale
 
 
+def test_a_hyperbola_flung_round_the_centre_ends_where_keplers_equation_says() -> None:
+    """Steep falls at 10 to 70 km/s, past the centre and out again; the truth in extended digits."""
+    random = np.random.default_rng(11)
+    for _ in range(300):
+        r = random.normal(size=3)
+        r *= random.uniform(6600.0, 45000.0) / np.linalg.norm(r)
+        v = -r / np.linalg.norm(r) * random.uniform(10.0, 70.0) + random.normal(0.0, 0.5, 3)
+        if v @ v < 2.1 * MU / np.linalg.norm(r):
+            continue
+        dt_s = random.uniform(0.5, 3.0) * np.linalg.norm(r) / np.linalg.norm(v)
+        one_centimetre_km = 1e-5
+        truth = _on_hyperbola(r, v, dt_s)
+        np.testing.assert_allclose(propagate(r, v, dt_s, MU)[0], truth, atol=one_centimetre_km)
+
+
+def _on_hyperbola(r: np.ndarray, v: np.ndarray, dt_s: float) -> np.ndarray:
+    """Place after a time by e sinh F - F = M, along the axes of the hyperbola."""
+    wide = np.longdouble
+    r, v, mu = r.astype(wide), v.astype(wide), wide(MU)
+    radius, h = np.sqrt(r @ r), np.cross(r, v)
+    apse = np.cross(v, h) / mu - r / radius
+    e = np.sqrt(apse @ apse)
+    apse, minor = apse / e, np.cross(h, apse) / (e * np.sqrt(h @ h))
+    a = 1 / (v @ v / mu - 2 / radius)
+    start = np.arcsinh((r @ minor) / (a * np.sqrt(e * e - 1)))
+    mean = e * np.sinh(start) - start + np.sqrt(mu / a**3) * wide(dt_s)
+    late = np.arcsinh(mean / e)
+    for _ in range(60):
+        late -= (e * np.sinh(late) - late - mean) / (e * np.cosh(late) - 1)
+    place = a * ((e - np.cosh(late)) * apse + np.sqrt(e * e - 1) * np.sinh(late) * minor)
+    return place.astype(float)
+
+
+@pytest.mark.parametrize("part", [1e-15, 1e-12, 1e-9, 1e-6, 1e-3])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_near_the_speed_of_escape_there_and_back_is_home(part: float, sign: float) -> None:
+    random = np.random.default_rng(3)
+    r = random.normal(size=(500, 3))
+    r *= (random.uniform(6600.0, 90_000.0, 500) / np.linalg.norm(r, axis=1))[:, None]
+    v = random.normal(size=(500, 3))
+    speed = np.sqrt(2.0 * MU / np.linalg.norm(r, axis=1)) * (1.0 + sign * part)
+    v *= (speed / np.linalg.norm(v, axis=1))[:, None]
+    dt_s = random.choice([-1.0, 1.0], 500) * 10 ** random.uniform(-3, 5, 500)
+    back, _ = propagate(*propagate(r, v, dt_s, MU), -dt_s, MU)
+    one_metre_km = 1e-3
+    np.testing.assert_allclose(back, r, rtol=0.0, atol=one_metre_km)
+
+
 @given(st.floats(4.0, 20.0), st.floats(-0.5, 0.5), st.floats(-1e5, 1e5), st.floats(-1e5, 1e5))
 def test_two_steps_are_one_step_and_energy_stays(
     speed: float, radial: float, first_s: float, second_s: float

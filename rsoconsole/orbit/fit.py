@@ -1,31 +1,40 @@
 """An orbit fitted to all directions: least squares with a stated prior. Pure.
 
 The unknowns are what a telescope sees: direction, its rates, the logarithm of the range and the
-range's relative rate at the epoch. Short arcs give the first four sharply and the last two hardly, so
-the problem is well scaled whatever the arc, and the range stays positive. Source of the method:
+range's relative rate at the epoch. Short arcs give the first four sharply and the last two hardly,
+so the problem is well scaled whatever the arc, and the range stays positive. Source of the method:
 Tapley, Schutz & Born 2004, Statistical Orbit Determination, 4; Levenberg's damping; Huber's weights
-against outliers; partial derivatives by differences of the two-body motion.
+against outliers.
+
+Forces beside the point mass enter as the way that they lead off its orbit (Encke's deviation): it
+is reckoned once, kept while the unknowns move a little, and reckoned anew where they moved far.
+Slopes are those of the point mass all the same.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
+from rsoconsole.orbit.forces import Motion
+from rsoconsole.orbit.line_of_sight import LineOfSight
 from rsoconsole.orbit.seeds import State
 from rsoconsole.orbit.sightings import Sightings
-from rsoconsole.orbit.two_body import MU_EARTH_KM3_S2, propagate
+from rsoconsole.orbit.two_body import MU_EARTH_KM3_S2, propagate, propagate_with_slopes
 from rsoconsole.records import FloatArray
+from rsoconsole.sky.times import ARCSEC_RAD
+
+BoolArray = npt.NDArray[np.bool_]
 
 _MOST_STEPS = 40
-_DIFFERENCE = np.array([1e-7, 1e-7, 1e-10, 1e-10, 1e-5, 1e-8])
-"""For the slopes: rad, rad/s, of the range's logarithm, 1/s."""
+_MOST_DAMPINGS = 8
 _HUBER = 2.0
 _OUTLIER = 16.0
 """A squared residual in units of its variance from which on a direction is left out."""
-
-Motion = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
-"""Positions (N, 3) at times (N,) since the epoch of a state (3,), (3,) at the epoch."""
+_MOST_DEVIATIONS = 6
+_STALE_ARCSEC = 0.005
+"""By so much a deviation may be wrong, seen from the site."""
+_NO_NUMBERS = np.linalg.LinAlgError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +42,8 @@ class Prior:
     """What is believed of the orbit before it is seen."""
 
     sigma_e: float | None = None
-    """Of each component of the eccentricity vector about 0; None: nothing is believed."""
+    """Root mean square of the eccentricity: its vector lies about 0 in the plane of the orbit, each
+    component with this over root 2. None: nothing is believed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,14 +55,18 @@ class Fit:
     v_km_s: FloatArray
     covariance: FloatArray
     """(6, 6) km and km/s"""
+    free_covariance: FloatArray
+    """The same by the directions alone: what they would give without the prior."""
     residuals_arcsec: FloatArray
     """(N, 2) measured minus predicted on the sky, also of those left out."""
-    is_used: FloatArray
+    is_used: BoolArray
     """(N,) bool: False for outliers."""
     cost: float
     """Sum of squares in units of variance, prior included, each outlier counted at its bound."""
     chi2: float
     """Of the used directions alone."""
+    prior_chi2: float
+    """What the orbit has of the prior's surprise; 2 is usual, 11.8 is three sigma."""
     degrees_of_freedom: int
     is_converged: bool
 
@@ -64,45 +78,51 @@ class _Problem:
     seen: Sightings
     prior: Prior
     mu: float
-    motion: Motion | None
-    towards: FloatArray
-    east: FloatArray
-    north: FloatArray
-    site_km: FloatArray
-    site_km_s: FloatArray
-
-    def states(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Positions and velocities (..., 3) of unknowns (..., 6)."""
-        e, n, e_rate, n_rate, log_range, range_rate = (unknowns[..., i, None] for i in range(6))
-        line = self.towards + e * self.east + n * self.north
-        line = line / np.sqrt(np.sum(line * line, axis=-1, keepdims=True))
-        distance = np.exp(log_range)
-        r = self.site_km + distance * line
-        turn = e_rate * self.east + n_rate * self.north
-        v = self.site_km_s + distance * (range_rate * line + turn)
-        return r, v
+    view: LineOfSight
+    deviation: tuple[FloatArray, FloatArray] | None = None
+    """(N, 3) off the point mass's orbit, and its rate: km, km/s."""
 
     def rows(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Whitened residuals (2N + prior rows,) and their slopes (rows, 6)."""
-        around = unknowns + np.concatenate(
-            [np.zeros((1, 6)), np.diag(_DIFFERENCE), -np.diag(_DIFFERENCE)]
-        )
-        r, v = self.states(around)
-        t = self.seen.t_s
-        first = propagate(r[0], v[0], t, self.mu)[0]
-        at = t - self.seen.light_times_s(first)
-        places = propagate(r[:, None], v[:, None], at, self.mu)[0]
-        true = places[0] if self.motion is None else self.motion(r[0], v[0], at)
-        white = self.seen.whitened(self.seen.residuals_arcsec(places)).reshape(13, -1)
-        value = self.seen.whitened(self.seen.residuals_arcsec(true)).reshape(-1)
-        slopes = (white[1:7] - white[7:]).T / (2.0 * _DIFFERENCE)
+        places, slopes = self.places(unknowns)
+        value = self.seen.whitened(self.seen.residuals_arcsec(places)).reshape(-1)
+        to_state = self.view.slopes(unknowns)
+        by_place = self.seen.whitening @ self.seen.residual_slopes(places)
+        by_unknown = (by_place @ slopes).reshape(-1, 6) @ to_state
         if self.prior.sigma_e is not None:
-            e_vector = _eccentricity_vector(r, v, self.mu) / self.prior.sigma_e
-            value = np.concatenate([value, e_vector[0]])
-            slopes = np.concatenate(
-                [slopes, (e_vector[1:7] - e_vector[7:]).T / (2.0 * _DIFFERENCE)]
-            )
-        return value, slopes
+            r, v = self.view.state(unknowns)
+            e, e_slopes = eccentricity_vector(r, v, self.mu)
+            sigma = self.prior.sigma_e / np.sqrt(2.0)
+            value = np.concatenate([value, e / sigma])
+            by_unknown = np.concatenate([by_unknown, e_slopes / sigma @ to_state])
+        return value, by_unknown
+
+    def places(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Places (N, 3) when the light left, and their slopes (N, 3, 6) by the state."""
+        r, v = self.view.state(unknowns)
+        places, velocities, slopes = propagate_with_slopes(r, v, self.seen.t_s, self.mu)
+        if self.deviation is not None:
+            places, velocities = places + self.deviation[0], velocities + self.deviation[1]
+        # Back along the way by the light's time: the bend of the orbit in it is a millimetre.
+        tau_s = self.seen.light_times_s(places)
+        tau_s = self.seen.light_times_s(places - velocities * tau_s[:, None])
+        return places - velocities * tau_s[:, None], slopes
+
+    def deviate(self, motion: Motion, unknowns: FloatArray) -> None:
+        """Reckon the deviation at these unknowns."""
+        r, v = self.view.state(unknowns)
+        true = motion.states(r, v, self.seen.t_s)
+        plain = propagate(r, v, self.seen.t_s, self.mu)
+        self.deviation = (true[0] - plain[0], true[1] - plain[1])
+
+    def staleness_arcsec(self, step: FloatArray, log_range: float) -> float:
+        """By how much a deviation kept over a step may be wrong, in order of magnitude."""
+        if self.deviation is None:
+            return 0.0
+        span_s = float(np.max(np.abs(self.seen.t_s)))
+        moved = float(np.max(np.abs(step) * np.array([1, 1, span_s, span_s, 1, span_s])))
+        size = float(np.max(np.abs(self.deviation[0])))
+        return moved * size / float(np.exp(log_range)) / ARCSEC_RAD
 
 
 def fit(
@@ -115,49 +135,45 @@ def fit(
 ) -> Fit:
     """The orbit near ``start`` (a state at the epoch) that fits all directions best.
 
-    ``motion`` other than about a point mass moves the object; slopes are those of the point mass
-    all the same. Directions that fit with no orbit are left out, never more than a third.
+    ``motion`` other than about a point mass moves the object. Directions that fit with no orbit
+    are left out, never more than a third.
     """
-    problem = _problem(seen, start, prior or Prior(), mu, motion)
-    unknowns = _unknowns(problem, start)
+    problem = _problem(seen, start, prior or Prior(), mu)
+    unknowns = problem.view.unknowns(start)
+    is_converged = False
     with np.errstate(all="ignore"):
-        unknowns, is_converged = _descend(problem, unknowns)
+        for _ in range(1 if motion is None else _MOST_DEVIATIONS):
+            before = unknowns
+            if motion is not None:
+                problem.deviate(motion, unknowns)
+            unknowns, is_converged = _descend(problem, unknowns)
+            stale = problem.staleness_arcsec(unknowns - before, float(unknowns[4]))
+            is_converged = is_converged and stale < _STALE_ARCSEC
+            if is_converged or not np.isfinite(stale):
+                break
         return _finished(problem, unknowns, is_converged)
 
 
-def _problem(
-    seen: Sightings, start: State, prior: Prior, mu: float, motion: Motion | None
-) -> _Problem:
+def formal_covariances(
+    seen: Sightings, state: State, prior: Prior, mu: float = MU_EARTH_KM3_S2
+) -> tuple[FloatArray, FloatArray]:
+    """Covariances (6, 6) that a fit near this state would have: with the prior, and without."""
+    problem = _problem(seen, state, prior, mu)
+    unknowns = problem.view.unknowns(state)
+    with np.errstate(all="ignore"):
+        _, slopes = problem.rows(unknowns)
+        to_state = problem.view.slopes(unknowns)
+        alone = slopes[: 2 * len(seen)]
+        both = (to_state @ _inverse(each.T @ each) @ to_state.T for each in (slopes, alone))
+        constrained, free = both
+    return constrained, free
+
+
+def _problem(seen: Sightings, start: State, prior: Prior, mu: float) -> _Problem:
     nearest = int(np.argmin(np.abs(seen.t_s)))
     site_km = seen.sites_km[nearest] - seen.sites_km_s[nearest] * seen.t_s[nearest]
-    towards = start[0] - site_km
-    towards = towards / np.linalg.norm(towards)
-    east = np.cross([0.0, 0.0, 1.0], towards)
-    east = east / np.linalg.norm(east)
-    return _Problem(
-        seen=seen,
-        prior=prior,
-        mu=mu,
-        motion=motion,
-        towards=towards,
-        east=east,
-        north=np.cross(towards, east),
-        site_km=site_km,
-        site_km_s=seen.sites_km_s[nearest],
-    )
-
-
-def _unknowns(problem: _Problem, state: State) -> FloatArray:
-    """The same state as unknowns."""
-    u = state[0] - problem.site_km
-    distance = float(np.linalg.norm(u))
-    relative = (state[1] - problem.site_km_s) / distance
-    return np.array(
-        [
-            *(0.0, 0.0, relative @ problem.east, relative @ problem.north),
-            *(np.log(distance), relative @ problem.towards),
-        ]
-    )
+    view = LineOfSight.through(start, site_km, seen.sites_km_s[nearest])
+    return _Problem(seen=seen, prior=prior, mu=mu, view=view)
 
 
 def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]:
@@ -170,10 +186,10 @@ def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]
         normal = slopes.T @ (weights[:, None] * slopes)
         gradient = slopes.T @ (weights * value)
         scale = np.maximum(np.diag(normal), 1e-300)
-        for _ in range(8):
+        for _ in range(_MOST_DAMPINGS):
             try:
                 step = -np.linalg.solve(normal + damping * np.diag(scale), gradient)
-            except np.linalg.LinAlgError:
+            except _NO_NUMBERS:
                 return unknowns, False
             # Never more than a factor of e in range at once.
             step = step * min(1.0, 1.0 / max(abs(float(step[4])), 1e-300))
@@ -183,7 +199,7 @@ def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]
                 break
             damping = max(damping * 10.0, 1e-9)
         else:
-            return unknowns, True
+            return unknowns, bool(np.isfinite(cost))
         gain = cost - tried_cost
         unknowns, value, slopes, cost = unknowns + step, tried_value, tried_slopes, tried_cost
         damping = damping / 10.0 if damping > 1e-14 else 0.0
@@ -213,48 +229,60 @@ def _weights(problem: _Problem, value: FloatArray) -> FloatArray:
 
 
 def _finished(problem: _Problem, unknowns: FloatArray, is_converged: bool) -> Fit:
-    """Outliers out, a last step without them, and the covariance that belongs to it."""
+    """Outliers out, last steps without them, and the covariance that belongs to it."""
     value, slopes = problem.rows(unknowns)
     is_used = _used(_squares(problem, value))
-    for _ in range(3):
-        keep = np.concatenate([np.repeat(is_used, 2), np.ones(len(value) - 2 * len(is_used), bool)])
-        normal = slopes[keep].T @ slopes[keep]
-        try:
-            step = -np.linalg.solve(normal, slopes[keep].T @ value[keep])
-        except np.linalg.LinAlgError:
-            break
-        if not np.all(np.isfinite(step)) or abs(step[4]) > 0.5:
+    for _ in range(5):
+        keep = _kept(value, is_used)
+        step = _step(slopes[keep], value[keep])
+        if step is None or abs(step[4]) > 0.5:
             break
         new_value, new_slopes = problem.rows(unknowns + step)
-        if not float(np.sum(new_value[keep] ** 2)) <= float(np.sum(value[keep] ** 2)) * (1 + 1e-9):
+        old_cost = float(np.sum(value[keep] ** 2))
+        gain = old_cost - float(np.sum(new_value[keep] ** 2))
+        if not gain >= -1e-9 * old_cost:
             break
         unknowns, value, slopes = unknowns + step, new_value, new_slopes
-        is_used = _used(_squares(problem, value))
-    keep = np.concatenate([np.repeat(is_used, 2), np.ones(len(value) - 2 * len(is_used), bool)])
-    covariance = _inverse(slopes[keep].T @ slopes[keep])
-    to_state = _state_slopes(problem, unknowns)
+        used_before, is_used = is_used, _used(_squares(problem, value))
+        if gain < 1e-6 * (1.0 + old_cost) and np.array_equal(used_before, is_used):
+            break
+    keep = _kept(value, is_used)
+    to_state = problem.view.slopes(unknowns)
     squares = _squares(problem, value)
-    r, v = problem.states(unknowns)
-    at = problem.seen.t_s - problem.seen.light_times_s(
-        propagate(r, v, problem.seen.t_s, problem.mu)[0]
-    )
-    places = (
-        propagate(r, v, at, problem.mu)[0] if problem.motion is None else problem.motion(r, v, at)
-    )
+    r, v = problem.view.state(unknowns)
+    prior_chi2 = float(np.sum(value[2 * len(is_used) :] ** 2))
+    alone = slopes[: 2 * len(is_used)][np.repeat(is_used, 2)]
+    covariance = to_state @ _inverse(slopes[keep].T @ slopes[keep]) @ to_state.T
     return Fit(
         r_km=r,
         v_km_s=v,
-        covariance=to_state @ covariance @ to_state.T,
-        residuals_arcsec=problem.seen.residuals_arcsec(places),
+        covariance=covariance,
+        free_covariance=to_state @ _inverse(alone.T @ alone) @ to_state.T,
+        residuals_arcsec=problem.seen.residuals_arcsec(problem.places(unknowns)[0]),
         is_used=is_used,
-        cost=float(np.sum(np.minimum(squares, _OUTLIER)) + np.sum(value[2 * len(is_used) :] ** 2)),
+        cost=float(np.sum(np.minimum(squares, _OUTLIER))) + prior_chi2,
         chi2=float(np.sum(squares[is_used])),
+        prior_chi2=prior_chi2,
         degrees_of_freedom=2 * int(np.sum(is_used)) - 6,
-        is_converged=is_converged and bool(np.all(np.isfinite(unknowns))),
+        is_converged=is_converged
+        and bool(np.all(np.isfinite(unknowns)) and np.all(np.isfinite(covariance))),
     )
 
 
-def _used(squares: FloatArray) -> FloatArray:
+def _kept(value: FloatArray, is_used: BoolArray) -> BoolArray:
+    """Which rows count: both of a used direction, and the prior's."""
+    return np.concatenate([np.repeat(is_used, 2), np.ones(len(value) - 2 * len(is_used), bool)])
+
+
+def _step(slopes: FloatArray, value: FloatArray) -> FloatArray | None:
+    try:
+        step = -np.linalg.solve(slopes.T @ slopes, slopes.T @ value)
+    except _NO_NUMBERS:
+        return None
+    return np.asarray(step, float) if np.all(np.isfinite(step)) else None
+
+
+def _used(squares: FloatArray) -> BoolArray:
     """Which directions are no outliers; the worst third at most is."""
     bound = max(_OUTLIER, float(np.quantile(squares, 2.0 / 3.0)))
     return np.asarray(squares <= bound)
@@ -262,21 +290,20 @@ def _used(squares: FloatArray) -> FloatArray:
 
 def _inverse(normal: FloatArray) -> FloatArray:
     """Of a normal matrix, scaled first; what is not determined comes out huge, not negative."""
+    if not np.all(np.isfinite(normal)):
+        return np.full_like(normal, np.nan)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
     values, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
     values = np.maximum(values, 1e-15)
     return np.asarray(scale[:, None] * (vectors / values) @ vectors.T * scale)
 
 
-def _state_slopes(problem: _Problem, unknowns: FloatArray) -> FloatArray:
-    """(6, 6): position and velocity by the unknowns."""
-    around = unknowns + np.concatenate([np.diag(_DIFFERENCE), -np.diag(_DIFFERENCE)])
-    states = np.concatenate(problem.states(around), axis=-1)
-    return np.asarray((states[:6] - states[6:]).T / (2.0 * _DIFFERENCE))
-
-
-def _eccentricity_vector(r: FloatArray, v: FloatArray, mu: float) -> FloatArray:
-    radius = np.sqrt(np.sum(r * r, axis=-1, keepdims=True))
-    speed_2 = np.sum(v * v, axis=-1, keepdims=True)
-    along = np.sum(r * v, axis=-1, keepdims=True)
-    return np.asarray(((speed_2 - mu / radius) * r - along * v) / mu)
+def eccentricity_vector(
+    r: FloatArray, v: FloatArray, mu: float = MU_EARTH_KM3_S2
+) -> tuple[FloatArray, FloatArray]:
+    """(3,) towards the perigee, as long as the eccentricity; and its slopes (3, 6) by the state."""
+    radius = float(np.sqrt(r @ r))
+    near, along = float(v @ v) - mu / radius, float(r @ v)
+    by_r = near * np.eye(3) + mu / radius**3 * np.outer(r, r) - np.outer(v, v)
+    by_v = 2.0 * np.outer(r, v) - np.outer(v, r) - along * np.eye(3)
+    return (near * r - along * v) / mu, np.concatenate([by_r, by_v], axis=-1) / mu

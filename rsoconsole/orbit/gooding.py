@@ -1,9 +1,10 @@
 """Gooding's angles-only method: orbits through three lines of sight. Pure.
 
-The two outer ranges are unknown; Lambert's problem joins the outer places, and Newton's method brings
-the place between them onto the middle line of sight. Source: Gooding 1993, A new procedure for orbit
-determination based on three lines of sight (angles only), DRA Technical Report 93004; 1997, Celestial
-Mechanics and Dynamical Astronomy 66, 387. Kilometres, seconds, km/s along inertial axes.
+The two outer ranges are unknown; Lambert's problem joins the outer places, and Newton's method
+brings the place between them onto the middle line of sight. Source: Gooding 1993, A new procedure
+for orbit determination based on three lines of sight (angles only), DRA Technical Report 93004;
+1997, Celestial Mechanics and Dynamical Astronomy 66, 387. Kilometres, seconds, km/s along inertial
+axes.
 """
 
 from collections.abc import Iterable
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.orbit.lambert import lambert
-from rsoconsole.orbit.two_body import MU_EARTH_KM3_S2, propagate
+from rsoconsole.orbit.two_body import MU_EARTH_KM3_S2, dot, propagate
 from rsoconsole.records import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
@@ -24,8 +25,13 @@ _STEP = 1e-6
 """Of a range, for the slopes."""
 _LONGEST = 0.6
 """Share of a range that one step may take."""
-_SHARES = 0.5 ** np.arange(8)
-"""Of a step, the longest first."""
+_SHARES = 0.5 ** np.arange(1, 8)
+"""Of a step that was too long, the longest first."""
+_STANDS_STILL = 1e-13
+"""So small a share of the range is no step."""
+_HOPEFUL = (5.0, 0.6)
+"""A search whose miss after n steps is not below the first times the second to the n leads nowhere:
+of those that arrive, one in a hundred is slower."""
 _ACCEPTED = 1e-10
 """A miss of so much of the range is none."""
 _SAME = 1e-6
@@ -65,6 +71,8 @@ class _Searches:
     """N searches side by side: of which of Lambert's conics each makes use."""
 
     lines: Lines
+    axes: FloatArray
+    """(3, 3), in columns: two across the middle line of sight, and that line."""
     mu: float
     is_retrograde: BoolArray
     revolutions: FloatArray
@@ -74,6 +82,7 @@ class _Searches:
         """Some of them."""
         return _Searches(
             lines=self.lines,
+            axes=self.axes,
             mu=self.mu,
             is_retrograde=self.is_retrograde[chosen],
             revolutions=self.revolutions[chosen],
@@ -101,13 +110,11 @@ class _Searches:
 
         In units of its distance; behind the observer it grows on. NaN where no conic is.
         """
-        east, north = _tangents(self.lines.directions[1])
         seen = self.middle(ranges)[0] - self.lines.sites_km[1]
-        distance = np.sqrt(np.sum(seen * seen, axis=-1, keepdims=True))
-        off = np.stack([seen @ east, seen @ north], axis=-1) / distance
-        ahead = (seen @ self.lines.directions[1])[:, None] / distance
-        size = np.sqrt(np.sum(off * off, axis=-1, keepdims=True))
-        return np.asarray(np.where(ahead > 0.0, off, off / size * (2.0 + ahead)))
+        seen = seen / np.sqrt(dot(seen, seen))[:, None]
+        x, y, ahead = np.moveaxis(seen @ self.axes, -1, 0)
+        growth = np.where(ahead > 0.0, 1.0, (2.0 + ahead) / np.hypot(x, y))
+        return np.stack([x * growth, y * growth], axis=-1)
 
     def misses_about(self, ranges: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The miss (N, 2) and its slopes (N, 2, 2) by the two ranges."""
@@ -146,6 +153,7 @@ def gooding(
     ]
     searches = _Searches(
         lines=lines,
+        axes=_axes(lines.directions[1]),
         mu=mu,
         is_retrograde=np.repeat([b[0] for b in branches], len(begun)),
         revolutions=np.repeat([float(b[1]) for b in branches], len(begun)),
@@ -175,52 +183,62 @@ def _ranges_at(lines: Lines, radius_km: float) -> list[float]:
 def _search(searches: _Searches, ranges: FloatArray) -> FloatArray:
     """Newton's method with shortened steps: where each search (N, 2) ends."""
     ranges = ranges.copy()
-    is_open = np.all(np.isfinite(searches.miss(ranges)), axis=-1)
-    for _ in range(_MOST_STEPS):
-        if not np.any(is_open):
+    open_ = np.arange(len(ranges))
+    miss, slopes = searches.misses_about(ranges)
+    is_open: BoolArray = np.all(np.isfinite(miss), axis=-1)
+    for n in range(_MOST_STEPS):
+        open_, miss, slopes = open_[is_open], miss[is_open], slopes[is_open]
+        if not len(open_):
             break
-        at, some = ranges[is_open], searches.of(is_open)
-        miss, slopes = some.misses_about(at)
-        step, share = _newton_step(slopes, miss, at)
-        moved, is_better = _shortened(some, at, miss, step * share)
-        ranges[is_open] = moved
-        is_small = np.max(np.abs(moved - at) / at, axis=-1) < 1e-13
-        is_open[is_open] = is_better & ~is_small
+        searches = searches.of(is_open)
+        at = ranges[open_]
+        moved = at + _newton_step(slopes, miss, at)
+        new_miss, new_slopes = searches.misses_about(moved)
+        worse = np.flatnonzero(~(_size(new_miss) < _size(miss)))
+        if len(worse):
+            some = searches.of(worse)
+            step = moved[worse] - at[worse]
+            moved[worse] = _shortened(some, at[worse], miss[worse], step)
+            new_miss[worse], new_slopes[worse] = some.misses_about(moved[worse])
+        ranges[open_], miss, slopes = moved, new_miss, new_slopes
+        is_small = np.max(np.abs(moved - at) / at, axis=-1) < _STANDS_STILL
+        is_open = ~is_small & (_size(miss) < _HOPEFUL[0] * _HOPEFUL[1] ** n)
     return ranges
 
 
-def _newton_step(
-    slopes: FloatArray, miss: FloatArray, ranges: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Steps (N, 2), and how much of each may be taken (N, 1)."""
+def _newton_step(slopes: FloatArray, miss: FloatArray, ranges: FloatArray) -> FloatArray:
+    """Steps (N, 2), none longer than a share of the range."""
     (a, b), (c, d) = np.moveaxis(slopes, 0, -1)
     below = a * d - b * c
     across = np.stack([b * miss[:, 1] - d * miss[:, 0], c * miss[:, 0] - a * miss[:, 1]], axis=-1)
     step = across / below[:, None]
     longest = np.max(np.abs(step) / ranges, axis=-1, keepdims=True)
-    return step, np.minimum(1.0, _LONGEST / longest)
+    return np.asarray(step * np.minimum(1.0, _LONGEST / longest))
 
 
 def _shortened(
     searches: _Searches, at: FloatArray, miss: FloatArray, step: FloatArray
-) -> tuple[FloatArray, BoolArray]:
-    """The ranges after the longest share of a step that lessens the miss; and whether one does."""
+) -> FloatArray:
+    """The ranges after the longest share of a step that lessens the miss; unmoved if none does."""
     tried = at + _SHARES[:, None, None] * step
     count = len(at)
     misses = searches.times(len(_SHARES)).miss(tried.reshape(-1, 2)).reshape(-1, count, 2)
-    lessens = np.linalg.norm(misses, axis=-1) < np.linalg.norm(miss, axis=-1)
+    lessens = _size(misses) < _size(miss)
     first = np.argmax(lessens, axis=0)
     is_better = np.any(lessens, axis=0)
-    moved = np.where(is_better[:, None], tried[first, np.arange(count)], at)
-    return moved, is_better
+    return np.where(is_better[:, None], tried[first, np.arange(count)], at)
 
 
-def _tangents(direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors across a direction."""
+def _size(miss: FloatArray) -> FloatArray:
+    return np.hypot(miss[..., 0], miss[..., 1])
+
+
+def _axes(direction: FloatArray) -> FloatArray:
+    """Two unit vectors across a direction and the direction, in columns."""
     aside = np.eye(3)[int(np.argmin(np.abs(direction)))]
     east = np.cross(aside, direction)
     east /= np.linalg.norm(east)
-    return east, np.cross(direction, east)
+    return np.stack([east, np.cross(direction, east), direction], axis=-1)
 
 
 def _accepted(searches: _Searches, ranges: FloatArray) -> tuple[GoodingOrbit, ...]:

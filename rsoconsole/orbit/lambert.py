@@ -8,14 +8,15 @@ his starting values. Kilometres, seconds, km/s along inertial axes.
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.orbit.two_body import cross, dot
 from rsoconsole.records import FloatArray
 
 _MOST_STEPS = 16
 _ENOUGH = 1e-6
 """A step so small leaves an error of its fourth power."""
-_SERIES_WITHIN = 0.2
+_SERIES_WITHIN = 0.1
 """So near to the parabola (x = 1) the time is summed as a series: no cancellation."""
-_SERIES_TERMS = 48
+_SERIES_TERMS = 24
 
 
 def lambert(
@@ -46,35 +47,36 @@ def lambert(
     with np.errstate(all="ignore"):
         d1, d2 = _length(r1), _length(r2)
         e1, e2 = r1 / d1, r2 / d2
-        normal = np.cross(e1, e2)
+        normal = cross(e1, e2)
         pole = normal / _length(normal)
         turns_back = (pole[..., 2:] < 0.0) != np.asarray(is_retrograde, bool)[..., None]
         pole = np.where(turns_back, -pole, pole)
         chord = _length(r2 - r1)
         half = (d1 + d2 + chord) / 2.0
         # 1 - c/s would lose digits where the angle is near 180 degrees.
-        aligned = np.maximum(1.0 + np.sum(e1 * e2, axis=-1, keepdims=True), 0.0)
+        aligned = np.maximum(1.0 + dot(e1, e2)[..., None], 0.0)
         lam = np.sqrt(d1 * d2 * aligned / 2.0) / half
         lam = np.where(turns_back, -lam, lam)
         time = np.sqrt(2.0 * mu / half[..., 0] ** 3) * dt_s
-        x = _root(lam[..., 0], np.broadcast_to(time, shape), whole, left)[..., None]
+        given = (lam[..., 0], np.broadcast_to(time, shape), whole, left)
+        x = _root(*(np.ravel(each) for each in given)).reshape(shape)[..., None]
         y = np.sqrt(1.0 - lam * lam * (1.0 - x * x))
         gamma = np.sqrt(mu * half / 2.0)
         rho = (d1 - d2) / chord
         across = gamma * np.sqrt(d1 * d2) * _length(e2 - e1) / chord * (y + lam * x)
         radial_1 = gamma * ((lam * y - x) - rho * (lam * y + x)) / d1
         radial_2 = -gamma * ((lam * y - x) + rho * (lam * y + x)) / d2
-        v1 = radial_1 * e1 + across / d1 * np.cross(pole, e1)
-        v2 = radial_2 * e2 + across / d2 * np.cross(pole, e2)
+        v1 = radial_1 * e1 + across / d1 * cross(pole, e1)
+        v2 = radial_2 * e2 + across / d2 * cross(pole, e2)
     return np.asarray(v1), np.asarray(v2)
 
 
 def _length(vector: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.sum(vector * vector, axis=-1, keepdims=True)))
+    return np.asarray(np.sqrt(dot(vector, vector))[..., None])
 
 
 def _root(lam: FloatArray, time: FloatArray, whole: FloatArray, left: FloatArray) -> FloatArray:
-    """Lancaster and Blanchard's x; NaN where there is none."""
+    """Lancaster and Blanchard's x, all (N,); NaN where there is none."""
     at_zero = np.arccos(np.clip(lam, -1.0, 1.0)) + lam * np.sqrt(1.0 - lam * lam)
     at_one = 2.0 / 3.0 * (1.0 - lam**3)
     slow = (at_zero / time) ** (2.0 / 3.0) - 1.0
@@ -96,10 +98,10 @@ def _root(lam: FloatArray, time: FloatArray, whole: FloatArray, left: FloatArray
         new = np.where((whole > 0.0) & (new >= 1.0), (1.0 + x) / 2.0, new)
         is_done = ~(np.abs(new - x) > _ENOUGH * np.maximum(1.0, np.abs(x)))
         x = new
-        if np.all(is_done):
+        if is_done.all():
             break
-    is_root = np.abs(_time(x, lam, whole) - time) < 1e-10 * time
-    return np.where(is_root, x, np.nan)
+    # A last step so small came from a small miss, unless there is no root at all.
+    return np.where(is_done & (np.abs(off) < 1e-4 * time), x, np.nan)
 
 
 def _time(x: FloatArray, lam: FloatArray, whole: FloatArray) -> FloatArray:
@@ -110,8 +112,10 @@ def _time(x: FloatArray, lam: FloatArray, whole: FloatArray) -> FloatArray:
     across = (y - lam * x) * size
     psi = np.where(e > 0.0, np.arctan2(across, x * y + lam * e), np.arcsinh(across))
     time = ((psi + whole * np.pi) / size - x + lam * y) / e
-    near = (np.abs(x - 1.0) < _SERIES_WITHIN) & (whole == 0.0)
-    return np.where(near, _time_by_series(x, y, lam), time) if np.any(near) else time
+    near = np.flatnonzero((np.abs(x - 1.0) < _SERIES_WITHIN) & (whole == 0.0))
+    if len(near):
+        time[near] = _time_by_series(x[near], y[near], lam[near])
+    return np.asarray(time)
 
 
 def _time_by_series(x: FloatArray, y: FloatArray, lam: FloatArray) -> FloatArray:

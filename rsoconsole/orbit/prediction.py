@@ -5,13 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.orbit.determine import Orbit
-from rsoconsole.orbit.two_body import propagate
+from rsoconsole.orbit.two_body import propagate, propagate_with_slopes
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.places import Places, astrometric_places
 from rsoconsole.sky.times import ARCSEC_RAD, NS_PER_S, IntArray
-
-_STEP = np.array([1e-2, 1e-2, 1e-2, 1e-6, 1e-6, 1e-6])
-"""km and km/s, for the slopes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,25 +24,25 @@ class Prediction:
         """(N,) half the longer axis of the one-sigma ellipse."""
         ee, en, nn = self.cov_sky_arcsec2.T
         middle, half = (ee + nn) / 2.0, np.hypot((ee - nn) / 2.0, en)
-        return np.sqrt(np.maximum(middle + half, 0.0))
+        return np.asarray(np.sqrt(np.maximum(middle + half, 0.0)))
 
 
 def predict(orbit: Orbit, site: Site, t_utc_ns: IntArray) -> Prediction:
     """Astrometric places (ICRS) seen from a site at instants (N,), with their covariance.
 
-    The orbit's covariance is carried by the two-body motion: its slopes are all that is asked of it.
+    The orbit's covariance is carried by the two-body motion: its slopes are all that is asked of
+    it. NaN where the object has come down.
     """
     t = np.atleast_1d(np.asarray(t_utc_ns, np.int64))
+    since_s = (t - orbit.epoch_utc_ns) / NS_PER_S
+    r, v = orbit.motion.states(orbit.r_km, orbit.v_km_s, since_s)
 
     def position_of(at: IntArray) -> tuple[FloatArray, FloatArray]:
-        return orbit.forces.states(orbit.r_km, orbit.v_km_s, (at - orbit.epoch_utc_ns) / NS_PER_S)
+        # Light takes a moment: in it forces beside the Earth's centre do nothing.
+        return propagate(r, v, (at - t) / NS_PER_S)
 
     places = astrometric_places(position_of, site, t)
-    around = np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
-    r = orbit.r_km + around[:, None, :3]
-    v = orbit.v_km_s + around[:, None, 3:]
-    moved, _ = propagate(r, v, (t - orbit.epoch_utc_ns) / NS_PER_S)
-    slopes = np.moveaxis(moved[:6] - moved[6:], 0, -1) / (2.0 * _STEP)
+    _, _, slopes = propagate_with_slopes(orbit.r_km, orbit.v_km_s, since_s)
     ra, dec = np.radians(places.ra_icrs_deg), np.radians(places.dec_icrs_deg)
     zero = np.zeros_like(ra)
     east = np.stack([-np.sin(ra), np.cos(ra), zero], axis=-1)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rsoconsole.orbit.gooding import Lines, gooding
+from rsoconsole.orbit.gooding import GoodingOrbit, Lines, gooding
 from rsoconsole.orbit.sightings import Sightings
 from rsoconsole.orbit.two_body import MU_EARTH_KM3_S2, propagate
 from rsoconsole.records import FloatArray
@@ -17,37 +17,58 @@ LOWEST_KM = 6_478.0
 _RADII_KM = np.geomspace(6_500.0, 400_000.0, 160)
 
 
-def seeds(seen: Sightings, mu: float = MU_EARTH_KM3_S2) -> tuple[State, ...]:
-    """Every plausible start at the epoch: Gooding's orbits first, then circles."""
-    return (*_by_gooding(seen, mu), *_circles(seen, mu))
+INWARD = (0.0, 0.1, 0.2)
+"""Shares of the directions to leave out at either end: a wild one spoils what it takes part in."""
 
 
-def three_lines(seen: Sightings) -> Lines:
-    """The first, the middlemost in time and the last line of sight, at the time of the light."""
-    middle = int(np.argmin(np.abs(seen.t_s - (seen.t_s[0] + seen.t_s[-1]) / 2.0)))
-    middle = min(max(middle, 1), len(seen) - 2)
-    chosen = [0, middle, len(seen) - 1]
+def seeds(seen: Sightings, inward: float = 0.0, mu: float = MU_EARTH_KM3_S2) -> tuple[State, ...]:
+    """Plausible starts at the epoch: Gooding's orbits first, then circles.
+
+    ``inward``: the share of the directions that is passed over at either end (`INWARD`).
+    """
+    return (*_by_gooding(seen, inward, mu), *_circles(seen, inward, mu))
+
+
+def three_lines(seen: Sightings, inward: float = 0.0) -> Lines:
+    """Lines of sight far apart, at the time of the light; of the middle ones another each time."""
+    first, last = _ends(seen, inward)
+    span_s = seen.t_s[last] - seen.t_s[first]
+    middle = int(np.argmin(np.abs(seen.t_s - seen.t_s[first] - (0.5 + inward / 2.0) * span_s)))
+    chosen = [first, min(max(middle, first + 1), last - 1), last]
     return Lines(
         t_s=seen.t_s[chosen], sites_km=seen.sites_km[chosen], directions=seen.lines[chosen]
     )
 
 
-def _by_gooding(seen: Sightings, mu: float) -> Iterator[State]:
+def _ends(seen: Sightings, inward: float) -> tuple[int, int]:
+    """The first and the last that count, with one at least between them if there is any."""
+    left_out = min(int(inward * len(seen)), max(len(seen) - 3, 0) // 2)
+    return left_out, len(seen) - 1 - left_out
+
+
+def at_epoch(orbit: GoodingOrbit, lines: Lines, mu: float = MU_EARTH_KM3_S2) -> State:
+    """Of an orbit through three lines its state at the epoch of their times."""
+    # The light of the middle line left so much earlier.
+    since = -lines.t_s[1] + orbit.ranges_km[1] / LIGHT_KM_S
+    return propagate(orbit.r_km, orbit.v_km_s, since, mu)
+
+
+def _by_gooding(seen: Sightings, inward: float, mu: float) -> Iterator[State]:
     if len(seen) < 3:
         return
-    lines = three_lines(seen)
+    lines = three_lines(seen, inward)
+    if len(np.unique(lines.t_s)) < 3:
+        return
     for orbit in gooding(lines, mu=mu):
-        # The light of the middle line left so much earlier.
-        since = -lines.t_s[1] + orbit.ranges_km[1] / LIGHT_KM_S
-        r, v = propagate(orbit.r_km, orbit.v_km_s, since, mu)
-        if _is_plausible(r, v, mu):
+        r, v = at_epoch(orbit, lines, mu)
+        if is_plausible(r, v, mu):
             yield r, v
 
 
-def _circles(seen: Sightings, mu: float) -> Iterator[State]:
-    """Circular orbits through the first and the last line."""
-    ends = [0, len(seen) - 1]
-    dt_s = float(seen.t_s[-1] - seen.t_s[0])
+def _circles(seen: Sightings, inward: float, mu: float) -> Iterator[State]:
+    """Circular orbits through two lines."""
+    ends = _ends(seen, inward)
+    dt_s = float(seen.t_s[ends[1]] - seen.t_s[ends[0]])
     if dt_s <= 0.0:
         return
     places = [_on_sphere(seen.sites_km[n], seen.lines[n], _RADII_KM) for n in ends]
@@ -61,7 +82,7 @@ def _circles(seen: Sightings, mu: float) -> Iterator[State]:
         pole = np.cross(first, last)
         forward = np.cross(pole, first)
         speed = np.sqrt(mu / radius[0])
-        yield propagate(first, speed * forward / np.linalg.norm(forward), -seen.t_s[0], mu)
+        yield propagate(first, speed * forward / np.linalg.norm(forward), -seen.t_s[ends[0]], mu)
 
 
 def _on_sphere(site: FloatArray, line: FloatArray, radii_km: FloatArray) -> FloatArray:
@@ -71,7 +92,7 @@ def _on_sphere(site: FloatArray, line: FloatArray, radii_km: FloatArray) -> Floa
     return np.asarray(site + reach[:, None] * line)
 
 
-def _is_plausible(r: FloatArray, v: FloatArray, mu: float) -> bool:
+def is_plausible(r: FloatArray, v: FloatArray, mu: float = MU_EARTH_KM3_S2) -> bool:
     """Bound, and above the air all the way round."""
     radius = float(np.linalg.norm(r))
     energy = float(v @ v) / 2.0 - mu / radius

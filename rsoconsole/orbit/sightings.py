@@ -1,13 +1,15 @@
 """Directions of one object, reduced to what an orbit is fitted to. Pure.
 
 A plate solution measures astrometric places: relative to stars whose annual aberration is taken
-out. The satellite rides with the Earth, so u = r(t - tau) - r_site(t) - v_earth tau points where the
-plate says; everything in it but the orbit is reckoned once, here. Kilometres along ICRS axes.
+out. The satellite rides with the Earth, so u = r(t - tau) - r_site(t) - v_earth tau points where
+the plate says; everything in it but the orbit is reckoned once, here. Kilometres along ICRS axes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.angles import direction_to_unit
@@ -28,7 +30,7 @@ class Sightings:
     t_s: FloatArray
     """Seconds since the epoch."""
     epoch_utc_ns: int
-    """Of the orbit: near the middle of them."""
+    """Of the orbit: the instant of the sighting nearest to the middle of them."""
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
     whitening: FloatArray
@@ -63,6 +65,26 @@ class Sightings:
         off = np.stack([np.sum(u * self.east, axis=-1), np.sum(u * self.north, axis=-1)], axis=-1)
         return np.asarray(-off / depth[..., None] / ARCSEC_RAD)
 
+    def residual_slopes(self, positions_km: FloatArray) -> FloatArray:
+        """(N, 2, 3) arcsec/km: residuals by the places (N, 3), but for the Earth's motion."""
+        u = positions_km - self.sites_km
+        ahead = np.sum(u * self.towards, axis=-1)
+        depth = np.maximum(ahead, 0.05 * np.sqrt(np.sum(u * u, axis=-1)))[:, None]
+        slopes = []
+        for axis in (self.east, self.north):
+            off = np.sum(u * axis, axis=-1)[:, None]
+            slopes.append((off / depth * self.towards - axis) / depth)
+        return np.stack(slopes, axis=-2) / ARCSEC_RAD
+
+    def of(self, chosen: npt.NDArray[Any]) -> "Sightings":
+        """Some of them, about the same epoch."""
+        arrays = {
+            each.name: getattr(self, each.name)[chosen]
+            for each in fields(self)
+            if each.name != "epoch_utc_ns"
+        }
+        return replace(self, **arrays)
+
     def whitened(self, residuals_arcsec: FloatArray) -> FloatArray:
         """Residuals (..., N, 2) in units of their own sigma, without correlation."""
         return np.asarray(np.einsum("nij,...nj->...ni", self.whitening, residuals_arcsec))
@@ -81,13 +103,16 @@ def sightings(
 ) -> Sightings:
     """Reduce N measured directions; ``cov_sky_arcsec2`` (N, 3): east-east, east-north, north-north.
 
-    Put into order of time. Raises ValueError for a covariance that is none.
+    Put into order of time. Raises ValueError for a covariance that is none and for a direction
+    that is no number.
     """
+    if not (np.all(np.isfinite(ra_icrs_deg)) and np.all(np.isfinite(dec_icrs_deg))):
+        raise ValueError("a direction is not a number")
     order = np.argsort(t_utc_ns, kind="stable")
     t = np.asarray(t_utc_ns, np.int64)[order]
     ra, dec = np.asarray(ra_icrs_deg, float)[order], np.asarray(dec_icrs_deg, float)[order]
     cov = np.asarray(cov_sky_arcsec2, float)[order]
-    epoch = int(t[0] + (t[-1] - t[0]) // 2)
+    epoch = int(t[np.argmin(np.abs(t - t[0] - (t[-1] - t[0]) // 2))]) if len(t) else 0
     sites_km, sites_km_s = site_gcrs(site, t)
     towards = direction_to_unit(ra, dec)
     a, d = np.radians(ra), np.radians(dec)
