@@ -205,6 +205,16 @@ def test_two_nights_make_one_orbit_and_say_that_they_are_of_one_object(
     assert "the same object: " in orbit_words(["both"], found)
 
 
+def test_nights_that_part_by_forces_nobody_knows_still_make_an_orbit(
+    night: Path, tmp_path: Path
+) -> None:
+    # The simple theory of the truth and the forces of the fit part by 15 arcsec in five days.
+    fifth = observation_file(tmp_path / "5.json", rows_of(SATELLITE, instants(5 * 86_400.0), 3))
+    found = run("orbit", night, fifth)
+    assert found["label"] == "free"
+    assert found["a_km"] == pytest.approx(42_165.0, abs=5.0)
+
+
 def test_two_nights_of_two_satellites_are_said_to_be_so(night: Path, tmp_path: Path) -> None:
     other = geostationary(90002, -60.1, i_deg=0.3, node_deg=10.0)
     second = observation_file(tmp_path / "2.json", rows_of(other, instants(87_300.0), 2))

@@ -3,6 +3,7 @@
 import json
 from collections import defaultdict
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ def annotated() -> tuple[tuple[FloatArray, ...], ...]:
 def spoilt(
     sequence: tuple[FloatArray, ...], random: np.random.Generator
 ) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Points with 0.5 px of noise, a tenth of them gone and two false ones a frame; whose each is."""
+    """Points with 0.5 px of noise, a tenth gone and two false ones a frame; and whose each is."""
     points, owners = [], []
     for objects in sequence:
         kept = random.random(len(objects)) > 0.1
@@ -54,7 +55,7 @@ def true_links(owners: list[FloatArray]) -> set[tuple[Point, Point]]:
             for frame, each in enumerate(owners)
             if number in each
         ]
-        found |= set(zip(own, own[1:], strict=False))
+        found |= set(pairwise(own))
     return found
 
 
@@ -71,10 +72,7 @@ def test_links_of_real_sequences_are_right_and_as_sure_as_they_claim(seed: int) 
         points, owners = spoilt(sequences[n], random)
         found = link_points(range(FRAMES), points, KNOWN)
         links = {
-            link
-            for each in found
-            if each.probability >= 0.5
-            for link in zip(each.points, each.points[1:], strict=False)
+            link for each in found if each.probability >= 0.5 for link in pairwise(each.points)
         }
         truth = true_links(owners)
         right += len(links & truth)

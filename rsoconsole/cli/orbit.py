@@ -53,15 +53,15 @@ def orbit(
 ) -> None:
     """The orbit of what was followed, and how well it is known.
 
-    Angles alone: a short arc hardly tells the range, and the label says so. 'free': the
-    directions alone give the semi-major axis to 100 km. 'constrained by prior': with what
-    --prior believes (geo, meo: nearly circular). 'weak geometry': an orbit, but unchecked or
-    vague. 'not observable': none.
+    Angles alone: a short arc hardly tells the range, and the label says so.
+    'free': the directions alone give the semi-major axis to 100 km.
+    'constrained by prior': with what --prior believes (nearly circular).
+    'weak geometry': an orbit, but unchecked or vague. 'not observable': none.
 
-    Several sessions or files are several nights of one object; of each further one it says
-    how likely that is. A file is JSON: {"site": {"lat_deg", "lon_deg", "alt_m"}, "obs":
-    [[time, RA, Dec], ...]}, with J2000 degrees as a plate solution measures them; behind
-    them, if you like, sigmas in arcsec.
+    Several sessions or files are several nights of one object; of each
+    further one it says how likely that is. A file is JSON: "site" with
+    lat_deg, lon_deg, alt_m; "obs", rows of UTC, RA and Dec (J2000 degrees
+    as a plate solution measures them) and, if known, sigmas in arcsec.
 
     Example: rsoconsole orbit sessions/intelsat-14
     """
@@ -112,12 +112,12 @@ def identify(
     config: ConfigOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Which catalogued object was followed, and which it might have been instead.
+    """Which catalogued object was followed, and which it might have been.
 
-    Every object of the files is put where its elements say it was, and compared in place
-    and motion, with the error that elements of that age have. Without --tle the files of
-    catalogue.tle_files in the configuration are taken. 'ambiguous' and 'unknown' are answers
-    too.
+    Every object of the files is put where its elements say it was, and
+    compared in place and motion, with the error that elements of that age
+    have. Without --tle the files of catalogue.tle_files in the configuration
+    are taken. 'ambiguous' and 'unknown' are answers too.
 
     Example: rsoconsole identify sessions/intelsat-14 --tle catalogue.tle
     """

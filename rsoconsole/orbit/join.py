@@ -14,9 +14,10 @@ from functools import cache
 
 import numpy as np
 
-from rsoconsole.orbit.determine import PriorName, determine
+from rsoconsole.orbit.determine import determine
 from rsoconsole.orbit.forces import Forces
 from rsoconsole.orbit.population import Population, log_prior_density, population_of
+from rsoconsole.orbit.regimes import PriorName
 from rsoconsole.orbit.seeds import State
 from rsoconsole.orbit.sightings import Sightings
 from rsoconsole.orbit.two_body import MU_EARTH_KM3_S2, propagate
@@ -26,7 +27,7 @@ from rsoconsole.sky.times import NS_PER_S
 STARS_ARCSEC = 0.3
 """Common error of a tracklet's plate solutions."""
 FORCES_ARCSEC_A_DAY = 4.0
-"""What an area to mass that is off by all of the usual one does to a geostationary satellite (2.4), and
+"""What an area to mass off by all of the usual one does to a geostationary satellite (2.4), and
 what else is left out; SGP4 and these forces part by as much."""
 _STEPS = 8
 _SETTLED = 1e-3
@@ -146,7 +147,7 @@ def together(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]:
     t = np.concatenate([each.t_utc_ns for each in parts])
     order = np.argsort(t, kind="stable")
     t = t[order]
-    epoch = int(t[0] + (t[-1] - t[0]) // 2)
+    epoch = int(t[np.argmin(np.abs(t - t[0] - (t[-1] - t[0]) // 2))])
     arrays = {
         each.name: np.concatenate([getattr(part, each.name) for part in parts])[order]
         for each in fields(Sightings)
@@ -154,6 +155,11 @@ def together(parts: Sequence[Sightings]) -> tuple[Sightings, FloatArray]:
     }
     whole = replace(parts[0], t_utc_ns=t, t_s=(t - epoch) / NS_PER_S, epoch_utc_ns=epoch, **arrays)
     return whole, which[order]
+
+
+def common_error_arcsec(seen: Sightings) -> float:
+    """By how much all directions of one tracklet may be off together, by the span of all."""
+    return float(np.hypot(STARS_ARCSEC, FORCES_ARCSEC_A_DAY * _span_s(seen) / 86_400.0))
 
 
 def _span_s(seen: Sightings) -> float:
@@ -192,7 +198,7 @@ def through(
     seen, which = together(parts)
     forces = Forces(epoch_utc_ns=seen.epoch_utc_ns)
     state = np.concatenate(carried(start, epoch_utc_ns, seen.epoch_utc_ns))
-    offset_arcsec = float(np.hypot(STARS_ARCSEC, FORCES_ARCSEC_A_DAY * _span_s(seen) / 86_400.0))
+    offset_arcsec = common_error_arcsec(seen)
     last = float("inf")
     for step in range(_STEPS):
         values, rows = _rows(seen, which, forces, state, population.sigma_e)
@@ -249,7 +255,7 @@ def _rows(
     around = state + np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
     r, v = around[:, None, :3], around[:, None, 3:]
     at = seen.t_s - seen.light_times_s(propagate(state[:3], state[3:], seen.t_s)[0])
-    true = forces.positions(state[:3], state[3:], at)
+    true, _ = forces.states(state[:3], state[3:], at)
     places = propagate(r, v, at)[0]
     value = seen.whitened(seen.residuals_arcsec(true)).reshape(-1)
     white = seen.whitened(seen.residuals_arcsec(places)).reshape(12, -1)

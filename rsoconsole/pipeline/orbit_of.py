@@ -6,14 +6,23 @@ from typing import Literal
 
 import numpy as np
 
-from rsoconsole.orbit.determine import LEAST_SIGHTINGS, Orbit, PriorName, determine
+from rsoconsole.orbit.determine import LEAST_SIGHTINGS, Orbit, determine
 from rsoconsole.orbit.gooding import GoodingOrbit, gooding
-from rsoconsole.orbit.join import Alone, alone, carried, log_odds_of_more, through, together
-from rsoconsole.orbit.seeds import LOWEST_KM, three_lines
+from rsoconsole.orbit.join import (
+    Alone,
+    alone,
+    carried,
+    common_error_arcsec,
+    log_odds_of_more,
+    through,
+    together,
+)
+from rsoconsole.orbit.regimes import PriorName
+from rsoconsole.orbit.seeds import at_epoch, is_plausible, three_lines
 from rsoconsole.orbit.sightings import Sightings
-from rsoconsole.orbit.two_body import elements_of, propagate
+from rsoconsole.orbit.two_body import propagate
 from rsoconsole.pipeline.sightings_of import Observed, arcs
-from rsoconsole.sky.places import LIGHT_KM_S
+from rsoconsole.sky.times import NS_PER_S
 
 Method = Literal["least squares", "gooding"]
 SAME_OBJECT = 0.9
@@ -97,12 +106,11 @@ def find_by_gooding(observed: Observed) -> Found:
     if len(seen) < LEAST_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return nothing
     lines = three_lines(seen)
-    solutions = tuple(each for each in gooding(lines) if _is_above_ground(each))
-    three = _three(seen, lines.t_s)
+    three = seen.of(np.searchsorted(seen.t_s, lines.t_s))
     fits: list[tuple[float, Orbit, GoodingOrbit]] = []
-    for each in solutions:
-        since_s = three.t_s[1] - each.ranges_km[1] / LIGHT_KM_S
-        orbit = determine(three, prior="none", start=propagate(each.r_km, each.v_km_s, -since_s))
+    for each in gooding(lines):
+        start = at_epoch(each, lines)
+        orbit = determine(three, prior="none", start=start) if is_plausible(*start) else None
         if orbit is not None:
             fits.append((_misfit(seen, orbit), orbit, each))
     if not fits:
@@ -127,7 +135,25 @@ def _determined(
         grown = through(used[:count], state, epoch, start.population)
         if grown is not None:
             state, epoch = grown.state, grown.epoch_utc_ns
-    return determine(seen, prior=prior, start=carried(state, epoch, seen.epoch_utc_ns))
+    begun = carried(state, epoch, seen.epoch_utc_ns)
+    orbit = determine(seen, prior=prior, start=begun)
+    if orbit is not None:
+        return orbit
+    # The nights part by more than the directions' own errors: forces that nobody knows.
+    apart_arcsec = common_error_arcsec(seen)
+    orbit = determine(_loosened(seen, apart_arcsec), prior=prior, start=begun)
+    if orbit is None:
+        return None
+    words = f'the arcs agree only to some {apart_arcsec:.0f}": unknown forces, or a manoeuvre'
+    return replace(orbit, reason=f"{orbit.reason}; {words}")
+
+
+def _loosened(seen: Sightings, by_arcsec: float) -> Sightings:
+    """The same directions with so much more error on each axis."""
+    whitening = seen.whitening
+    covariance = np.linalg.inv(np.swapaxes(whitening, -1, -2) @ whitening)
+    wider = covariance + by_arcsec**2 * np.eye(2)
+    return replace(seen, whitening=np.linalg.inv(np.linalg.cholesky(wider)))
 
 
 def _probability(
@@ -160,26 +186,9 @@ def _why_none(seen: Sightings) -> str:
     return "no bound orbit fits the directions"
 
 
-def _is_above_ground(orbit: GoodingOrbit) -> bool:
-    elements = elements_of(orbit.r_km, orbit.v_km_s)
-    return elements.e < 1.0 and elements.a_km * (1.0 - elements.e) > LOWEST_KM
-
-
-def _three(seen: Sightings, t_s: "np.ndarray[tuple[int], np.dtype[np.float64]]") -> Sightings:
-    chosen = np.searchsorted(seen.t_s, t_s)
-    t = seen.t_utc_ns[chosen]
-    epoch = int(t[0] + (t[-1] - t[0]) // 2)
-    arrays = {
-        name: getattr(seen, name)[chosen]
-        for name in Sightings.__dataclass_fields__
-        if name not in {"t_utc_ns", "t_s", "epoch_utc_ns"}
-    }
-    return Sightings(t_utc_ns=t, t_s=(t - epoch) / 1e9, epoch_utc_ns=epoch, **arrays)
-
-
 def _misfit(seen: Sightings, orbit: Orbit) -> float:
     """Sum of squares over all directions, in units of variance."""
-    at = (seen.t_utc_ns - orbit.epoch_utc_ns) / 1e9
-    places, _ = propagate(orbit.r_km, orbit.v_km_s, at)
-    places, _ = propagate(orbit.r_km, orbit.v_km_s, at - seen.light_times_s(places))
+    since_s = (seen.t_utc_ns - orbit.epoch_utc_ns) / NS_PER_S
+    places, _ = propagate(orbit.r_km, orbit.v_km_s, since_s)
+    places, _ = propagate(orbit.r_km, orbit.v_km_s, since_s - seen.light_times_s(places))
     return float(np.sum(seen.whitened(seen.residuals_arcsec(places)) ** 2))

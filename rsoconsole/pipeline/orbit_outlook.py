@@ -56,7 +56,7 @@ def orbit_outlook(
     """Places ``ahead_s`` after an instant, and what happens within a day of it."""
     since = np.arange(0, AHEAD_S + _STEP_S, _STEP_S)
     t = from_utc_ns + since * NS_PER_S
-    r, v = orbit.forces.states(orbit.r_km, orbit.v_km_s, (t - orbit.epoch_utc_ns) / NS_PER_S)
+    r, v = orbit.states(t)
 
     def position_of(at: IntArray) -> tuple[FloatArray, FloatArray]:
         # In the time that light takes the motion is straight.

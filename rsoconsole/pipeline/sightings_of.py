@@ -4,7 +4,6 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 from rsoconsole.config import Config, LimitsConfig
 from rsoconsole.errors import OrbitError, SessionError
 from rsoconsole.orbit.catalogue import CatalogueEntry, parse_catalogue
+from rsoconsole.orbit.join import together
 from rsoconsole.orbit.sightings import Sightings, sightings
 from rsoconsole.records import FollowedAgain, Measurement, Site, TrackState
 from rsoconsole.session.reader import SessionReader
@@ -58,24 +58,13 @@ def read_observed(
 def arcs(seen: Sightings) -> tuple[Sightings, ...]:
     """Its arcs, in order of time: a silence of three hours parts them."""
     starts = np.flatnonzero(np.diff(seen.t_s) > ARC_GAP_S) + 1
-    edges = [0, *(int(n) for n in starts), len(seen)]
-    return tuple(_part(seen, slice(a, b)) for a, b in pairwise(edges))
+    groups = np.split(np.arange(len(seen)), starts)
+    return tuple(together([seen.of(each)])[0] for each in groups)
 
 
 def longest_arc(seen: Sightings) -> Sightings:
     """The arc with the most directions."""
     return max(arcs(seen), key=len)
-
-
-def _part(seen: Sightings, chosen: slice) -> Sightings:
-    t = seen.t_utc_ns[chosen]
-    epoch = int(t[0] + (t[-1] - t[0]) // 2)
-    arrays = {
-        name: getattr(seen, name)[chosen]
-        for name in Sightings.__dataclass_fields__
-        if name not in {"t_utc_ns", "t_s", "epoch_utc_ns"}
-    }
-    return Sightings(t_utc_ns=t, t_s=(t - epoch) / NS_PER_S, epoch_utc_ns=epoch, **arrays)
 
 
 def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
