@@ -55,6 +55,8 @@ class Joined:
 
     state: State
     """At ``epoch_utc_ns``."""
+    covariance: FloatArray
+    """(6, 6) km and km/s, with the common errors of whole tracklets in it."""
     epoch_utc_ns: int
     log_evidence: float
     chi2: float
@@ -227,6 +229,7 @@ def through(
     log_prior = log_prior_density(population, state, covariance)
     return Joined(
         state=(state[:3], state[3:]),
+        covariance=covariance,
         epoch_utc_ns=seen.epoch_utc_ns,
         log_evidence=float(-chi2 / 2.0 + log_volume + log_prior),
         chi2=chi2,

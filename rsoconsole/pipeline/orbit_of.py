@@ -17,6 +17,7 @@ from rsoconsole.orbit.join import (
     through,
     together,
 )
+from rsoconsole.orbit.labels import sigma_of_a_km
 from rsoconsole.orbit.regimes import PriorName
 from rsoconsole.orbit.seeds import at_epoch, is_plausible, three_lines
 from rsoconsole.orbit.sightings import Sightings
@@ -130,7 +131,7 @@ def _determined(
     """Over several arcs refined from that of the longest, arc by arc: no seed finds it at once."""
     if len(used) == 1 or start is None:
         return determine(seen, prior=prior)
-    state, epoch = start.state, start.seen.epoch_utc_ns
+    state, epoch, grown = start.state, start.seen.epoch_utc_ns, None
     for count in range(2, len(used) + 1):
         grown = through(used[:count], state, epoch, start.population)
         if grown is not None:
@@ -142,10 +143,17 @@ def _determined(
     # The nights part by more than the directions' own errors: forces that nobody knows.
     apart_arcsec = common_error_arcsec(seen)
     orbit = determine(_loosened(seen, apart_arcsec), prior=prior, start=begun)
-    if orbit is None:
-        return None
+    if orbit is None or grown is None:
+        return orbit
     words = f'the arcs agree only to some {apart_arcsec:.0f}": unknown forces, or a manoeuvre'
-    return replace(orbit, reason=f"{orbit.reason}; {words}")
+    return replace(
+        orbit,
+        r_km=grown.state[0],
+        v_km_s=grown.state[1],
+        covariance=grown.covariance,
+        sigma_a_km=sigma_of_a_km(grown.state, grown.covariance),
+        reason=f"{orbit.reason}; {words}",
+    )
 
 
 def _loosened(seen: Sightings, by_arcsec: float) -> Sightings:

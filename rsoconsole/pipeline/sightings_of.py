@@ -89,17 +89,23 @@ def _of_track(
     name: str, config: Config, number: int, count: int, taken: Sequence[Measurement]
 ) -> Observed:
     site = config.site.to_site()
-    return Observed(
-        name=name if count == 1 else f"{name}, track {number} of {count}",
-        site=site,
-        limits=config.limits,
-        seen=sightings(
+    try:
+        seen = sightings(
             site,
             np.array([each.t_mid_utc_ns for each in taken], np.int64),
             np.array([each.ra_icrs_deg for each in taken]),
             np.array([each.dec_icrs_deg for each in taken]),
             np.array([each.cov_sky_arcsec2 for each in taken]),
-        ),
+        )
+    except ValueError as error:
+        raise SessionError(
+            f"{name}, track {number}: {error}; take another track with --track"
+        ) from error
+    return Observed(
+        name=name if count == 1 else f"{name}, track {number} of {count}",
+        site=site,
+        limits=config.limits,
+        seen=seen,
         tracks=count,
     )
 

@@ -1,8 +1,8 @@
 """How right links and joins are, and whether they are as sure as they claim.
 
-Run: ``python -m tests.bench.bench_link``. Points: real sequences of spotGEO with 0.5 px of noise, a tenth
-of them gone and two false ones a frame. Nights: pairs of neighbours on the belt, 1e-5 to 2e-4 apart in
-every element, seen for 5 to 20 minutes on two nights.
+Run: ``python -m tests.bench.bench_link``. Points: real sequences of spotGEO with 0.5 px of noise,
+a tenth of them gone and two false ones a frame. Nights: pairs of neighbours on the belt, 1e-5 to
+2e-4 apart in every element, seen for 5 to 20 minutes on two nights.
 """
 
 from collections.abc import Sequence
