@@ -42,11 +42,11 @@ def geostationary(
         0.0,
         0.0,
         e,
-        math.radians(perigee_deg),
+        math.radians(perigee_deg % 360.0),
         math.radians(i_deg),
         math.radians(mean_deg % 360.0),
         1.00271 * 2.0 * math.pi / 1440.0,
-        math.radians(node_deg),
+        math.radians(node_deg % 360.0),
     )
     record.intldesg = "23001A"
     lines = "\n".join(export_tle(record))
