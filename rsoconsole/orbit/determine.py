@@ -27,7 +27,6 @@ from rsoconsole.orbit.passes import passes, seeds_across
 from rsoconsole.orbit.regimes import AUTOMATIC, REGIMES, PriorName, Regime
 from rsoconsole.orbit.seeds import INWARD, State, is_plausible, seeds
 from rsoconsole.orbit.sightings import Sightings
-from rsoconsole.orbit.two_body import elements_of
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.times import NS_PER_S, IntArray
 
@@ -65,13 +64,13 @@ class Orbit:
     fit: Fit
     rivals: int
     """Other orbits that fit as well."""
-    motion: Motion
+    forces: Motion
     """What carries it through time from its epoch."""
 
     def states(self, t_utc_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         """GCRS positions and velocities (N, 3) at instants (N,): km, km/s."""
         t = np.atleast_1d(np.asarray(t_utc_ns, np.int64))
-        return self.motion.states(self.r_km, self.v_km_s, (t - self.epoch_utc_ns) / NS_PER_S)
+        return self.forces.states(self.r_km, self.v_km_s, (t - self.epoch_utc_ns) / NS_PER_S)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,11 +91,11 @@ class _Asked:
     """How an orbit is to be found."""
 
     prior: PriorName
-    motion: Motion
+    forces: Motion
     regimes: Mapping[str, Regime]
 
     def belief(self, name: PriorName) -> Prior:
-        return Prior(sigma_e=self.regimes[name].sigma_e) if name in self.regimes else Prior()
+        return self.regimes[name].prior if name in self.regimes else Prior()
 
 
 def determine(
@@ -104,7 +103,7 @@ def determine(
     *,
     prior: PriorName = "auto",
     start: State | None = None,
-    motion: Motion | None = None,
+    forces: Motion | None = None,
     regimes: Mapping[str, Regime] = REGIMES,
 ) -> Orbit | None:
     """The best orbit through ``seen``; None where there are too few directions for any.
@@ -112,12 +111,12 @@ def determine(
     ``start``: a state at the epoch of ``seen`` of an earlier orbit of the same object
     (`Orbit.states`), from which refining is quick; without one (or where it leads nowhere) every
     seed is tried. ``auto`` takes no prior where none is needed, else that of the regime in which
-    the orbit lies. ``motion``: `Forces` unless told otherwise.
+    the orbit lies. ``forces``: `Forces` unless told otherwise.
     """
     if len(seen) < LEAST_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return None
-    motion = motion or Forces(epoch_utc_ns=seen.epoch_utc_ns)
-    asked = _Asked(prior=prior, motion=motion, regimes=regimes)
+    forces = forces or Forces(epoch_utc_ns=seen.epoch_utc_ns)
+    asked = _Asked(prior=prior, forces=forces, regimes=regimes)
     found = None
     if start is not None:
         found = _settled(seen, (start,), asked)
@@ -173,11 +172,8 @@ def _settled(seen: Sightings, starts: tuple[State, ...], asked: _Asked) -> _Foun
 
 def _needs_no_prior(seen: Sightings, state: State, asked: _Asked) -> bool:
     """Whether the directions alone give the orbit, and hardly worse than with a prior."""
-    a_km = elements_of(*state).a_km
-    near = [
-        each for each in asked.regimes.values() if each.lowest_a_km <= a_km <= each.highest_a_km
-    ]
-    belief = Prior(sigma_e=near[0].sigma_e) if near else Prior()
+    near = [each.prior for each in asked.regimes.values() if each.holds(state)]
+    belief = near[0] if near else Prior()
     constrained, free = formal_covariances(seen, state, belief)
     sigma_km = sigma_of_a_km(state, free)
     return sigma_km <= min(FREE_SIGMA_A_KM, _HELPED * sigma_of_a_km(state, constrained))
@@ -192,7 +188,7 @@ def _best(
     seen: Sightings, starts: Iterable[State], name: PriorName, asked: _Asked
 ) -> _Found | None:
     """The cheapest fit from any start, and how many others are as good."""
-    motion = None if seen.t_s[-1] - seen.t_s[0] <= POINT_MASS_S else asked.motion
+    motion = None if seen.t_s[-1] - seen.t_s[0] <= POINT_MASS_S else asked.forces
     fits = [fit(seen, each, prior=asked.belief(name), motion=motion) for each in starts]
     sound = [each for each in fits if each.is_converged and is_plausible(each.r_km, each.v_km_s)]
     if not sound:
@@ -227,5 +223,5 @@ def _labelled(seen: Sightings, found: _Found, asked: _Asked) -> Orbit:
         outliers=len(seen) - int(np.sum(best.is_used)),
         fit=best,
         rivals=found.rivals,
-        motion=asked.motion,
+        forces=asked.forces,
     )

@@ -11,6 +11,7 @@ is reckoned once, kept while the unknowns move a little, and reckoned anew where
 Slopes are those of the point mass all the same.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +45,9 @@ class Prior:
     sigma_e: float | None = None
     """Root mean square of the eccentricity: its vector lies about 0 in the plane of the orbit, each
     component with this over root 2. None: nothing is believed."""
+    a_km: float | None = None
+    """Semi-major axis; None: nothing is believed."""
+    sigma_a_km: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,7 +70,7 @@ class Fit:
     chi2: float
     """Of the used directions alone."""
     prior_chi2: float
-    """What the orbit has of the prior's surprise; 2 is usual, 11.8 is three sigma."""
+    """Sum of squares of the prior alone: how much the orbit contradicts what was believed."""
     degrees_of_freedom: int
     is_converged: bool
 
@@ -89,13 +93,21 @@ class _Problem:
         to_state = self.view.slopes(unknowns)
         by_place = self.seen.whitening @ self.seen.residual_slopes(places)
         by_unknown = (by_place @ slopes).reshape(-1, 6) @ to_state
-        if self.prior.sigma_e is not None:
-            r, v = self.view.state(unknowns)
-            e, e_slopes = eccentricity_vector(r, v, self.mu)
-            sigma = self.prior.sigma_e / np.sqrt(2.0)
-            value = np.concatenate([value, e / sigma])
-            by_unknown = np.concatenate([by_unknown, e_slopes / sigma @ to_state])
+        for more, more_slopes in self._beliefs(*self.view.state(unknowns)):
+            value = np.concatenate([value, more])
+            by_unknown = np.concatenate([by_unknown, more_slopes @ to_state])
         return value, by_unknown
+
+    def _beliefs(self, r: FloatArray, v: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """What the prior adds: rows (n,) and their slopes (n, 6) by the state."""
+        if self.prior.sigma_e is not None:
+            e, slopes = eccentricity_vector(r, v, self.mu)
+            sigma = self.prior.sigma_e / np.sqrt(2.0)
+            yield e / sigma, slopes / sigma
+        if self.prior.a_km is not None:
+            a_km, slope = semi_major_axis(r, v, self.mu)
+            off = (a_km - self.prior.a_km) / self.prior.sigma_a_km
+            yield np.array([off]), slope[None] / self.prior.sigma_a_km
 
     def places(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Places (N, 3) when the light left, and their slopes (N, 3, 6) by the state."""
@@ -307,3 +319,12 @@ def eccentricity_vector(
     by_r = near * np.eye(3) + mu / radius**3 * np.outer(r, r) - np.outer(v, v)
     by_v = 2.0 * np.outer(r, v) - np.outer(v, r) - along * np.eye(3)
     return (near * r - along * v) / mu, np.concatenate([by_r, by_v], axis=-1) / mu
+
+
+def semi_major_axis(
+    r: FloatArray, v: FloatArray, mu: float = MU_EARTH_KM3_S2
+) -> tuple[float, FloatArray]:
+    """In km, and its slopes (6,) by the state."""
+    radius = float(np.sqrt(r @ r))
+    a_km = 1.0 / (2.0 / radius - float(v @ v) / mu)
+    return a_km, 2.0 * a_km * a_km * np.concatenate([r / radius**3, v / mu])

@@ -5,11 +5,11 @@ from typing import Literal
 
 import numpy as np
 
-from rsoconsole.orbit.fit import Fit
+from rsoconsole.orbit.fit import Fit, semi_major_axis
 from rsoconsole.orbit.regimes import PriorName, Regime
 from rsoconsole.orbit.seeds import State
 from rsoconsole.orbit.sightings import Sightings
-from rsoconsole.orbit.two_body import MU_EARTH_KM3_S2, elements_of
+from rsoconsole.orbit.two_body import elements_of
 from rsoconsole.records import FloatArray
 
 Label = Literal["free", "constrained by prior", "weak geometry", "not observable"]
@@ -20,8 +20,8 @@ CONSTRAINED_SIGMA_A = 0.03
 """Of the semi-major axis: more than that and a prior has not constrained it."""
 WIDEST_RANGE = 0.3
 """Relative sigma of the range from which on nothing is known of it."""
-_SURPRISE = 11.83
-"""A prior is contradicted by more: three sigma in its two dimensions."""
+_SURPRISE = {2: 11.83, 3: 14.16}
+"""A prior of so many dimensions is contradicted by more: three sigma."""
 
 
 def widened_covariance(found: Fit) -> FloatArray:
@@ -44,14 +44,13 @@ def label_of(
     if prior == "none":
         sigma_a_km = sigma_of_a_km((found.r_km, found.v_km_s), widened_covariance(found))
         return "free", f"sigma of a is {sigma_a_km:.1f} km from the directions alone"
-    sigma_e = regimes[prior].sigma_e
-    return "constrained by prior", f"eccentricity believed to be about {sigma_e:g} ({prior})"
+    return "constrained by prior", f"{regimes[prior].words} ({prior})"
 
 
 def is_of_its_regime(found: Fit, regime: Regime) -> bool:
     """Whether the orbit is where its prior applies, and does not contradict it."""
-    a_km = elements_of(found.r_km, found.v_km_s).a_km
-    return regime.lowest_a_km <= a_km <= regime.highest_a_km and found.prior_chi2 < _SURPRISE
+    limit = _SURPRISE[regime.dimensions]
+    return regime.holds((found.r_km, found.v_km_s)) and found.prior_chi2 < limit
 
 
 def _doubt(
@@ -86,8 +85,6 @@ def _relative_sigma_of_range(seen: Sightings, found: Fit, covariance: FloatArray
 
 
 def sigma_of_a_km(state: State, covariance: FloatArray) -> float:
-    """Formal sigma of the semi-major axis: 2 a^2 (r/r^3, v/mu) through the covariance."""
-    radius = float(np.linalg.norm(state[0]))
-    a = elements_of(*state).a_km
-    slope = 2.0 * a * a * np.concatenate([state[0] / radius**3, state[1] / MU_EARTH_KM3_S2])
+    """Formal sigma of the semi-major axis."""
+    _, slope = semi_major_axis(*state)
     return float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))

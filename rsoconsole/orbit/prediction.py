@@ -35,7 +35,7 @@ def predict(orbit: Orbit, site: Site, t_utc_ns: IntArray) -> Prediction:
     """
     t = np.atleast_1d(np.asarray(t_utc_ns, np.int64))
     since_s = (t - orbit.epoch_utc_ns) / NS_PER_S
-    r, v = orbit.motion.states(orbit.r_km, orbit.v_km_s, since_s)
+    r, v = orbit.forces.states(orbit.r_km, orbit.v_km_s, since_s)
 
     def position_of(at: IntArray) -> tuple[FloatArray, FloatArray]:
         # Light takes a moment: in it forces beside the Earth's centre do nothing.
