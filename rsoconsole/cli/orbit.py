@@ -10,7 +10,7 @@ from rsoconsole.cli.telescope import ConfigOption, JsonOption
 from rsoconsole.config import load_config
 from rsoconsole.errors import OrbitError
 
-PriorChoice: TypeAlias = Literal["auto", "none", "geo", "meo"]
+PriorChoice: TypeAlias = Literal["auto", "none", "slot", "geo", "meo"]
 SigmaOption = Annotated[
     float,
     typer.Option("--sigma", min=0.001, help="Arcsec, of observations in files that state none."),
@@ -55,7 +55,8 @@ def orbit(
 
     Angles alone: a short arc hardly tells the range, and the label says so.
     'free': the directions alone give the semi-major axis to 100 km.
-    'constrained by prior': with what --prior believes (nearly circular).
+    'constrained by prior': with what --prior believes (slot: held over the
+    equator; geo, meo: nearly circular).
     'weak geometry': an orbit, but unchecked or vague. 'not observable': none.
 
     Several sessions or files are several nights of one object; of each

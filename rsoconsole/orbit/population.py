@@ -33,7 +33,7 @@ class Population:
 
 POPULATIONS: dict[str, Population] = {
     "geo": Population(
-        a_km=((0.6, 42_165.0, 5.0), (0.4, 42_165.0, 150.0)),
+        a_km=((0.25, 42_165.9, 1.5), (0.4, 42_165.5, 10.0), (0.35, 42_165.0, 150.0)),
         sigma_e=2e-3,
         inclination_deg=((0.35, 0.1), (0.65, 6.0)),
         visible_rad=2.2,
