@@ -14,6 +14,10 @@ from rsoconsole.sky.times import NS_PER_DAY
 
 _LINE_LENGTH = 69
 _ALPHA_5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"
+_WORTH = bytes(
+    "0123456789".find(chr(c)) if c in b"0123456789" else c == ord("-") for c in range(256)
+)
+"""What each character adds to a checksum; a table, for catalogues are long."""
 _EPOCH = re.compile(r"([ \d]\d)([ \d]{3}\.[ \d]{8})")
 
 
@@ -72,8 +76,8 @@ def nearest_of_each(element_sets: Iterable[ElementSet], t_utc_ns: int) -> tuple[
 
 def checksum(line: str) -> int:
     """Last digit of the sum of the first 68 columns: digits as they are, '-' as 1."""
-    body = line[: _LINE_LENGTH - 1]
-    return sum(int(c) if c in "0123456789" else c == "-" for c in body) % 10
+    body = line[: _LINE_LENGTH - 1].encode("ascii", errors="replace")
+    return sum(body.translate(_WORTH)) % 10
 
 
 def _numbered(text: str) -> Iterator[tuple[int, str]]:

@@ -1,0 +1,148 @@
+"""The verbs orbit and identify: from a track to an orbit, and to a name."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+import typer
+
+from rsoconsole.cli import output
+from rsoconsole.cli.telescope import ConfigOption, JsonOption
+from rsoconsole.config import load_config
+from rsoconsole.errors import OrbitError
+
+PriorChoice: TypeAlias = Literal["auto", "none", "slot", "geo", "meo"]
+SigmaOption = Annotated[
+    float,
+    typer.Option("--sigma", min=0.001, help="Arcsec, of observations in files that state none."),
+]
+TrackOption = Annotated[
+    int | None,
+    typer.Option(
+        min=1, help="Which of a session's tracks, in order of time. Default: the longest."
+    ),
+]
+AHEAD_S = (600, 3600, 86_400)
+_ANOTHER = 0.1
+"""Probability of being of one object below which that is doubted aloud."""
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verbs into the program."""
+    app.command()(orbit)
+    app.command()(identify)
+
+
+def orbit(
+    paths: Annotated[
+        list[Path],
+        typer.Argument(metavar="SESSION-or-FILE...", help="Sessions or files of observations."),
+    ],
+    *,
+    prior: Annotated[
+        PriorChoice,
+        typer.Option(help="What is believed of the orbit beforehand; auto: only what is needed."),
+    ] = "auto",
+    gooding: Annotated[
+        bool,
+        typer.Option("--gooding", help="Only Gooding's orbit through three of the directions."),
+    ] = False,
+    track: TrackOption = None,
+    sigma: SigmaOption = 1.0,
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """The orbit of what was followed, and how well it is known.
+
+    Angles alone: a short arc hardly tells the range, and the label says so.
+    'free': the directions alone give the semi-major axis to 100 km.
+    'constrained by prior': with what --prior believes (slot: held over the
+    equator; geo, meo: nearly circular).
+    'weak geometry': an orbit, but unchecked or vague. 'not observable': none.
+
+    Several sessions or files are several nights of one object; of each
+    further one it says how likely that is. A file is JSON: "site" with
+    lat_deg, lon_deg, alt_m; "obs", rows of UTC, RA and Dec (J2000 degrees
+    as a plate solution measures them) and, if known, sigmas in arcsec.
+
+    Example: rsoconsole orbit sessions/intelsat-14
+    """
+    from rsoconsole.pipeline.orbit_of import find_by_gooding, find_orbit
+    from rsoconsole.pipeline.orbit_outlook import orbit_outlook
+    from rsoconsole.pipeline.orbit_report import orbit_report
+    from rsoconsole.pipeline.sightings_of import read_observed
+
+    read = [read_observed(path, sigma_arcsec=sigma, track=track) for path in paths]
+    if gooding:
+        if len(paths) > 1:
+            raise typer.BadParameter("--gooding takes one session or file")
+        found = find_by_gooding(read[0][0])
+    else:
+        others = [each for tracks in read for each in tracks[1:]]
+        found = find_orbit([tracks[0] for tracks in read], prior=prior, others=others)
+    outlook = None
+    if found.orbit is not None and found.orbit.label != "not observable":
+        limits = found.observed.limits or load_config(config).limits
+        site, last = found.observed.site, int(found.seen.t_utc_ns[-1])
+        outlook = orbit_outlook(found.orbit, site, limits, last, AHEAD_S)
+    report = orbit_report(found, outlook)
+    for part in found.parts:
+        if part.is_used and part.probability is not None and part.probability < _ANOTHER:
+            output.complain(f"rsoconsole: {part.name} is probably of another object: leave it out")
+    if json_:
+        output.emit_json(report)
+        return
+    from rsoconsole.cli.orbit_words import orbit_words
+
+    output.say(orbit_words([path.name for path in paths], report))
+
+
+def identify(
+    path: Annotated[
+        Path, typer.Argument(metavar="SESSION-or-FILE", help="Session or file of observations.")
+    ],
+    *,
+    tle: Annotated[
+        list[Path] | None,
+        typer.Option(help="Element sets: TLE, or OMM as XML, JSON or CSV; may be repeated."),
+    ] = None,
+    gate: Annotated[
+        float, typer.Option(min=0.001, max=5.0, help="How far off an object may be, degrees.")
+    ] = 0.2,
+    track: TrackOption = None,
+    sigma: SigmaOption = 1.0,
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Which catalogued object was followed, and which it might have been.
+
+    Every object of the files is put where its elements say it was, and
+    compared in place and motion, with the error that elements of that age
+    have. Without --tle the files of catalogue.tle_files in the configuration
+    are taken. 'ambiguous' and 'unknown' are answers too.
+
+    Example: rsoconsole identify sessions/intelsat-14 --tle catalogue.tle
+    """
+    from rsoconsole.orbit.identify import identify as identified
+    from rsoconsole.pipeline.orbit_report import identification_report
+    from rsoconsole.pipeline.sightings_of import longest_arc, read_catalogue, read_observed
+
+    files = tle or list(load_config(config).catalogue.tle_files)
+    if not files:
+        raise OrbitError(
+            "no catalogue: name element sets with --tle FILE, or in catalogue.tle_files of the"
+            " configuration"
+        )
+    tracks = read_observed(path, sigma_arcsec=sigma, track=track)
+    if len(tracks) > 1:
+        output.complain(f"rsoconsole: {len(tracks)} tracks; the longest is taken, see --track")
+    entries = read_catalogue(files)
+    seen = longest_arc(tracks[0].seen)
+    found = identified(seen, tracks[0].site, entries, gate_deg=gate)
+    arc_s = float(seen.t_s[-1] - seen.t_s[0])
+    report: dict[str, Any] = identification_report(tracks[0].name, found, arc_s)
+    if json_:
+        output.emit_json(report)
+        return
+    from rsoconsole.cli.orbit_words import identification_words
+
+    output.say(identification_words(report))

@@ -1,0 +1,105 @@
+"""How far an object may be from where its published elements put it. Pure.
+
+Elements carry no covariance, so one is assumed by kind of orbit and age, in two cases: the object
+has kept to its orbit (``undisturbed``), or its operator has moved it since (``manoeuvred``).
+
+Geostationary figures: 319 element sets of Intelsat-14, SES-10 and Intelsat-21 (2018 to 2025), each
+carried to the epochs of the seven that follow (``tests/bench/bench_element_errors.py``). Kept in
+their slots by manoeuvres that no element set knows of, all three leave their elements by the
+natural drift that did not happen, 0.65 km times the square of the days, and across by a kilometre
+a day:
+
+    age, days            3-7   7-14   14-20   20-25   25-35   35-60
+    along, 68 %, km       39    100     222     368     585    1542
+    across, 68 %, km      12     11      17      26      29      53
+    radial, 68 %, km     1.3    2.9     3.3     3.3     5.1      26
+
+Undisturbed objects do much better: KazSat 2, close to a point of rest, was 17 km off after 12
+days, and fresh sets are good to 5 to 30 arcsec, which is 1 to 5 km. NAVSTAR 77 was 3.6 km off
+after 8 days. For low and eccentric orbits: about 1 km at the epoch and 1 to 3 km a day (Flohrer,
+Krag & Klinkrad 2008; Levit & Marshall 2011, Advances in Space Research 47, 1107); not measured
+here.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from rsoconsole.records import FloatArray
+
+Regime = Literal["GEO", "MEO", "LEO", "HEO"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """One-sigma errors in km: at the epoch, by the day and by the day squared."""
+
+    along: tuple[float, float, float]
+    across: tuple[float, float, float]
+    """Of the plane: the amplitude of a swing once a revolution, over the root of 2."""
+    shape: tuple[float, float, float]
+    """Of the radius, by an eccentricity that is off: its swing along the track is twice that."""
+
+
+UNDISTURBED: dict[Regime, Spread] = {
+    "GEO": Spread(along=(2.5, 1.5, 0.0), across=(1.0, 0.15, 0.0), shape=(0.8, 0.1, 0.0)),
+    "MEO": Spread(along=(1.0, 0.5, 0.0), across=(0.5, 0.1, 0.0), shape=(0.4, 0.05, 0.0)),
+    "LEO": Spread(along=(1.0, 1.5, 0.3), across=(0.3, 0.1, 0.0), shape=(0.3, 0.1, 0.0)),
+    "HEO": Spread(along=(5.0, 5.0, 0.0), across=(3.0, 0.5, 0.0), shape=(3.0, 0.5, 0.0)),
+}
+MANOEUVRED: dict[Regime, Spread] = {
+    "GEO": Spread(along=(5.0, 5.0, 0.65), across=(8.0, 1.05, 0.0), shape=(1.0, 0.14, 0.0)),
+    "MEO": Spread(along=(10.0, 10.0, 1.0), across=(3.0, 0.5, 0.0), shape=(3.0, 0.5, 0.0)),
+    "LEO": Spread(along=(5.0, 15.0, 5.0), across=(1.0, 0.5, 0.0), shape=(1.0, 1.0, 0.0)),
+    "HEO": Spread(along=(20.0, 20.0, 2.0), across=(5.0, 1.0, 0.0), shape=(5.0, 1.0, 0.0)),
+}
+_CONTROLLED: dict[Regime, float] = {"GEO": 0.35, "MEO": 0.1, "LEO": 0.3, "HEO": 0.03}
+"""Share of the catalogued objects that somebody steers."""
+_BETWEEN_MANOEUVRES_DAYS: dict[Regime, float] = {"GEO": 5.0, "MEO": 180.0, "LEO": 14.0, "HEO": 60.0}
+
+
+def regime_of(revolutions_a_day: float, eccentricity: float) -> Regime:
+    """Which kind of orbit elements describe."""
+    if eccentricity > 0.25:
+        return "HEO"
+    if revolutions_a_day > 9.0:
+        return "LEO"
+    return "GEO" if 0.85 < revolutions_a_day < 1.15 else "MEO"
+
+
+def manoeuvred_probability(regime: Regime, age_days: float) -> float:
+    """That an object of which no more is known has been moved since its elements' epoch."""
+    interval = _BETWEEN_MANOEUVRES_DAYS[regime]
+    return _CONTROLLED[regime] * (1.0 - float(np.exp(-abs(age_days) / interval)))
+
+
+def covariance_rtn(spread: Spread, age_days: float, mean_motion_rad_s: float) -> FloatArray:
+    """(6, 6) of errors (radial, along, across) and their rates in that turning frame; km, km/s.
+
+    An orbit a little off swings about its elements once a revolution: R = A cos(nt),
+    T = -2A sin(nt), N = B cos(nt), at any phase, beside what it is ahead or behind (Clohessy &
+    Wiltshire 1960).
+    """
+    along, across, shape = (
+        _grown(each, age_days) for each in (spread.along, spread.across, spread.shape)
+    )
+    n = mean_motion_rad_s
+    covariance = np.diag(
+        [
+            *(shape**2, along**2 + 4.0 * shape**2, across**2),
+            *((n * shape) ** 2, (2.0 * n * shape) ** 2, (n * across) ** 2),
+        ]
+    )
+    covariance[0, 4] = covariance[4, 0] = -2.0 * n * shape**2
+    covariance[1, 3] = covariance[3, 1] = 2.0 * n * shape**2
+    # What is off along the track by so much a day moves on at that pace.
+    pace = (spread.along[1] + 2.0 * spread.along[2] * abs(age_days)) / 86_400.0
+    covariance[4, 4] += pace**2
+    return covariance
+
+
+def _grown(terms: tuple[float, float, float], age_days: float) -> float:
+    at_epoch, by_day, by_day_2 = terms
+    age = abs(age_days)
+    return float(np.sqrt(at_epoch**2 + (by_day * age) ** 2 + (by_day_2 * age * age) ** 2))
