@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from rsoconsole.orbit.fit import Fit, semi_major_axis
+from rsoconsole.orbit.fit import Fit, eccentricity_vector, semi_major_axis
 from rsoconsole.orbit.regimes import PriorName, Regime
 from rsoconsole.orbit.seeds import State
 from rsoconsole.orbit.sightings import Sightings
@@ -88,3 +88,9 @@ def sigma_of_a_km(state: State, covariance: FloatArray) -> float:
     """Formal sigma of the semi-major axis."""
     _, slope = semi_major_axis(*state)
     return float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
+
+
+def sigma_of_e(state: State, covariance: FloatArray) -> float:
+    """Formal sigma of the eccentricity's vector, all its components together."""
+    _, slopes = eccentricity_vector(*state)
+    return float(np.sqrt(max(float(np.trace(slopes @ covariance @ slopes.T)), 0.0)))
