@@ -37,7 +37,7 @@ def element_set(rng: np.random.Generator, t_utc_ns: int, regime: str) -> Element
         WGS72,
         "i",
         90000,
-        t_utc_ns / times.NS_PER_DAY + 7305 + rng.uniform(-1, 1),  # days since 1949-12-31
+        t_utc_ns / times.NS_PER_DAY + 7306 + rng.uniform(-1, 1),  # days since 1949-12-31
         0.0 if is_geo else rng.uniform(0, 1e-4),
         0.0,
         0.0,

@@ -16,7 +16,7 @@ import numpy as np
 
 from rsoconsole.errors import OrbitError
 from rsoconsole.orbit.determine import Orbit
-from rsoconsole.orbit.elements import ElementSet, parse_elements
+from rsoconsole.orbit.elements import ElementSet, checksum, parse_elements
 from rsoconsole.orbit.sightings import Sightings
 from rsoconsole.orbit.two_body import elements_of, period_s
 from rsoconsole.records import FloatArray
@@ -28,7 +28,7 @@ ANALYST_NUMBERS = range(80_000, 90_000)
 TLE_STEP_NS = 864_000
 """A hundred millionth of a day, as fine as two lines tell an epoch: an OMM tells it exactly too."""
 MU_WGS72_KM3_S2 = 398_600.8
-_SGP4_EPOCH_DAYS = 7_305
+_SGP4_EPOCH_DAYS = 7_306
 """From 1949-12-31 to 1970-01-01."""
 _SAMPLES = 145
 _HOLD = float(np.sqrt(6 / (3 * _SAMPLES)) / 5.0)
@@ -92,10 +92,15 @@ class MeanElements:
         )
 
     def element_set(self) -> ElementSet:
-        """The two lines, and the name above them."""
+        """The two lines, and the name above them.
+
+        Raises OrbitError for a catalogue number that they have no room for.
+        """
         from sgp4.exporter import export_tle
 
-        text = "\n".join((self.name, *export_tle(self.rounded().record())))
+        number = _five_columns(self.norad_id)
+        lines = [each[:2] + number + each[7:68] for each in export_tle(self.rounded().record())]
+        text = "\n".join((self.name, *(each + str(checksum(each + "0")) for each in lines)))
         return parse_elements(text, "elements fitted")[0]
 
 
@@ -131,6 +136,17 @@ def mean_elements(
         elements = frame.elements(found)
     rms = float(np.sqrt(np.mean(off**2)))
     return replace(elements, name=name, norad_id=norad_id, rms_arcsec=rms)
+
+
+def _five_columns(norad_id: int) -> str:
+    """A catalogue number as Space-Track writes it: from 100,000 on the first digit is a letter."""
+    tens_of_thousands, rest = divmod(norad_id, 10_000)
+    if tens_of_thousands < 10:
+        return f"{norad_id:05d}"
+    letters = "ABCDEFGHJKLMNPQRSTUVWXYZ"
+    if tens_of_thousands - 10 >= len(letters):
+        raise OrbitError(f"two lines have no room for catalogue number {norad_id}: write an OMM")
+    return f"{letters[tens_of_thousands - 10]}{rest:04d}"
 
 
 Residuals = Callable[[FloatArray], FloatArray]
