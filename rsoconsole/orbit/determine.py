@@ -111,7 +111,7 @@ def determine(
     forces: Motion | None = None,
     regimes: Mapping[str, Regime] = REGIMES,
 ) -> Orbit | None:
-    """The best orbit through ``seen``; None where there are too few directions for any.
+    """The best orbit through ``seen``; None where too few directions, or no orbit, tell one.
 
     ``start``: a state at the epoch of ``seen`` of an earlier orbit of the same object
     (`Orbit.states`), from which refining is quick; without one (or where it leads nowhere) every
@@ -186,7 +186,9 @@ def _settled(seen: Sightings, starts: tuple[State, ...], asked: _Asked) -> _Foun
     is_refining = len(starts) == 1
     if asked.prior == "none" or (is_refining and _needs_no_prior(seen, starts[0], asked)):
         return _best(seen, starts, "none", asked)
-    for name in (each for each in AUTOMATIC if _is_near(asked.regimes[each], starts)):
+    for name in (each for each in AUTOMATIC if each in asked.regimes):
+        if not _is_near(asked.regimes[name], starts):
+            continue
         constrained = _best(seen, starts, name, asked)
         if constrained is None or not is_of_its_regime(constrained.fit, asked.regimes[name]):
             continue

@@ -34,6 +34,10 @@ def widened_covariance(found: Fit) -> FloatArray:
     return found.covariance * (found.chi2 / dof)
 
 
+_MUCH = 2.5
+"""Scatter over claimed sigma from which on it is worth a word."""
+
+
 def label_of(
     seen: Sightings, found: Fit, prior: PriorName, rivals: int, regimes: Mapping[str, Regime]
 ) -> tuple[Label, str]:
@@ -41,10 +45,12 @@ def label_of(
     doubt = _doubt(seen, found, prior, rivals, regimes)
     if doubt is not None:
         return doubt
+    times = float(np.sqrt(found.chi2 / found.degrees_of_freedom))
+    scatter = f"; directions scatter {times:.0f} times what they claim" if times > _MUCH else ""
     if prior == "none":
         sigma_a_km = sigma_of_a_km((found.r_km, found.v_km_s), widened_covariance(found))
-        return "free", f"sigma of a is {sigma_a_km:.1f} km from the directions alone"
-    return "constrained by prior", f"{regimes[prior].words} ({prior})"
+        return "free", f"sigma of a is {sigma_a_km:.1f} km from the directions alone" + scatter
+    return "constrained by prior", f"{regimes[prior].words} ({prior})" + scatter
 
 
 def is_of_its_regime(found: Fit, regime: Regime) -> bool:
