@@ -21,7 +21,13 @@ from rsoconsole.orbit.forces import Motion
 from rsoconsole.orbit.line_of_sight import LineOfSight
 from rsoconsole.orbit.seeds import State
 from rsoconsole.orbit.sightings import Sightings
-from rsoconsole.orbit.two_body import MU_EARTH_KM3_S2, propagate, propagate_with_slopes
+from rsoconsole.orbit.two_body import (
+    MU_EARTH_KM3_S2,
+    eccentricity_vector,
+    propagate,
+    propagate_with_slopes,
+    semi_major_axis,
+)
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.times import ARCSEC_RAD
 
@@ -132,9 +138,8 @@ class _Problem:
         if before is None:
             return float("inf")
         off = np.linalg.norm(self.deviation[0] - before[0], axis=-1)
-        return (
-            float(np.max(off / np.linalg.norm(true[0] - self.seen.sites_km, axis=-1))) / ARCSEC_RAD
-        )
+        away = np.linalg.norm(true[0] - self.seen.sites_km, axis=-1)
+        return float(np.max(off / away)) / ARCSEC_RAD
 
     def staleness_arcsec(self, step: FloatArray, log_range: float) -> float:
         """By how much a deviation kept over a step may be wrong, in order of magnitude."""
@@ -335,23 +340,3 @@ def _inverse(normal: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
     values = np.maximum(values, 1e-15)
     return np.asarray(scale[:, None] * (vectors / values) @ vectors.T * scale)
-
-
-def eccentricity_vector(
-    r: FloatArray, v: FloatArray, mu: float = MU_EARTH_KM3_S2
-) -> tuple[FloatArray, FloatArray]:
-    """(3,) towards the perigee, as long as the eccentricity; and its slopes (3, 6) by the state."""
-    radius = float(np.sqrt(r @ r))
-    near, along = float(v @ v) - mu / radius, float(r @ v)
-    by_r = near * np.eye(3) + mu / radius**3 * np.outer(r, r) - np.outer(v, v)
-    by_v = 2.0 * np.outer(r, v) - np.outer(v, r) - along * np.eye(3)
-    return (near * r - along * v) / mu, np.concatenate([by_r, by_v], axis=-1) / mu
-
-
-def semi_major_axis(
-    r: FloatArray, v: FloatArray, mu: float = MU_EARTH_KM3_S2
-) -> tuple[float, FloatArray]:
-    """In km, and its slopes (6,) by the state."""
-    radius = float(np.sqrt(r @ r))
-    a_km = 1.0 / (2.0 / radius - float(v @ v) / mu)
-    return a_km, 2.0 * a_km * a_km * np.concatenate([r / radius**3, v / mu])

@@ -5,11 +5,11 @@ from typing import Literal
 
 import numpy as np
 
-from rsoconsole.orbit.fit import Fit, eccentricity_vector, semi_major_axis
+from rsoconsole.orbit.fit import Fit
 from rsoconsole.orbit.regimes import PriorName, Regime
 from rsoconsole.orbit.seeds import State
 from rsoconsole.orbit.sightings import Sightings
-from rsoconsole.orbit.two_body import elements_of
+from rsoconsole.orbit.two_body import eccentricity_vector, elements_of, semi_major_axis
 from rsoconsole.records import FloatArray
 
 Label = Literal["free", "constrained by prior", "weak geometry", "not observable"]
@@ -22,6 +22,8 @@ WIDEST_RANGE = 0.3
 """Relative sigma of the range from which on nothing is known of it."""
 _SURPRISE = {2: 11.83, 3: 14.16}
 """A prior of so many dimensions is contradicted by more: three sigma."""
+_MUCH = 2.5
+"""Scatter over claimed sigma from which on it is worth a word."""
 
 
 def widened_covariance(found: Fit) -> FloatArray:
@@ -32,10 +34,6 @@ def widened_covariance(found: Fit) -> FloatArray:
     if dof <= 0 or found.chi2 <= float(chdtri(dof, 0.01)):
         return found.covariance
     return found.covariance * (found.chi2 / dof)
-
-
-_MUCH = 2.5
-"""Scatter over claimed sigma from which on it is worth a word."""
 
 
 def label_of(
