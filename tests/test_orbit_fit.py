@@ -3,6 +3,8 @@
 Truth is moved by other code (`tests/orbit_truth.py`). Larger samples: `tests/bench/bench_orbit.py`.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -222,6 +224,26 @@ def test_a_held_satellite_is_foretold_for_a_day_by_what_the_catalogue_knows() ->
     inclined = determine(seen_at(one_geo(i_deg=3.0, a_km=42_165.9), TEN_MINUTES_S))
     assert inclined is not None
     assert inclined.prior == "geo"
+
+
+def test_a_days_error_is_bent_and_the_stated_ellipse_holds_it_all_the_same() -> None:
+    """Orbits drawn from the covariance itself, moved exactly: a long error leaves its tangent."""
+    flight = one_geo(i_deg=7.0)
+    orbit = determine(seen_at(flight, np.arange(0.0, HOUR_S, 60.0)), prior="geo")
+    assert orbit is not None
+    orbit = replace(orbit, forces=PointMass())
+    random = np.random.default_rng(1)
+    drawn = random.multivariate_normal(np.zeros(6), orbit.covariance, 600, method="eigh")
+    t = orbit.epoch_utc_ns + np.array([int(DAY_S * 1.1)]) * NS_PER_S
+    ahead = predict(orbit, DAYTONA, t)
+    ee, en, nn = ahead.cov_sky_arcsec2[0]
+    squared = []
+    for step in drawn:
+        other = replace(orbit, r_km=orbit.r_km + step[:3], v_km_s=orbit.v_km_s + step[3:])
+        off = off_arcsec(predict(other, DAYTONA, t).places, ahead.places)[0]
+        squared.append(off @ np.linalg.solve([[ee, en], [en, nn]], off))
+    assert np.mean(np.array(squared) < THREE_SIGMA) > 0.97
+    assert np.mean(np.array(squared) < 2.3) > 0.5  # and is not much too wide: 0.68 of a normal one
 
 
 def test_a_prior_that_the_directions_contradict_is_not_believed() -> None:
