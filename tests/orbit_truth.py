@@ -97,8 +97,20 @@ class Flight:
     def _to_earth(self, t_s: float) -> FloatArray:
         import erfa
 
-        t = self.t0_utc_ns + int(t_s * NS_PER_S)
-        return np.asarray(erfa.c2t06a(*jd_tt(t), *jd_ut1(t), 0.0, 0.0))
+        # The pole moves by a tenth of an arcsecond a day: once will do.
+        return np.asarray(erfa.rz(self._turned_rad + 7.292115146706979e-5 * t_s, self._to_cirs))
+
+    @cached_property
+    def _turned_rad(self) -> float:
+        import erfa
+
+        return float(erfa.era00(*jd_ut1(self.t0_utc_ns)))
+
+    @cached_property
+    def _to_cirs(self) -> FloatArray:
+        import erfa
+
+        return np.asarray(erfa.c2i06a(*jd_tt(self.t0_utc_ns)))
 
     @cached_property
     def _bodies(self) -> CubicSpline:

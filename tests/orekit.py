@@ -9,6 +9,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 from typing import Any
 
 import pytest
@@ -70,6 +71,61 @@ def _lambert(case: dict[str, Any]) -> dict[str, list[float]]:
     return {"v1_km_s": [v.getX() / 1e3, v.getY() / 1e3, v.getZ() / 1e3]}
 
 
+def _omm(case: dict[str, Any]) -> dict[str, Any]:
+    """What Orekit finds in an Orbit Mean-Elements Message; erfa lends it the leap seconds."""
+    import erfa
+    import jpype
+    from java.io import File
+    from java.util import ArrayList
+    from org.orekit.data import DataContext, DataSource
+    from org.orekit.files.ccsds.ndm import ParserBuilder
+    from org.orekit.time import DateComponents, OffsetModel, TimeScalesFactory, UTCTAIOffsetsLoader
+
+    @jpype.JImplements(UTCTAIOffsetsLoader)
+    class LeapSeconds:
+        @jpype.JOverride
+        def loadOffsets(self) -> Any:  # noqa: N802 -- Java's name
+            offsets = ArrayList()
+            for row in erfa.leap_seconds.get():
+                if row["year"] >= 1972:
+                    day = DateComponents(int(row["year"]), int(row["month"]), 1)
+                    offsets.add(OffsetModel(day, int(row["tai_utc"])))
+            return offsets
+
+    context = DataContext.getDefault()
+    context.getTimeScales().addUTCTAIOffsetsLoader(LeapSeconds())
+    # A message names the body at the centre; nobody asks it where it is.
+    earth = jpype.JProxy(
+        "org.orekit.bodies.CelestialBody",
+        dict={"getName": lambda: "Earth", "getGM": lambda: 3.986004418e14},
+    )
+    loader = jpype.JProxy(
+        "org.orekit.bodies.CelestialBodyLoader", dict={"loadCelestialBody": lambda _name: earth}
+    )
+    context.getCelestialBodies().addCelestialBodyLoader("Earth", loader)
+
+    with tempfile.NamedTemporaryFile("w", suffix=".omm") as file:
+        file.write(case["text"])
+        file.flush()
+        message = ParserBuilder().buildOmmParser().parseMessage(DataSource(File(file.name)))
+    metadata, data = message.getMetadata(), message.getData()
+    mean, tle = data.getKeplerianElementsBlock(), data.getTLEBlock()
+    degrees = 180.0 / 3.141592653589793
+    return {
+        "name": str(metadata.getObjectName()),
+        "norad_id": int(tle.getNoradID()),
+        "frame": str(metadata.getReferenceFrame().getName()),
+        "theory": str(metadata.getMeanElementTheory()),
+        "epoch": str(mean.getEpoch().toString(TimeScalesFactory.getUTC())),
+        "revolutions_a_day": float(mean.getMeanMotion()) * 86400.0 / 6.283185307179586,
+        "e": float(mean.getE()),
+        "i_deg": float(mean.getI()) * degrees,
+        "raan_deg": float(mean.getRaan()) * degrees,
+        "argp_deg": float(mean.getPa()) * degrees,
+        "m_deg": float(mean.getAnomaly()) * degrees,
+    }
+
+
 def _vector(values: list[float], scale: float) -> Any:
     from org.hipparchus.geometry.euclidean.threed import Vector3D
 
@@ -82,7 +138,7 @@ def _date(t_s: float) -> Any:
     return AbsoluteDate.J2000_EPOCH.shiftedBy(float(t_s))
 
 
-QUESTIONS = {"gooding": _gooding, "lambert": _lambert}
+QUESTIONS = {"gooding": _gooding, "lambert": _lambert, "omm": _omm}
 
 
 def main() -> None:

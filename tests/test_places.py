@@ -4,12 +4,16 @@ Inputs, not code, are shared: the element sets, UT1-UTC and the pole's position.
 """
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from rsoconsole.orbit.determine import Orbit
 from rsoconsole.orbit.elements import ElementSet, parse_elements
+from rsoconsole.orbit.fit import Fit
+from rsoconsole.orbit.prediction import predict
 from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.records import Site
 from rsoconsole.sky import places, times
@@ -33,7 +37,7 @@ def element_set(rng: np.random.Generator, t_utc_ns: int, regime: str) -> Element
         WGS72,
         "i",
         90000,
-        t_utc_ns / times.NS_PER_DAY + 7305 + rng.uniform(-1, 1),  # days since 1949-12-31
+        t_utc_ns / times.NS_PER_DAY + 7306 + rng.uniform(-1, 1),  # days since 1949-12-31
         0.0 if is_geo else rng.uniform(0, 1e-4),
         0.0,
         0.0,
@@ -72,6 +76,53 @@ def earth():
     ephemeris.close()
 
 
+@dataclass(frozen=True)
+class BySgp4:
+    """A motion that heeds no state."""
+
+    satellite: Satellite
+    epoch_utc_ns: int
+
+    def states(self, r_km, v_km_s, t_s):
+        since_ns = np.rint(np.asarray(t_s) * times.NS_PER_S).astype(np.int64)
+        return self.satellite.position_gcrs(self.epoch_utc_ns + since_ns)
+
+
+def moved_by(satellite: Satellite, t_utc_ns: int) -> Orbit:
+    """An orbit with its epoch ten minutes earlier."""
+    epoch = t_utc_ns - 600 * times.NS_PER_S
+    r, v = satellite.position_gcrs(np.array([epoch]))
+    fit = Fit(
+        r_km=r[0],
+        v_km_s=v[0],
+        covariance=np.eye(6),
+        free_covariance=np.eye(6),
+        residuals_arcsec=np.zeros((3, 2)),
+        is_used=np.ones(3, bool),
+        cost=0.0,
+        chi2=0.0,
+        prior_chi2=0.0,
+        degrees_of_freedom=0,
+        is_converged=True,
+    )
+    return Orbit(
+        label="free",
+        prior="none",
+        reason="",
+        epoch_utc_ns=epoch,
+        r_km=r[0],
+        v_km_s=v[0],
+        covariance=np.eye(6),
+        sigma_a_km=1.0,
+        rms_arcsec=0.0,
+        observations=3,
+        outliers=0,
+        fit=fit,
+        rivals=0,
+        forces=BySgp4(satellite, epoch),
+    )
+
+
 def skyfield_timescale(t_utc_ns: int):
     from skyfield.api import load
 
@@ -97,7 +148,8 @@ def skyfield_site(site: Site):
 
 @pytest.fixture(scope="module")
 def cases(earth):
-    """Per case: regime, separation of ours and of the naive place from skyfield's, range error."""
+    """Per case: regime, separation of ours and of the naive place from skyfield's, range error,
+    separation of what an orbit foretells that SGP4 moves."""
     from skyfield.api import EarthSatellite
 
     rng = np.random.default_rng(20261120)
@@ -111,6 +163,7 @@ def cases(earth):
             satellite = Satellite(elements)
             site = site_below(rng, satellite, t)
             ours = satellite.astrometric_place(site, np.array([t]))
+            foretold = predict(moved_by(satellite, t), site, np.array([t])).places
             theirs = EarthSatellite(elements.line_1, elements.line_2, "", timescale)
             ground = skyfield_site(site)
             ra, dec, distance = (earth + ground).at(instant).observe(earth + theirs).radec()
@@ -122,6 +175,8 @@ def cases(earth):
                     separation_deg(ours.ra_icrs_deg[0], ours.dec_icrs_deg[0], *truth) * 3600,
                     separation_deg(naive_ra._degrees, naive_dec.degrees, *truth) * 3600,
                     ours.range_km[0] - distance.km,
+                    separation_deg(foretold.ra_icrs_deg[0], foretold.dec_icrs_deg[0], *truth)
+                    * 3600,
                 )
             )
     return rows
@@ -135,6 +190,10 @@ def test_place_agrees_with_skyfield_on_a_thousand_geo_and_leo_cases(cases):
         assert ours.max() < HUNDREDTH_ARCSEC
     one_metre_km = 1e-3
     assert max(abs(row[3]) for row in cases) < one_metre_km
+
+
+def test_an_orbits_prediction_agrees_with_skyfield_as_well(cases):
+    assert max(row[4] for row in cases) < HUNDREDTH_ARCSEC
 
 
 def test_the_plain_difference_of_positions_would_fail_that_test(cases):

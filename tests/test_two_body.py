@@ -6,7 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from rsoconsole.orbit.two_body import elements_of, period_s, propagate
+from rsoconsole.orbit.two_body import (
+    elements_of,
+    period_s,
+    propagate,
+    propagate_with_slopes,
+)
 
 MU = 398600.4418
 R = np.array([7000.0, -1200.0, 3000.0])
@@ -94,6 +99,22 @@ def test_two_steps_are_one_step_and_energy_stays(
     assert np.linalg.norm(twice[0] - once[0]) < 100.0 * late_s * np.linalg.norm(once[1]) + 1e-7
     energy = [v @ v / 2 - MU / np.linalg.norm(r) for r, v in ((R, v), once)]
     assert energy[1] == pytest.approx(energy[0], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [5.0, 7.3, 9.0, 10.2, 10.51, 14.0])
+def test_slopes_are_what_small_changes_make(speed: float) -> None:
+    across = np.cross([0.2, 0.9, 0.4], R)
+    v = speed * (across / np.linalg.norm(across) + 0.15 * R / np.linalg.norm(R))
+    times = np.array([-300.0, 0.5, 600.0]) if speed < 6.0 else np.array([-9e4, -60.0, 1.0, 2e5])
+    _, _, slopes = propagate_with_slopes(R, v, times, MU)
+    for n, step in enumerate([1e-2] * 3 + [1e-5] * 3):
+        aside = np.zeros(6)
+        aside[n] = step
+        there = propagate(R + aside[:3], v + aside[3:], times, MU)[0]
+        back = propagate(R - aside[:3], v - aside[3:], times, MU)[0]
+        expected = (there - back) / (2.0 * step)
+        scale = np.abs(expected).max(axis=1, keepdims=True)
+        np.testing.assert_allclose(slopes[:, :, n] / scale, expected / scale, atol=1e-4)
 
 
 def test_many_at_once_are_each_by_itself() -> None:

@@ -21,12 +21,14 @@ from rsoconsole.orbit.labels import (
     is_of_its_regime,
     label_of,
     sigma_of_a_km,
+    sigma_of_e,
     widened_covariance,
 )
-from rsoconsole.orbit.passes import passes, seeds_across
+from rsoconsole.orbit.passes import is_foretold, passes, starts_towards
 from rsoconsole.orbit.regimes import AUTOMATIC, REGIMES, PriorName, Regime
 from rsoconsole.orbit.seeds import INWARD, State, is_plausible, seeds
 from rsoconsole.orbit.sightings import Sightings
+from rsoconsole.orbit.two_body import elements_of
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.times import NS_PER_S, IntArray
 
@@ -36,7 +38,10 @@ POINT_MASS_S = 900.0
 _RIVAL = 9.0
 """Two orbits whose sums of squares differ by less are told apart by nothing."""
 _HELPED = 2.0
-"""Where a prior narrows the semi-major axis by more, the orbit is not left to the directions."""
+"""Where a prior narrows axis or eccentricity by more, the orbit is not left to the directions."""
+_MOST_STARTS = 4
+_NEAR_A_REGIME = 1.4
+"""Starts whose semi-major axes miss a regime by this factor do not belong to it."""
 _ASTRAY = 9.0
 """A mean square residual from which on a start has led nowhere."""
 
@@ -106,7 +111,7 @@ def determine(
     forces: Motion | None = None,
     regimes: Mapping[str, Regime] = REGIMES,
 ) -> Orbit | None:
-    """The best orbit through ``seen``; None where there are too few directions for any.
+    """The best orbit through ``seen``; None where too few directions, or no orbit, tell one.
 
     ``start``: a state at the epoch of ``seen`` of an earlier orbit of the same object
     (`Orbit.states`), from which refining is quick; without one (or where it leads nowhere) every
@@ -128,16 +133,38 @@ def determine(
 
 def _from_nothing(seen: Sightings, asked: _Asked) -> _Found | None:
     """From the longest pass to all of them, the nearest in time first."""
-    first, *others = passes(seen)
-    found = _first_pass(seen.of(first), asked)
-    known = first
-    for each in others:
-        if found is None:
-            return None
-        starts = (found.state, *seeds_across(seen.of(known), seen.of(each)))
-        known = np.sort(np.concatenate([known, each]))
+    known, *others = passes(seen)
+    found = _first_pass(seen.of(known), asked)
+    while others and found is not None:
+        covariance = widened_covariance(found.fit)
+        added = [each for each in others if is_foretold(found.state, covariance, seen.of(each))]
+        starts: tuple[State, ...] = (found.state,)
+        if not added:
+            added = others[:1]
+            starts = starts_towards(found.state, covariance, seen.of(others[0]))
+        known = np.sort(np.concatenate([known, *added]))
+        others = [each for each in others if not any(each is one for one in added)]
+        starts = _sifted(seen.of(known), starts, asked.belief(found.prior))
         found = _settled(seen.of(known), starts, asked)
     return found
+
+
+def _sifted(seen: Sightings, starts: tuple[State, ...], prior: Prior) -> tuple[State, ...]:
+    """The few of many starts that are worth the forces' price."""
+    if len(starts) <= _MOST_STARTS:
+        return starts
+    fits = sorted((fit(seen, each, prior=prior) for each in starts), key=lambda each: each.cost)
+    sifted: list[Fit] = []
+    for each in fits:
+        if is_plausible(each.r_km, each.v_km_s) and _is_apart(each, sifted):
+            sifted.append(each)
+    return tuple((each.r_km, each.v_km_s) for each in sifted[:_MOST_STARTS])
+
+
+def _is_apart(found: Fit, others: Iterable[Fit]) -> bool:
+    """Whether it is another orbit than any of those."""
+    size = 0.05 * float(np.linalg.norm(found.r_km))
+    return all(float(np.linalg.norm(found.r_km - each.r_km)) > size for each in others)
 
 
 def _first_pass(seen: Sightings, asked: _Asked) -> _Found | None:
@@ -159,7 +186,9 @@ def _settled(seen: Sightings, starts: tuple[State, ...], asked: _Asked) -> _Foun
     is_refining = len(starts) == 1
     if asked.prior == "none" or (is_refining and _needs_no_prior(seen, starts[0], asked)):
         return _best(seen, starts, "none", asked)
-    for name in AUTOMATIC:
+    for name in (each for each in AUTOMATIC if each in asked.regimes):
+        if not _is_near(asked.regimes[name], starts):
+            continue
         constrained = _best(seen, starts, name, asked)
         if constrained is None or not is_of_its_regime(constrained.fit, asked.regimes[name]):
             continue
@@ -170,13 +199,20 @@ def _settled(seen: Sightings, starts: tuple[State, ...], asked: _Asked) -> _Foun
     return _best(seen, starts, "none", asked)
 
 
+def _is_near(regime: Regime, starts: tuple[State, ...]) -> bool:
+    axes_km = [elements_of(*state).a_km for state in starts]
+    low, high = regime.lowest_a_km / _NEAR_A_REGIME, regime.highest_a_km * _NEAR_A_REGIME
+    return any(low <= each <= high for each in axes_km)
+
+
 def _needs_no_prior(seen: Sightings, state: State, asked: _Asked) -> bool:
-    """Whether the directions alone give the orbit, and hardly worse than with a prior."""
+    """Whether the directions alone give axis and eccentricity, and hardly worse than a prior."""
     near = [each.prior for each in asked.regimes.values() if each.holds(state)]
-    belief = near[0] if near else Prior()
-    constrained, free = formal_covariances(seen, state, belief)
-    sigma_km = sigma_of_a_km(state, free)
-    return sigma_km <= min(FREE_SIGMA_A_KM, _HELPED * sigma_of_a_km(state, constrained))
+    constrained, free = formal_covariances(seen, state, near[0] if near else Prior())
+    sigma_a_km, sigma_e = sigma_of_a_km(state, free), sigma_of_e(state, free)
+    return sigma_a_km <= min(
+        FREE_SIGMA_A_KM, _HELPED * sigma_of_a_km(state, constrained)
+    ) and sigma_e <= _HELPED * sigma_of_e(state, constrained)
 
 
 def _is_astray(found: _Found) -> bool:
@@ -194,11 +230,9 @@ def _best(
     if not sound:
         return None
     best = min(sound, key=lambda each: each.cost)
-    distance = float(np.linalg.norm(best.r_km))
     rivals: list[Fit] = []
     for each in sorted(sound, key=lambda each: each.cost):
-        apart = [np.linalg.norm(each.r_km - other.r_km) for other in (best, *rivals)]
-        if each.cost < best.cost + _RIVAL and min(apart) > 0.05 * distance:
+        if each.cost < best.cost + _RIVAL and _is_apart(each, (best, *rivals)):
             rivals.append(each)
     return _Found(fit=best, rivals=len(rivals), prior=name)
 

@@ -21,7 +21,13 @@ from rsoconsole.orbit.forces import Motion
 from rsoconsole.orbit.line_of_sight import LineOfSight
 from rsoconsole.orbit.seeds import State
 from rsoconsole.orbit.sightings import Sightings
-from rsoconsole.orbit.two_body import MU_EARTH_KM3_S2, propagate, propagate_with_slopes
+from rsoconsole.orbit.two_body import (
+    MU_EARTH_KM3_S2,
+    eccentricity_vector,
+    propagate,
+    propagate_with_slopes,
+    semi_major_axis,
+)
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.times import ARCSEC_RAD
 
@@ -32,9 +38,11 @@ _MOST_DAMPINGS = 8
 _HUBER = 2.0
 _OUTLIER = 16.0
 """A squared residual in units of its variance from which on a direction is left out."""
-_MOST_DEVIATIONS = 6
-_STALE_ARCSEC = 0.005
-"""By so much a deviation may be wrong, seen from the site."""
+_MEDIAN_SQUARE = 1.386
+"""Of two normal residuals."""
+_MOST_DEVIATIONS = 8
+_STALE = 0.01
+"""Of a direction's sigma: so much a deviation may be wrong, seen from the site."""
 _NO_NUMBERS = np.linalg.LinAlgError
 
 
@@ -120,12 +128,18 @@ class _Problem:
         tau_s = self.seen.light_times_s(places - velocities * tau_s[:, None])
         return places - velocities * tau_s[:, None], slopes
 
-    def deviate(self, motion: Motion, unknowns: FloatArray) -> None:
-        """Reckon the deviation at these unknowns."""
+    def deviate(self, motion: Motion, unknowns: FloatArray) -> float:
+        """Reckon the deviation at these unknowns; by how many arcsec it was wrong."""
         r, v = self.view.state(unknowns)
         true = motion.states(r, v, self.seen.t_s)
         plain = propagate(r, v, self.seen.t_s, self.mu)
+        before = self.deviation
         self.deviation = (true[0] - plain[0], true[1] - plain[1])
+        if before is None:
+            return float("inf")
+        off = np.linalg.norm(self.deviation[0] - before[0], axis=-1)
+        away = np.linalg.norm(true[0] - self.seen.sites_km, axis=-1)
+        return float(np.max(off / away)) / ARCSEC_RAD
 
     def staleness_arcsec(self, step: FloatArray, log_range: float) -> float:
         """By how much a deviation kept over a step may be wrong, in order of magnitude."""
@@ -152,17 +166,11 @@ def fit(
     """
     problem = _problem(seen, start, prior or Prior(), mu)
     unknowns = problem.view.unknowns(start)
-    is_converged = False
     with np.errstate(all="ignore"):
-        for _ in range(1 if motion is None else _MOST_DEVIATIONS):
-            before = unknowns
-            if motion is not None:
-                problem.deviate(motion, unknowns)
+        if motion is None:
             unknowns, is_converged = _descend(problem, unknowns)
-            stale = problem.staleness_arcsec(unknowns - before, float(unknowns[4]))
-            is_converged = is_converged and stale < _STALE_ARCSEC
-            if is_converged or not np.isfinite(stale):
-                break
+        else:
+            unknowns, is_converged = _descend_with(problem, motion, unknowns)
         return _finished(problem, unknowns, is_converged)
 
 
@@ -186,6 +194,26 @@ def _problem(seen: Sightings, start: State, prior: Prior, mu: float) -> _Problem
     site_km = seen.sites_km[nearest] - seen.sites_km_s[nearest] * seen.t_s[nearest]
     view = LineOfSight.through(start, site_km, seen.sites_km_s[nearest])
     return _Problem(seen=seen, prior=prior, mu=mu, view=view)
+
+
+def _descend_with(
+    problem: _Problem, motion: Motion, unknowns: FloatArray
+) -> tuple[FloatArray, bool]:
+    """With the forces' deviation reckoned anew until it stays."""
+    stale_arcsec = _STALE * float(np.median(1.0 / np.abs(problem.seen.whitening[:, 0, 0])))
+    is_converged = False
+    for _ in range(_MOST_DEVIATIONS):
+        was_off = problem.deviate(motion, unknowns)
+        if is_converged and was_off < stale_arcsec:
+            return unknowns, True
+        before = unknowns
+        unknowns, is_converged = _descend(problem, unknowns)
+        may_be_off = problem.staleness_arcsec(unknowns - before, float(unknowns[4]))
+        if is_converged and may_be_off < stale_arcsec:
+            return unknowns, True
+        if not np.isfinite(may_be_off):
+            break
+    return unknowns, False
 
 
 def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]:
@@ -295,8 +323,12 @@ def _step(slopes: FloatArray, value: FloatArray) -> FloatArray | None:
 
 
 def _used(squares: FloatArray) -> BoolArray:
-    """Which directions are no outliers; the worst third at most is."""
-    bound = max(_OUTLIER, float(np.quantile(squares, 2.0 / 3.0)))
+    """Which directions are no outliers; the worst third at most is.
+
+    Where most scatter more than they claim to, it is their claims that are wrong.
+    """
+    scatter = max(1.0, float(np.median(squares)) / _MEDIAN_SQUARE)
+    bound = max(_OUTLIER * scatter, float(np.quantile(squares, 2.0 / 3.0)))
     return np.asarray(squares <= bound)
 
 
@@ -308,23 +340,3 @@ def _inverse(normal: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
     values = np.maximum(values, 1e-15)
     return np.asarray(scale[:, None] * (vectors / values) @ vectors.T * scale)
-
-
-def eccentricity_vector(
-    r: FloatArray, v: FloatArray, mu: float = MU_EARTH_KM3_S2
-) -> tuple[FloatArray, FloatArray]:
-    """(3,) towards the perigee, as long as the eccentricity; and its slopes (3, 6) by the state."""
-    radius = float(np.sqrt(r @ r))
-    near, along = float(v @ v) - mu / radius, float(r @ v)
-    by_r = near * np.eye(3) + mu / radius**3 * np.outer(r, r) - np.outer(v, v)
-    by_v = 2.0 * np.outer(r, v) - np.outer(v, r) - along * np.eye(3)
-    return (near * r - along * v) / mu, np.concatenate([by_r, by_v], axis=-1) / mu
-
-
-def semi_major_axis(
-    r: FloatArray, v: FloatArray, mu: float = MU_EARTH_KM3_S2
-) -> tuple[float, FloatArray]:
-    """In km, and its slopes (6,) by the state."""
-    radius = float(np.sqrt(r @ r))
-    a_km = 1.0 / (2.0 / radius - float(v @ v) / mu)
-    return a_km, 2.0 * a_km * a_km * np.concatenate([r / radius**3, v / mu])

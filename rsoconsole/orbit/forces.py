@@ -107,7 +107,7 @@ def _carried(field_: "_Field", start: FloatArray, times: FloatArray) -> FloatArr
         events=_come_down,
     )
     found = np.full((len(unique), 6), np.nan)
-    found[: solved.y.shape[1]] = solved.y.T
+    found[: len(solved.t)] = np.reshape(solved.y, (6, -1)).T
     return found[where]
 
 

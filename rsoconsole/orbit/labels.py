@@ -5,11 +5,11 @@ from typing import Literal
 
 import numpy as np
 
-from rsoconsole.orbit.fit import Fit, semi_major_axis
+from rsoconsole.orbit.fit import Fit
 from rsoconsole.orbit.regimes import PriorName, Regime
 from rsoconsole.orbit.seeds import State
 from rsoconsole.orbit.sightings import Sightings
-from rsoconsole.orbit.two_body import elements_of
+from rsoconsole.orbit.two_body import eccentricity_vector, elements_of, semi_major_axis
 from rsoconsole.records import FloatArray
 
 Label = Literal["free", "constrained by prior", "weak geometry", "not observable"]
@@ -22,6 +22,8 @@ WIDEST_RANGE = 0.3
 """Relative sigma of the range from which on nothing is known of it."""
 _SURPRISE = {2: 11.83, 3: 14.16}
 """A prior of so many dimensions is contradicted by more: three sigma."""
+_MUCH = 2.5
+"""Scatter over claimed sigma from which on it is worth a word."""
 
 
 def widened_covariance(found: Fit) -> FloatArray:
@@ -41,10 +43,12 @@ def label_of(
     doubt = _doubt(seen, found, prior, rivals, regimes)
     if doubt is not None:
         return doubt
+    times = float(np.sqrt(found.chi2 / found.degrees_of_freedom))
+    scatter = f"; directions scatter {times:.0f} times what they claim" if times > _MUCH else ""
     if prior == "none":
         sigma_a_km = sigma_of_a_km((found.r_km, found.v_km_s), widened_covariance(found))
-        return "free", f"sigma of a is {sigma_a_km:.1f} km from the directions alone"
-    return "constrained by prior", f"{regimes[prior].words} ({prior})"
+        return "free", f"sigma of a is {sigma_a_km:.1f} km from the directions alone" + scatter
+    return "constrained by prior", f"{regimes[prior].words} ({prior})" + scatter
 
 
 def is_of_its_regime(found: Fit, regime: Regime) -> bool:
@@ -88,3 +92,9 @@ def sigma_of_a_km(state: State, covariance: FloatArray) -> float:
     """Formal sigma of the semi-major axis."""
     _, slope = semi_major_axis(*state)
     return float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
+
+
+def sigma_of_e(state: State, covariance: FloatArray) -> float:
+    """Formal sigma of the eccentricity's vector, all its components together."""
+    _, slopes = eccentricity_vector(*state)
+    return float(np.sqrt(max(float(np.trace(slopes @ covariance @ slopes.T)), 0.0)))

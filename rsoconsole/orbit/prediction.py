@@ -7,8 +7,14 @@ import numpy as np
 from rsoconsole.orbit.determine import Orbit
 from rsoconsole.orbit.two_body import propagate, propagate_with_slopes
 from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky.angles import unit_to_direction, wrap_180
 from rsoconsole.sky.places import Places, astrometric_places
 from rsoconsole.sky.times import ARCSEC_RAD, NS_PER_S, IntArray
+
+_ENDS = 3.0**0.5
+"""Sigmas, at which two points tell a normal error's second order (Julier & Uhlmann 2004)."""
+_TAIL = 0.5
+"""A third has the variance of a squared error, whose tails are longer than a normal one's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,8 +36,8 @@ class Prediction:
 def predict(orbit: Orbit, site: Site, t_utc_ns: IntArray) -> Prediction:
     """Astrometric places (ICRS) seen from a site at instants (N,), with their covariance.
 
-    The orbit's covariance is carried by the two-body motion: its slopes are all that is asked of
-    it. NaN where the object has come down.
+    The orbit's covariance is carried by the two-body motion, along the line of the largest error
+    to the second order. NaN where the object has come down.
     """
     t = np.atleast_1d(np.asarray(t_utc_ns, np.int64))
     since_s = (t - orbit.epoch_utc_ns) / NS_PER_S
@@ -42,15 +48,48 @@ def predict(orbit: Orbit, site: Site, t_utc_ns: IntArray) -> Prediction:
         return propagate(r, v, (at - t) / NS_PER_S)
 
     places = astrometric_places(position_of, site, t)
-    _, _, slopes = propagate_with_slopes(orbit.r_km, orbit.v_km_s, since_s)
-    ra, dec = np.radians(places.ra_icrs_deg), np.radians(places.dec_icrs_deg)
-    zero = np.zeros_like(ra)
-    east = np.stack([-np.sin(ra), np.cos(ra), zero], axis=-1)
-    north = np.stack([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)], axis=-1)
-    across = np.stack([east, north], axis=-2) / places.range_km[:, None, None] / ARCSEC_RAD
-    on_sky = across @ slopes
+    plain, _, slopes = propagate_with_slopes(orbit.r_km, orbit.v_km_s, since_s)
+    on_sky = _sky_slopes(places) @ slopes
     cov = on_sky @ orbit.covariance @ np.swapaxes(on_sky, -1, -2)
+    bend = _bend_arcsec(orbit, places, since_s, (plain, on_sky, cov))
+    cov = cov + _TAIL * bend[:, :, None] * bend[:, None, :]
     return Prediction(
         places=places,
         cov_sky_arcsec2=np.stack([cov[:, 0, 0], cov[:, 0, 1], cov[:, 1, 1]], axis=-1),
     )
+
+
+def _sky_slopes(places: Places) -> FloatArray:
+    """(N, 2, 3) arcsec/km: east and north by the place."""
+    ra, dec = np.radians(places.ra_icrs_deg), np.radians(places.dec_icrs_deg)
+    zero = np.zeros_like(ra)
+    east = np.stack([-np.sin(ra), np.cos(ra), zero], axis=-1)
+    north = np.stack([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)], axis=-1)
+    return np.stack([east, north], axis=-2) / places.range_km[:, None, None] / ARCSEC_RAD
+
+
+def _bend_arcsec(
+    orbit: Orbit,
+    places: Places,
+    since_s: FloatArray,
+    linear: tuple[FloatArray, FloatArray, FloatArray],
+) -> FloatArray:
+    """(N, 2) how far the ends of a long error stand off its chord, east and north.
+
+    The way across the sky is bent, and what is known of it after a day is long and thin.
+    """
+    plain, on_sky, cov = linear
+    is_known = np.all(np.isfinite(cov), axis=(-2, -1))
+    values, vectors = np.linalg.eigh(np.where(is_known[:, None, None], cov, np.eye(2)))
+    sigma = np.sqrt(np.maximum(values[:, -1], 1e-12))
+    step = np.einsum("ij,nkj,nk->ni", orbit.covariance, on_sky, vectors[:, :, -1])
+    step = _ENDS * step / sigma[:, None]
+    line = places.position_gcrs_km - places.site_gcrs_km
+    total = np.zeros_like(sigma[:, None] * vectors[:, :, -1])
+    for sign in (-1.0, 1.0):
+        r, v = orbit.r_km + sign * step[:, :3], orbit.v_km_s + sign * step[:, 3:]
+        ra_deg, dec_deg = unit_to_direction(line + propagate(r, v, since_s)[0] - plain)
+        ra0, dec0 = unit_to_direction(line)
+        east = wrap_180(ra_deg - ra0) * np.cos(np.radians(dec0))
+        total = total + 1800.0 * np.stack([east, dec_deg - dec0], axis=-1)
+    return np.where(np.isfinite(total), total, 0.0)

@@ -161,6 +161,26 @@ def elements_of(
     )
 
 
+def eccentricity_vector(
+    r: FloatArray, v: FloatArray, mu: float = MU_EARTH_KM3_S2
+) -> tuple[FloatArray, FloatArray]:
+    """(3,) towards the perigee, as long as the eccentricity; and its slopes (3, 6) by the state."""
+    radius = float(np.sqrt(r @ r))
+    near, along = float(v @ v) - mu / radius, float(r @ v)
+    by_r = near * np.eye(3) + mu / radius**3 * np.outer(r, r) - np.outer(v, v)
+    by_v = 2.0 * np.outer(r, v) - np.outer(v, r) - along * np.eye(3)
+    return (near * r - along * v) / mu, np.concatenate([by_r, by_v], axis=-1) / mu
+
+
+def semi_major_axis(
+    r: FloatArray, v: FloatArray, mu: float = MU_EARTH_KM3_S2
+) -> tuple[float, FloatArray]:
+    """In km, and its slopes (6,) by the state."""
+    radius = float(np.sqrt(r @ r))
+    a_km = 1.0 / (2.0 / radius - float(v @ v) / mu)
+    return a_km, 2.0 * a_km * a_km * np.concatenate([r / radius**3, v / mu])
+
+
 def period_s(a_km: float, mu: float = MU_EARTH_KM3_S2) -> float:
     """Time of one revolution; infinite for an unbound orbit."""
     return float(2.0 * np.pi * np.sqrt(a_km**3 / mu)) if a_km > 0.0 else float("inf")

@@ -66,8 +66,8 @@ def cirs_to_gcrs(t_utc_ns: TimeLike) -> FloatArray:
     fraction = ((t - hours * _KNOT_NS) / _KNOT_NS)[..., None]
     unique, inverse = np.unique(hours, return_inverse=True)
     knots = {int(h): _pole_knot(int(h)) for h in unique}
-    before = np.array([knots[int(h)] for h in unique])
-    after = np.array([_pole_knot(int(h) + 1) for h in unique])
+    before = np.array([knots[int(h)] for h in unique]).reshape(-1, 3)
+    after = np.array([_pole_knot(int(h) + 1) for h in unique]).reshape(-1, 3)
     at = inverse.reshape(t.shape)
     xys = before[at] * (1.0 - fraction) + after[at] * fraction
     return np.asarray(np.swapaxes(erfa.c2ixys(xys[..., 0], xys[..., 1], xys[..., 2]), -1, -2))

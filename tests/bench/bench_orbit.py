@@ -14,6 +14,8 @@ two nights, and the time of refining.
 
 import argparse
 import json
+import os
+import platform
 import statistics
 import time
 from dataclasses import asdict, dataclass, replace
@@ -307,6 +309,8 @@ def main() -> None:
                     _print(these)
                     cells += these
         kept["cells"] = [asdict(each) for each in cells]
+    kept["machine"] = f"{platform.machine()}, {os.cpu_count()} cores"
+    kept[f"load_{given.only or 'all'}"] = round(os.getloadavg()[0], 1)
     if given.write:
         RESULTS.write_text(json.dumps(kept, indent=1) + "\n")
 
