@@ -285,12 +285,23 @@ def _print(cells: list[Cell]) -> None:
         )
 
 
+def _measured(world: World, runs: int, seed: int) -> list[dict[str, object]]:
+    cells: list[Cell] = []
+    for i_deg in world.inclinations_deg:
+        for arc_min in ARCS_MIN:
+            these = cells_of(world, i_deg, arc_min, runs, seed)
+            _print(these)
+            cells += these
+    return [asdict(each) for each in cells]
+
+
 def main() -> None:
     """Measure, print, and keep with ``--write``."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--seed", type=int, default=20230622)
     parser.add_argument("--only", choices=["cells", "nights", "refining"])
+    parser.add_argument("--world", choices=[each.name for each in WORLDS], help="this one alone")
     parser.add_argument("--write", action="store_true", help=f"keep the figures in {RESULTS.name}")
     given = parser.parse_args()
     kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
@@ -301,14 +312,14 @@ def main() -> None:
         kept["two_nights"] = two_nights(given.runs, given.seed)
         print(*kept["two_nights"], sep="\n")
     if given.only in {None, "cells"}:
-        cells = []
         for world in WORLDS:
-            for i_deg in world.inclinations_deg:
-                for arc_min in ARCS_MIN:
-                    these = cells_of(world, i_deg, arc_min, given.runs, given.seed)
-                    _print(these)
-                    cells += these
-        kept["cells"] = [asdict(each) for each in cells]
+            if given.world in {None, world.name}:
+                kept["cells"] = [
+                    *(each for each in kept.get("cells", []) if each["world"] != world.name),
+                    *_measured(world, given.runs, given.seed),
+                ]
+                if given.write:  # a world takes minutes
+                    RESULTS.write_text(json.dumps(kept, indent=1) + "\n")
     kept["machine"] = f"{platform.machine()}, {os.cpu_count()} cores"
     kept[f"load_{given.only or 'all'}"] = round(os.getloadavg()[0], 1)
     if given.write:
