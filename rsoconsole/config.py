@@ -258,10 +258,29 @@ class AimConfig(_Section):
     )
 
 
+class OrbitConfig(_Section):
+    """The orbit of what is followed, found while it is followed."""
+
+    online: bool = Field(True, description="refine the orbit after each measurement")
+    prior: Literal["auto", "none", "slot", "geo", "meo"] = Field(
+        "auto", description="what is believed of an orbit beforehand; auto: only what is needed"
+    )
+    guide: Literal["when better", "never"] = Field(
+        "when better",
+        description="whether the telescope goes where the orbit says, where that foretells better"
+        " than the filter, and looks there for what the filter has lost",
+    )
+
+
 class CatalogueConfig(_Section):
     """Which satellites are known by name."""
 
-    tle_files: tuple[Path, ...] = Field((), description="two-line element sets, as published")
+    tle_files: tuple[Path, ...] = Field(
+        (), description="element sets, as published: TLE, or OMM as XML, JSON or CSV"
+    )
+    gate_deg: float = Field(
+        0.2, gt=0, le=5, description="how far off its elements an object may be and be named"
+    )
 
 
 Graphics = Literal["blocks", "auto", "kitty", "sixel"]
@@ -306,6 +325,7 @@ class Config(_Section):
     filter: FilterConfig = FilterConfig()
     search: SearchConfig = SearchConfig()
     aim: AimConfig = AimConfig()
+    orbit: OrbitConfig = OrbitConfig()
     catalogue: CatalogueConfig = CatalogueConfig()
     session: SessionConfig = SessionConfig()
     console: ConsoleConfig = ConsoleConfig()

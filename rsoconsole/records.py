@@ -285,6 +285,72 @@ class Miss:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OrbitEstimate:
+    """The orbit of what is followed, through everything measured of it up to this frame."""
+
+    frame_id: int
+    label: str
+    """"free", "constrained by prior", "weak geometry" or "not observable"."""
+    prior: str
+    """By name; "none" for a free orbit."""
+    reason: str
+    observations: int
+    arc_s: float
+    epoch_utc_ns: int
+    r_gcrs_km: tuple[float, float, float]
+    v_gcrs_km_s: tuple[float, float, float]
+    covariance: tuple[tuple[float, ...], ...]
+    """(6, 6), km and km/s."""
+    a_km: float
+    """Elements at the epoch, osculating, along GCRS axes."""
+    e: float
+    i_deg: float
+    sigma_a_km: float
+    rms_arcsec: float
+    outliers: int
+    nis: float | None = None
+    """Normalised innovation squared of this frame's measurement against the orbit before it."""
+    innovation_arcsec: tuple[float, float] | None = None
+    """(d alpha cos delta, d delta), measured minus what the orbit before it foretold."""
+    sigma_innovation_arcsec: tuple[float, float] | None = None
+    is_guide: bool = False
+    """Whether the telescope goes where this orbit says, not where the filter does."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CatalogueMatch:
+    """One catalogued object beside what is followed; measured minus predicted."""
+
+    norad_id: int
+    name: str
+    separation_arcsec: float
+    along_track_s: float
+    """How early it is."""
+    cross_track_arcsec: float
+    rate_difference_percent: float | None
+    tle_age_days: float
+    score: float
+    """How many sigma off."""
+    probability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identified:
+    """Which catalogued object what is followed is, by its directions up to this frame."""
+
+    frame_id: int
+    verdict: Literal["identified", "ambiguous", "unknown"]
+    reason: str
+    hint: str
+    """Of a manoeuvre; empty as a rule."""
+    observations: int
+    catalogued: int
+    """Objects it was compared with."""
+    matches: tuple[CatalogueMatch, ...]
+    """Best first; the second is the runner-up."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StateChange:
     """The loop passed from one state to another."""
 

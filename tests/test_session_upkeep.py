@@ -23,6 +23,7 @@ from rsoconsole.session.archive import archive_session
 from rsoconsole.session.holdings import MANIFEST
 from rsoconsole.session.prune import Policy, Step, plan_pruning, prune
 from rsoconsole.session.reader import SessionReader
+from rsoconsole.session.schema import SCHEMA_VERSION
 from rsoconsole.session.store import branches_of, list_sessions, sweep_removed
 from rsoconsole.session.verify import verify_session
 from tests.made_up_night import begin
@@ -298,7 +299,12 @@ def test_the_list_says_what_a_night_was_and_what_became_of_it(nights) -> None:
     upkeep.keep(nights / "age1", "")
     begin(nights / "age2" / "branches" / "wide", branch_of="../..").close()
     first, second, *_ = list_sessions(nights)
-    assert (first.frames, first.state, first.is_kept, first.schema) == (4, "closed", True, 2)
+    assert (first.frames, first.state, first.is_kept, first.schema) == (
+        4,
+        "closed",
+        True,
+        SCHEMA_VERSION,
+    )
     # Of four frames two were empty, a track begins with its second measurement.
     tracked = {row["frame_id"] for row in SessionReader(nights / "age1").view("track")}
     assert first.followed_frames == len(tracked) > 0

@@ -22,6 +22,7 @@ from rsoconsole.session.archive import archive_session
 from rsoconsole.session.pages import Pages
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.repair import repair_session
+from rsoconsole.session.schema import SCHEMA_VERSION
 from rsoconsole.session.store import list_sessions
 from rsoconsole.session.verify import verify_session
 from rsoconsole.session.writer import SessionWriter
@@ -43,7 +44,7 @@ def night(made: Path, tmp_path: Path) -> Path:
 
 def test_a_night_as_it_was_written_is_sound_to_the_last_byte(night: Path) -> None:
     found = verify_session(night)
-    assert (found.state, found.schema, found.digest) == ("closed", 2, "confirmed")
+    assert (found.state, found.schema, found.digest) == ("closed", SCHEMA_VERSION, "confirmed")
     assert (found.frames, found.files, found.findings) == (4, 12, [])
     size = sum(p.stat().st_size for p in night.rglob("*") if p.suffix in (".fz", ".png"))
     assert found.bytes == size

@@ -15,6 +15,7 @@ import numpy as np
 
 from rsoconsole.orbit.fit import Fit, Prior, fit, formal_covariances
 from rsoconsole.orbit.forces import Forces, Motion
+from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.labels import (
     FREE_SIGMA_A_KM,
     Label,
@@ -29,8 +30,6 @@ from rsoconsole.orbit.regimes import AUTOMATIC, REGIMES, PriorName, Regime
 from rsoconsole.orbit.seeds import INWARD, State, is_plausible, seeds
 from rsoconsole.orbit.sightings import Sightings
 from rsoconsole.orbit.two_body import elements_of
-from rsoconsole.records import FloatArray
-from rsoconsole.sky.times import NS_PER_S, IntArray
 
 LEAST_SIGHTINGS = 3
 POINT_MASS_S = 900.0
@@ -47,20 +46,14 @@ _ASTRAY = 9.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Orbit:
-    """An orbit, and how well it is known."""
+class Orbit(KnownOrbit):
+    """An orbit that was determined, and how well it is known."""
 
     label: Label
     prior: PriorName
     """The one in use: none for a free orbit."""
     reason: str
     """Why it is labelled so, in words."""
-    epoch_utc_ns: int
-    r_km: FloatArray
-    """(3,) GCRS at the epoch"""
-    v_km_s: FloatArray
-    covariance: FloatArray
-    """(6, 6) km and km/s"""
     sigma_a_km: float
     rms_arcsec: float
     """Of the used directions, per axis."""
@@ -69,13 +62,6 @@ class Orbit:
     fit: Fit
     rivals: int
     """Other orbits that fit as well."""
-    forces: Motion
-    """What carries it through time from its epoch."""
-
-    def states(self, t_utc_ns: IntArray) -> tuple[FloatArray, FloatArray]:
-        """GCRS positions and velocities (N, 3) at instants (N,): km, km/s."""
-        t = np.atleast_1d(np.asarray(t_utc_ns, np.int64))
-        return self.forces.states(self.r_km, self.v_km_s, (t - self.epoch_utc_ns) / NS_PER_S)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbit.determine import Orbit
+from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.two_body import propagate, propagate_with_slopes
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.angles import unit_to_direction, wrap_180
@@ -33,7 +33,7 @@ class Prediction:
         return np.asarray(np.sqrt(np.maximum(middle + half, 0.0)))
 
 
-def predict(orbit: Orbit, site: Site, t_utc_ns: IntArray) -> Prediction:
+def predict(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> Prediction:
     """Astrometric places (ICRS) seen from a site at instants (N,), with their covariance.
 
     The orbit's covariance is carried by the two-body motion, along the line of the largest error
@@ -69,7 +69,7 @@ def _sky_slopes(places: Places) -> FloatArray:
 
 
 def _bend_arcsec(
-    orbit: Orbit,
+    orbit: KnownOrbit,
     places: Places,
     since_s: FloatArray,
     linear: tuple[FloatArray, FloatArray, FloatArray],

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.config import LimitsConfig
-from rsoconsole.orbit.determine import Orbit
+from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.prediction import predict
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.frames import icrs_to_altaz
@@ -51,7 +51,7 @@ class OrbitOutlook:
 
 
 def orbit_outlook(
-    orbit: Orbit, site: Site, limits: LimitsConfig, from_utc_ns: int, ahead_s: Sequence[int]
+    orbit: KnownOrbit, site: Site, limits: LimitsConfig, from_utc_ns: int, ahead_s: Sequence[int]
 ) -> OrbitOutlook:
     """Places ``ahead_s`` after an instant, and what happens within a day of it."""
     since = np.arange(0, AHEAD_S + _STEP_S, _STEP_S)
@@ -78,7 +78,7 @@ def orbit_outlook(
     )
 
 
-def _ahead(orbit: Orbit, site: Site, t_utc_ns: IntArray) -> tuple[Ahead, ...]:
+def _ahead(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> tuple[Ahead, ...]:
     predicted = predict(orbit, site, t_utc_ns)
     places, sigma = predicted.places, predicted.sigma_arcsec
     altitude_deg, azimuth_deg = icrs_to_altaz(

@@ -24,11 +24,13 @@ from rsoconsole.records import (
     Event,
     FollowedAgain,
     FrameTaken,
+    Identified,
     Measurement,
     Miss,
     NotFollowed,
     NotSolved,
     OperatorAction,
+    OrbitEstimate,
     ParameterChange,
     Ruling,
     SlewCommand,
@@ -54,6 +56,8 @@ Record: TypeAlias = (
     | Closeup
     | Ruling
     | FollowedAgain
+    | OrbitEstimate
+    | Identified
     | Event
 )
 """What the log of a session holds."""

@@ -5,7 +5,8 @@ spread the records into columns for SQL; SQLite may round their decimals in the 
 JSON is exact. A new version adds; it never renames nor rewrites: whoever reads an older session
 gets today's views over it, made for his connection alone (``temporary_views``).
 
-Schema 2 adds the hash of every file, and on close the digest of the log (``session/digest.py``).
+Schema 2 adds the hash of every file, and on close the digest of the log (``session/digest.py``);
+schema 3 the views of orbits and identifications.
 """
 
 import re
@@ -28,7 +29,8 @@ FOLDERS: Mapping[str, str] = MappingProxyType(
 _ENDINGS = {"frame": ".fits.fz", "preview": ".png", "closeup": ".png"}
 _NUMBERED = re.compile(r"(?P<folder>[a-z]+)/(?P<frame_id>\d{6,})(?P<ending>(\.[a-z]+)+)")
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
+_WITH_HASHES = 2
 APPLICATION_ID = 0x52534F43
 """``RSOC`` in the database's header: tells a session from any other SQLite file."""
 
@@ -60,6 +62,8 @@ _KINDS_BY_VIEW = {
     "track": "TrackState",
     "slews": "SlewCommand",
     "misses": "Miss",
+    "orbits": "OrbitEstimate",
+    "identifications": "Identified",
     "states": "StateChange",
     "parameters": "ParameterChange",
     "actions": "OperatorAction",
@@ -85,6 +89,20 @@ _COLUMNS_BY_VIEW = {
     ),
     "slews": "ra_icrs_deg dec_icrs_deg t_aim_utc_ns reason",
     "misses": "reason",
+    "orbits": (
+        "label prior reason observations arc_s epoch_utc_ns x_gcrs_km=r_gcrs_km[0] "
+        "y_gcrs_km=r_gcrs_km[1] z_gcrs_km=r_gcrs_km[2] vx_gcrs_km_s=v_gcrs_km_s[0] "
+        "vy_gcrs_km_s=v_gcrs_km_s[1] vz_gcrs_km_s=v_gcrs_km_s[2] covariance a_km e i_deg "
+        "sigma_a_km rms_arcsec outliers nis innovation_east_arcsec=innovation_arcsec[0] "
+        "innovation_north_arcsec=innovation_arcsec[1] is_guide"
+    ),
+    "identifications": (
+        "verdict reason hint observations catalogued norad_id=matches[0].norad_id "
+        "name=matches[0].name separation_arcsec=matches[0].separation_arcsec "
+        "probability=matches[0].probability runner_up_norad_id=matches[1].norad_id "
+        "runner_up_name=matches[1].name "
+        "runner_up_separation_arcsec=matches[1].separation_arcsec matches"
+    ),
     "states": "before after reason",
     "parameters": "name before after by",
     "actions": "verb arguments outcome by",
@@ -134,7 +152,7 @@ _SUPERSEDED = (
     " AND later.frame_id = log.frame_id AND later.seq > log.seq) AS is_superseded"
 )
 """Whether the operator's word has had the frame followed again: the row counts no more."""
-_FOLLOWED_AGAIN = ("track", "misses")
+_FOLLOWED_AGAIN = ("track", "misses", "orbits", "identifications")
 
 _TIMINGS = """
 SELECT seq, t_utc_ns, frame_id, stage.key AS stage, stage.value AS ms
@@ -220,6 +238,8 @@ def temporary_views(version: int) -> str:
     if version >= SCHEMA_VERSION:
         return ""
     # Unqualified names in a temporary view mean temporary ones first: the views below see this.
-    files = "CREATE TEMP VIEW files AS SELECT *, NULL AS sha256 FROM main.files;\n"
+    files = ""
+    if version < _WITH_HASHES:
+        files = "CREATE TEMP VIEW files AS SELECT *, NULL AS sha256 FROM main.files;\n"
     views = (f"CREATE TEMP VIEW {name} AS {select};\n" for name, select in _selects().items())
     return "PRAGMA temp_store=MEMORY;\n" + files + "".join(views)
