@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,17 +14,26 @@ from rsoconsole.errors import OrbitError, SessionError
 from rsoconsole.orbit.catalogue import CatalogueEntry, parse_catalogue
 from rsoconsole.orbit.join import together
 from rsoconsole.orbit.sightings import Sightings, sightings
-from rsoconsole.records import FollowedAgain, Measurement, Site, TrackState
+from rsoconsole.pipeline.tracks_taken import TracksTaken
+from rsoconsole.records import Measurement, Site
 from rsoconsole.session.reader import SessionReader
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
-from rsoconsole.tracking.lqe import measured_direction_deg
+from rsoconsole.sky.times import iso_to_utc_ns
 
-_SAME_PLACE_DEG = 1.0 / 3600.0
 _FEWEST = 3
 _SHAPE = 'like {"site": {"lat_deg", "lon_deg", "alt_m"}, "obs": [[time, RA, Dec], ...]}'
 ARC_GAP_S = 3 * 3600.0
 """A longer silence begins another arc."""
+
+
+def sightings_of(site: Site, taken: Sequence[Measurement]) -> Sightings:
+    """Measurements, reduced. Raises ValueError for one that is no direction."""
+    return sightings(
+        site,
+        np.array([each.t_mid_utc_ns for each in taken], np.int64),
+        np.array([each.ra_icrs_deg for each in taken]),
+        np.array([each.dec_icrs_deg for each in taken]),
+        np.array([each.cov_sky_arcsec2 for each in taken]),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,13 +99,7 @@ def _of_track(
 ) -> Observed:
     site = config.site.to_site()
     try:
-        seen = sightings(
-            site,
-            np.array([each.t_mid_utc_ns for each in taken], np.int64),
-            np.array([each.ra_icrs_deg for each in taken]),
-            np.array([each.dec_icrs_deg for each in taken]),
-            np.array([each.cov_sky_arcsec2 for each in taken]),
-        )
+        seen = sightings_of(site, taken)
     except ValueError as error:
         raise SessionError(
             f"{name}, track {number}: {error}; take another track with --track"
@@ -110,61 +113,13 @@ def _of_track(
     )
 
 
-@dataclass(slots=True)
-class _Followed:
-    """What the log says of one frame in the end."""
-
-    candidates: list[Measurement]
-    predicted: TrackState | None = None
-    corrected: TrackState | None = None
-
-
 def _tracks(reader: SessionReader) -> list[list[Measurement]]:
     """The measurements that each track took, in order of time."""
-    frames: dict[int, _Followed] = {}
-    record: Any
-    for _, _, record in reader.records(kinds=(Measurement, TrackState, FollowedAgain)):
-        if not isinstance(record, Measurement | TrackState | FollowedAgain):
-            continue
-        frame = frames.setdefault(record.frame_id, _Followed([]))
-        if isinstance(record, Measurement):
-            frame.candidates.append(record)
-        elif isinstance(record, FollowedAgain):
-            frame.predicted = frame.corrected = None
-        elif record.kind == "predicted":
-            frame.predicted = record
-        else:
-            frame.corrected = record
-    in_order = [frames[number] for number in sorted(frames)]
-    found: list[list[Measurement]] = []
-    for place, frame in enumerate(in_order):
-        if frame.corrected is None or not frame.candidates:
-            continue
-        if frame.corrected.kind == "initial" or not found:
-            found.append(list(_begun_by(in_order[:place], frame.corrected)))
-        direction = measured_direction_deg(frame.corrected, frame.predicted)
-        found[-1].append(_nearest(frame.candidates, direction))
+    taken = TracksTaken()
+    for _, _, record in reader.records(kinds=TracksTaken.KINDS):
+        taken.hear(record)
+    found = [each.measurements for each in taken.tracks()]
     return [each for each in found if len(each) >= _FEWEST] or [each for each in found if each]
-
-
-def _begun_by(before: Sequence[_Followed], initial: TrackState) -> Iterator[Measurement]:
-    """The first of the two measurements that made a track: where its slope came from."""
-    ra, ra_rate, dec, dec_rate = initial.x
-    for frame in reversed(before):
-        for each in frame.candidates:
-            since_s = (each.t_mid_utc_ns - initial.t_utc_ns) / NS_PER_S
-            place = ((ra + ra_rate * since_s) % 360.0, dec + dec_rate * since_s)
-            if -90.0 <= place[1] <= 90.0 and _away(each, place) < _SAME_PLACE_DEG:
-                yield each
-                return
-
-
-def _nearest(candidates: Sequence[Measurement], place: tuple[float, float]) -> Measurement:
-    return min(candidates, key=lambda each: _away(each, place))
-
-
-def _away(measurement: Measurement, place: tuple[float, float]) -> float:
-    return separation_deg(measurement.ra_icrs_deg, measurement.dec_icrs_deg, *place)
 
 
 def _read_file(path: Path, sigma_arcsec: float) -> Observed:
