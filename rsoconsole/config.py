@@ -270,6 +270,9 @@ class OrbitConfig(_Section):
         description="whether the telescope goes where the orbit says, where that foretells better"
         " than the filter, and looks there for what the filter has lost",
     )
+    wait_min: float = Field(
+        30.0, ge=0, le=1440, description="how long the telescope waits where a lost one's orbit is"
+    )
 
 
 class CatalogueConfig(_Section):

@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -53,6 +54,13 @@ def demo(
     keep_frames: Annotated[
         KeepFrames, typer.Option(help="Which frames to keep in the session.")
     ] = "none",
+    tle: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Element sets to find the satellite's name in; may be repeated. Default: those"
+            " after which the simulated ones move."
+        ),
+    ] = None,
     json_: JsonOption = False,
 ) -> None:
     """Watch a simulated observatory find a satellite and follow it.
@@ -70,7 +78,7 @@ def demo(
 
     Example: rsoconsole demo --headless --scenario intelsat-14 --frames 40 --json
     """
-    from rsoconsole.simulator.scenarios import all_scenarios, scenario_named
+    from rsoconsole.simulator.scenarios import all_scenarios, elements_path, scenario_named
 
     if list_:
         for known in all_scenarios().values():
@@ -78,7 +86,8 @@ def demo(
             output.emit_json(row) if json_ else output.say(f"{known.name:14} {known.description}")
         return
     known = scenario_named(scenario)
-    config = demo_config(known.site, preset=preset, keep_frames=keep_frames)
+    catalogue = [each.resolve() for each in tle or [elements_path()]]
+    config = demo_config(known.site, preset=preset, keep_frames=keep_frames, catalogue=catalogue)
     is_seen = not (headless or json_) and sys.stdin.isatty() and sys.stdout.isatty()
     pace = (0.0 if headless or json_ else 10.0) if speed is None else speed
     if frames is None and not is_seen:
@@ -163,6 +172,7 @@ def _say_summary(found: dict[str, Any]) -> None:
         for key, words in names.items():
             value = found[key]
             output.say(f"  {words:42} {'-' if value is None else f'{value:.2f}'}")
+    output.say(f"  {'orbit':42} {_orbit_words(found)}")
     total = found["latency_ms"].get("total")
     if total:
         spread = f"{total['median']:.0f}, 95 %: {total['p95']:.0f}"
@@ -170,7 +180,19 @@ def _say_summary(found: dict[str, Any]) -> None:
     output.say(f"session {found['session']}")
 
 
-def demo_config(site: Site, *, preset: Preset, keep_frames: KeepFrames) -> Config:
+def _orbit_words(found: dict[str, Any]) -> str:
+    orbit, name = found["orbit"], found["identified"]
+    if orbit is None:
+        return "none"
+    words = f"{orbit['label']}, a {orbit['a_km']:.0f} ± {orbit['sigma_a_km']:.0f} km"
+    if name is None:
+        return words
+    return f"{words}; {name['verdict']}" + (f" {name['name']}" if name["name"] else "")
+
+
+def demo_config(
+    site: Site, *, preset: Preset, keep_frames: KeepFrames, catalogue: Sequence[Path] = ()
+) -> Config:
     """The defaults at the scenario's site; of the user's own settings only the sessions' folder.
 
     The defaults describe the telescope that the scenarios simulate.
@@ -186,6 +208,7 @@ def demo_config(site: Site, *, preset: Preset, keep_frames: KeepFrames) -> Confi
             "exposure": {"frame_timeout_s": FRAME_TIMEOUT_S},
             "solver": {"deadline_s": SOLVER_DEADLINE_S},
             "filter": {"preset": preset},
+            "catalogue": {"tle_files": tuple(catalogue)},
             "session": {"root": _sessions_root(), "keep_frames": keep_frames},
         }
     )

@@ -36,8 +36,15 @@ class Recorder(Protocol):
 class Chronicle:
     """Writes records, frames and words; safe to use from any thread, never raises for a disk."""
 
-    def __init__(self, record: Recorder, now_utc_ns: Callable[[], int]) -> None:
+    def __init__(
+        self,
+        record: Recorder,
+        now_utc_ns: Callable[[], int],
+        on_record: Callable[[Any], None] | None = None,
+    ) -> None:
+        """``on_record`` hears every record, on the thread that appends it."""
         self._record = record
+        self._on_record = on_record
         self._now_utc_ns = now_utc_ns
         self._seen_utc_ns = 0
         self.frame_id = 0
@@ -46,6 +53,8 @@ class Chronicle:
     def append(self, record: Any) -> None:
         """One record, in order."""
         self._record.append(record, self.last_utc_ns())
+        if self._on_record is not None:
+            self._on_record(record)
 
     def say(self, level: Literal["info", "warning", "alarm"], text: str) -> None:
         """A line of the log in the operator's words."""

@@ -18,6 +18,7 @@ from rsoconsole.engine.intentions import (
     alarm_words,
     dropped_words,
 )
+from rsoconsole.engine.orbits import Orbits
 from rsoconsole.engine.parking import Parking
 from rsoconsole.engine.plan import Plan, Planner
 from rsoconsole.engine.preview import place_of_interest
@@ -83,8 +84,9 @@ class Engine:
         self.config = config
         self.charge = Charge()
         self.hands = hands
-        self.planner = Planner(config)
-        self.chronicle = Chronicle(record, hands.now_utc_ns)
+        self.orbits = Orbits(config)
+        self.planner = Planner(config, self.orbits.guide)
+        self.chronicle = Chronicle(record, hands.now_utc_ns, self.orbits.hear)
         self.watch = Watch(hands.instruments, config, intentions, self.chronicle.append)
         self.hand_move: HandMove | None = None
         """Where the operator has sent the mount, until it is there."""
@@ -259,7 +261,8 @@ class Engine:
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next cycle."""
         self.config = config
-        for part in (self.hands, self.cycle, self.planner, self.watch, self._exposures):
+        parts = (self.hands, self.cycle, self.planner, self.orbits, self.watch, self._exposures)
+        for part in parts:
             part.configure(config)
 
     def _one_exposure(self) -> None:
@@ -350,6 +353,9 @@ class Engine:
             "order": (ordered_s - folded_s) * 1e3,
             "total": (ordered_s - began_s) * 1e3 + read_ms,
         }
+        # The mount is on its way: nobody waits for this.
+        self.orbits.refine(frame.frame_id, self.chronicle)
+        stages["orbit"] = (time.perf_counter() - ordered_s) * 1e3
         self.chronicle.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))
         self._faults.clear()
         if self._on_cycle is not None:
@@ -359,6 +365,7 @@ class Engine:
     def _hear_clock_set(self, step_s: float) -> None:
         self.clock_set = (self.hands.now_utc_ns(), step_s)
         self.last_track = None
+        self.orbits.forget()
         self.chronicle.say(
             "alarm",
             f"somebody has set the clock by {step_s:+.1f} s: what was under way is given up, and"

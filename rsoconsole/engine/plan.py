@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from rsoconsole.config import AimConfig, Config
+from rsoconsole.engine.guide import Guide
 from rsoconsole.engine.hands import NS
 from rsoconsole.engine.search import Direction, Search
 from rsoconsole.instruments.ports import MountReport, PierSide
@@ -47,11 +48,15 @@ class Plan:
 class Planner:
     """Keeps what planning needs from one exposure to the next: cadence, centre, offset."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, guide: Guide | None = None) -> None:
+        """``guide``: tells where what is followed, or was lost, is by its orbit."""
         self._config = config
+        self._guide = guide
         self._site = config.site.to_site()
         self._search = Search(config)
         self._is_block_told = False
+        self._is_waiting = False
+        """Whether what was lost is waited for where its orbit says."""
         self._last_start_utc_ns: int | None = None
         self._last_mid_utc_ns = 0
         self._frame_id = 0
@@ -76,13 +81,13 @@ class Planner:
     def start_search(self, report: MountReport, now_utc_ns: int) -> None:
         """Search around where the mount points, or where the configuration says."""
         self._search.start(self.looking_at(report), now_utc_ns)
-        self._is_block_told = False
+        self._is_block_told = self._is_waiting = False
         self._stands_at(report)
 
     def search_about(self, direction: Direction, t_utc_ns: int) -> None:
         """Search round this direction, further and further out."""
         self._search.widen_about(direction, t_utc_ns)
-        self._is_block_told = False
+        self._is_block_told = self._is_waiting = False
 
     def leave_spiral(self) -> bool:
         """Search where it was begun, if something lost was looked for; False when it was not."""
@@ -93,6 +98,7 @@ class Planner:
 
     def go_home(self) -> None:
         """Search from the first field again, where the search was begun."""
+        self._is_waiting = False
         self._search.go_home()
 
     def moved_by_hand(self, report: MountReport) -> None:
@@ -100,6 +106,7 @@ class Planner:
 
         The offset stays, by side and place as ever.
         """
+        self._is_waiting = False
         self._search.leave_here()
         self._stands_at(report)
 
@@ -142,6 +149,8 @@ class Planner:
         """
         if following.track is not None:
             return self._plan_track(following, now_utc_ns, is_refused)
+        if (plan := self._plan_lost(following, now_utc_ns, is_refused)) is not None:
+            return plan
         refused: list[tuple[SlewCommand, str]] = []
         news: list[tuple[SlewCommand, str]] = []
         for number in self._search.numbers():
@@ -175,6 +184,21 @@ class Planner:
         refused = () if self._is_block_told else ((plan.slew, why),)
         self._is_block_told = True
         return self._in_place(now_utc_ns, refused, why)
+
+    def _plan_lost(
+        self, following: Following, now_utc_ns: int, is_refused: IsRefused | None
+    ) -> Plan | None:
+        """Where the orbit of what was lost says; None where it is not waited for there."""
+        if not self._is_waiting or self._guide is None:
+            return None
+        if self._guide.of_lost(self._t_mid_ns(self._earliest_ns(now_utc_ns))) is None:
+            self._is_waiting = False
+            return None
+        plan = self._plan_at(following, self._search.number, now_utc_ns)
+        if plan.slew is None or is_refused is None:
+            return plan
+        self._is_waiting = is_refused(plan.slew, self._end_ns(plan)) is None
+        return plan if self._is_waiting else None
 
     def _in_place(
         self,
@@ -244,11 +268,18 @@ class Planner:
     def _direction(
         self, following: Following, search_number: int, t_mid_ns: int
     ) -> tuple[Direction, str]:
+        config = self._config
         if following.track is not None:
-            config = self._config
+            by_orbit = None if self._guide is None else self._guide.of_track(t_mid_ns)
+            if by_orbit is not None:
+                return by_orbit, "orbit, offset by hand" if config.aim != AimConfig() else "orbit"
             direction = follow_direction(following.track, t_mid_ns, config.filter, config.aim)
             is_beside = config.aim != AimConfig()
             return direction, "prediction, offset by hand" if is_beside else "prediction"
+        if self._is_waiting and self._guide is not None:
+            by_orbit = self._guide.of_lost(t_mid_ns)
+            if by_orbit is not None:
+                return by_orbit, "where its orbit says"
         return self._search.direction(
             search_number, t_mid_ns, is_waiting=following.state == "ACQUIRE"
         )
@@ -313,6 +344,9 @@ class Planner:
         is_held = (before.state, after.state) == ("ACQUIRE", "ACQUIRE")
         if after.state == "LOST" and self._centre is not None:
             self._search.start_where_lost(self._centre, now_utc_ns)
+            self._is_waiting = self._guide is not None
+        elif self._is_waiting:
+            self._is_waiting = after.track is None
         elif after.state == "SEARCH" or is_held:
             # A false streak in every frame must not hold the search for a night.
             self._search.count(self._centre, self._last_mid_utc_ns)

@@ -15,9 +15,11 @@ from rsoconsole.records import (
     Detections,
     FollowedAgain,
     FrameTaken,
+    Identified,
     Measurement,
     Miss,
     NotFollowed,
+    OrbitEstimate,
     StateChange,
     TrackState,
 )
@@ -48,6 +50,8 @@ class _Tally:
     def __init__(self) -> None:
         self.frames: dict[int, _Frame] = {}
         self.timings: list[CycleTiming] = []
+        self.orbit: OrbitEstimate | None = None
+        self.identified: Identified | None = None
         self.detections = 0
         self.missed: Counter[int] = Counter()
         self.locked_after: int | None = None
@@ -103,6 +107,14 @@ class _Tally:
             self.locked_after = record.frame_id
 
     @take.register
+    def _(self, record: OrbitEstimate) -> None:
+        self.orbit = record
+
+    @take.register
+    def _(self, record: Identified) -> None:
+        self.identified = record
+
+    @take.register
     def _(self, record: CycleTiming) -> None:
         self.timings.append(record)
 
@@ -124,7 +136,27 @@ def summarise(records: Iterable[Any], truth: Sequence[Mapping[str, Any]]) -> dic
         "states": dict(Counter(frame.state for frame in tally.frames.values())),
         "locked_after_frames": tally.locked_after,
         **_against_truth(tally.frames, truth),
+        "orbit": None if tally.orbit is None else _orbit_figures(tally.orbit),
+        "identified": None if tally.identified is None else _name_figures(tally.identified),
         "latency_ms": _latency(tally.timings),
+    }
+
+
+def _orbit_figures(orbit: OrbitEstimate) -> dict[str, Any]:
+    """The last one."""
+    names = ("label", "prior", "a_km", "sigma_a_km", "e", "i_deg", "observations", "arc_s")
+    return {name: getattr(orbit, name) for name in names}
+
+
+def _name_figures(found: Identified) -> dict[str, Any]:
+    """The last one."""
+    best = found.matches[0] if found.matches else None
+    return {
+        "verdict": found.verdict,
+        "norad_id": None if best is None else best.norad_id,
+        "name": None if best is None else best.name,
+        "separation_arcsec": None if best is None else best.separation_arcsec,
+        "runner_up": found.matches[1].name if len(found.matches) > 1 else None,
     }
 
 
@@ -295,7 +327,7 @@ def _chi2(measurement: Measurement, east: float, north: float) -> float:
 
 def _latency(timings: Sequence[CycleTiming]) -> dict[str, dict[str, float]]:
     stages: dict[str, dict[str, float]] = {}
-    for stage in ("read", "process", "detect", "solve", "filter", "order", "total"):
+    for stage in ("read", "process", "detect", "solve", "filter", "order", "total", "orbit"):
         values = sorted(t.stage_ms[stage] for t in timings if stage in t.stage_ms)
         if values:
             stages[stage] = {

@@ -213,11 +213,18 @@ def follow_direction(
     aim = aim or AimConfig()
     led_ns = t_mid_utc_ns + round(aim.lead_s * 1e9)
     ahead = predict(track, led_ns, settings, track.frame_id)
-    ra_deg, dec_deg = direction_icrs_deg(ahead)
+    return beside(direction_icrs_deg(ahead), sky_rate_arcsec_s(ahead), aim)
+
+
+def beside(
+    direction_icrs_deg: tuple[float, float], rate_arcsec_s: tuple[float, float], aim: AimConfig
+) -> tuple[float, float]:
+    """A direction that moves at a rate (east, north), put beside itself by ``aim``'s offsets."""
+    ra_deg, dec_deg = direction_icrs_deg
     dec_deg = min(max(dec_deg, -90.0), 90.0)
     if aim.along_arcmin == 0.0 and aim.across_arcmin == 0.0:
         return ra_deg, dec_deg
-    east, north = sky_rate_arcsec_s(ahead)
+    east, north = rate_arcsec_s
     rate = math.hypot(east, north) or 1.0
     east, north = east / rate, north / rate
     # East is left of north on the sky: to the left of the motion is (-north, east).

@@ -27,13 +27,17 @@ from rsoconsole.records import (
     Event,
     FollowedAgain,
     FrameTaken,
+    Identified,
     LoopState,
     Measurement,
+    OrbitEstimate,
     ParameterChange,
     Ruling,
     StateChange,
 )
 
+OF_TRACK = (OrbitEstimate, Identified)
+"""What was made of the track as it was."""
 _CLOSES = (FrameTaken, CycleTiming, Ruling, FollowedAgain, ParameterChange)
 """Behind these no record belongs to the frame before."""
 
@@ -77,6 +81,8 @@ class _Telling:
         """Records since the frame that is open was reduced, or began to be followed again."""
         self._t_open_ns = 0
         self._is_again = False
+        self._is_another_night = False
+        """Whether a frame was followed in another way: the orbits from there on are of no track."""
         self._is_void = False
         """Behind a frame that is not followed again here: what that had led to is left out."""
         self._ruled: tuple[int, Ruling, LoopState, LoopState] | None = None
@@ -126,7 +132,9 @@ class _Telling:
         elif isinstance(record, StateChange) and walk.is_ruled:
             self._tell_ruled(record)
             return
-        elif isinstance(record, FOLDS) and self._is_void:
+        elif (isinstance(record, FOLDS) and self._is_void) or (
+            isinstance(record, OF_TRACK) and (self._is_void or self._is_another_night)
+        ):
             return
         self.told.append((t_utc_ns, record))
 
@@ -164,9 +172,11 @@ class _Telling:
         is_same = inputs == tuple(r for _, r, part in held if part == "input") and folded == tuple(
             r for _, r, part in held if part == "folded"
         )
-        if is_same:
+        self._is_another_night = self._is_another_night or not is_same
+        if is_same and not self._is_another_night:
             self.told.extend((t, record) for t, record, _ in held)
             return
+        held = [each for each in held if not isinstance(each[1], OF_TRACK)]
         t_inputs_ns = next((t for t, _, part in held if part == "input"), self._t_open_ns)
         t_folded_ns = next((t for t, _, part in held if part == "folded"), t_inputs_ns)
         self.told.extend((t_inputs_ns, record) for record in inputs)

@@ -6,6 +6,7 @@ Magnitudes are what such satellites commonly show, chosen, not measured.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 from rsoconsole.errors import ConfigError
 from rsoconsole.orbit.elements import ElementSet, parse_elements
@@ -85,9 +86,14 @@ def all_scenarios() -> dict[str, Scenario]:
     return {scenario.name: scenario for scenario in scenarios}
 
 
+def elements_path() -> Path:
+    """The file of element sets after which the scenarios' satellites move."""
+    return resource("simulator", "data", "belt_20230622.tle")
+
+
 @lru_cache(maxsize=1)
 def _element_sets() -> dict[int, ElementSet]:
-    path = resource("simulator", "data", "belt_20230622.tle")
+    path = elements_path()
     sets = parse_elements(path.read_text(encoding="ascii"), path.name)
     return {element_set.norad_id: element_set for element_set in sets}
 

@@ -1,0 +1,78 @@
+"""Who foretells the next measurement better, the filter or the orbit. Pure.
+
+Each is asked before every measurement; the answer is judged by the logarithm of the density that
+it gave to what was then measured: NIS plus the logarithm of how wide it had reckoned with. The
+NIS alone would prefer whoever promises nothing.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+WINDOW = 8
+_LEAST = 5
+"""So many measurements must have been foretold by both."""
+_AHEAD = 0.5
+"""By so much better on the mean before the guide changes, so that it does not change for chance."""
+_BELIEVED = 0.999
+"""An orbit whose NIS are this unlikely is not believed, however the filter fares."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Foretold:
+    """What one of them said of one measurement."""
+
+    nis: float
+    log_size: float
+    """Logarithm of the determinant of the innovation's covariance, arcsec."""
+
+    @property
+    def width_arcsec(self) -> float:
+        """One sigma that it had reckoned with: the geometric mean of both axes."""
+        return math.exp(self.log_size / 4.0)
+
+    @property
+    def score(self) -> float:
+        """Smaller is better: minus twice the logarithm of the density, but for a constant."""
+        return self.nis + self.log_size
+
+
+class Rivals:
+    """The last answers of both."""
+
+    def __init__(self) -> None:
+        self._told: deque[tuple[Foretold, Foretold]] = deque(maxlen=WINDOW)
+        self.is_orbit_ahead = False
+        """Whether the orbit foretells better."""
+
+    def hear(self, by_orbit: Foretold, by_filter: Foretold) -> bool:
+        """One measurement that both foretold; whether the lead has changed."""
+        self._told.append((by_orbit, by_filter))
+        before = self.is_orbit_ahead
+        if len(self._told) >= _LEAST:
+            lead = _mean([theirs.score - ours.score for ours, theirs in self._told])
+            is_better = lead > (0.0 if before else _AHEAD)
+            self.is_orbit_ahead = is_better and self._is_believed()
+        return self.is_orbit_ahead != before
+
+    @property
+    def words(self) -> str:
+        """How both fared over the last measurements."""
+        ours, theirs = zip(*self._told, strict=True)
+        return f"{_fared(ours)} by the orbit, {_fared(theirs)} by the filter"
+
+    def _is_believed(self) -> bool:
+        from scipy.special import chdtr
+
+        total = sum(ours.nis for ours, _ in self._told)
+        return bool(chdtr(2 * len(self._told), total) < _BELIEVED)
+
+
+def _fared(told: Sequence[Foretold]) -> str:
+    width = _mean([each.width_arcsec for each in told])
+    return f'NIS {_mean([each.nis for each in told]):.1f} within {width:.1f}"'
+
+
+def _mean(values: Sequence[float]) -> float:
+    return math.fsum(values) / len(values) if values else math.nan

@@ -1,0 +1,281 @@
+"""The orbit of what is followed, refined with every measurement that the track takes.
+
+Fed with the records of the log and nothing else: the same log gives the same orbits. Tracks that
+follow one another are of one object where one orbit through both is likely enough, so that a lost
+satellite that is found again keeps its orbit.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.orbit.determine import Orbit, determine
+from rsoconsole.orbit.join import Alone, alone, log_odds_of_more, together
+from rsoconsole.orbit.prediction import predict
+from rsoconsole.orbit.seeds import State
+from rsoconsole.orbit.sightings import Sightings
+from rsoconsole.orbit.two_body import elements_of
+from rsoconsole.pipeline.foretelling import Foretold, Rivals
+from rsoconsole.pipeline.orbit_of import SAME_OBJECT
+from rsoconsole.pipeline.sightings_of import sightings_of
+from rsoconsole.pipeline.tracks_taken import Track, TracksTaken
+from rsoconsole.records import Measurement, OrbitEstimate, TrackState
+
+ASKED_AT = (3, 6, 12, 24)
+"""With so many measurements a track is asked whether it is of an object followed before."""
+_MOST_EARLIER = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refined:
+    """What one frame made of it."""
+
+    estimate: OrbitEstimate
+    words: tuple[str, ...]
+    """What has changed, for the log of the night."""
+
+
+@dataclass(slots=True, eq=False)
+class _Target:
+    """One object, by the track that follows it now and those that did before."""
+
+    begun_utc_ns: int
+    taken: tuple[Measurement, ...] = ()
+    """By the present track."""
+    seen: Sightings | None = None
+    before: tuple[Sightings, ...] = ()
+    """Of earlier tracks."""
+    orbit: Orbit | None = None
+    asked: set[int] = field(default_factory=set)
+    rivals: Rivals = field(default_factory=Rivals)
+    label: str = ""
+    first: Alone | None = None
+    """Of the first of its tracks, once that was asked for."""
+
+    @property
+    def parts(self) -> tuple[Sightings, ...]:
+        return self.before if self.seen is None else (*self.before, self.seen)
+
+
+class OnlineOrbit:
+    """Knows the object that is followed, and the few that were followed before it."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._site = config.site.to_site()
+        self._tracks = TracksTaken()
+        self._target: _Target | None = None
+        self._earlier: list[_Target] = []
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self._config = config
+
+    def hear(self, record: Any) -> None:
+        """One record of the log."""
+        self._tracks.hear(record)
+
+    def forget(self) -> None:
+        """Nothing that was seen until now has a place in an orbit: the clock was wrong."""
+        self._tracks, self._target, self._earlier = TracksTaken(), None, []
+
+    @property
+    def seen(self) -> Sightings | None:
+        """The directions of the track that is, or was last, followed."""
+        return None if self._target is None else self._target.seen
+
+    @property
+    def orbit(self) -> Orbit | None:
+        """Of what is, or was last, followed."""
+        return None if self._target is None else self._target.orbit
+
+    @property
+    def is_guide(self) -> bool:
+        """Whether the orbit foretells better than the filter, and may."""
+        target, config = self._target, self._config
+        # The preset of the paper is its whole loop: its filter guides it.
+        may = config.orbit.guide == "when better" and config.filter.preset == "tuned"
+        return may and target is not None and target.rivals.is_orbit_ahead
+
+    def refine(self, frame_id: int) -> Refined | None:
+        """The orbit through all that was heard; None where nothing new was, or tells none.
+
+        Nothing is raised for what cannot be fitted.
+        """
+        tracks = self._tracks.tracks()
+        if not self._config.orbit.online or not tracks or not tracks[-1].measurements:
+            return None
+        track = tracks[-1]
+        target = self._aimed_at(track)
+        count = len(target.taken)
+        if not self._take(target, track) or target.seen is None:
+            return None
+        words: list[str] = []
+        foretold = None
+        if len(target.taken) == count + 1 and target.orbit is not None:
+            foretold = self._foretold(target.orbit, target.taken[-1])
+        self._ask_earlier(target, words)
+        target.orbit = self._determined(target)
+        if target.orbit is None:
+            return None
+        was_guide = self.is_guide
+        if foretold is not None and (by_filter := _by_filter(track.last)) is not None:
+            target.rivals.hear(foretold.short, by_filter)
+        estimate = self._estimate(frame_id, target, foretold)
+        words += _news(target, estimate, was_guide=was_guide)
+        return Refined(estimate=estimate, words=tuple(words))
+
+    def _aimed_at(self, track: Track) -> _Target:
+        """What the track follows: known already, or another object until it is found to be one."""
+        begun_utc_ns = track.measurements[0].t_mid_utc_ns
+        before = self._target
+        if before is not None and before.begun_utc_ns == begun_utc_ns:
+            return before
+        if before is not None and before.orbit is not None:
+            self._earlier = [*self._earlier, before][-_MOST_EARLIER:]
+        self._target = _Target(begun_utc_ns)
+        return self._target
+
+    def _take(self, target: _Target, track: Track) -> bool:
+        """The track's measurements, reduced; False where they are those that were known."""
+        taken, known = tuple(track.measurements), target.taken
+        if len(taken) == len(known) and all(map(_is_same, taken, known)):
+            return False
+        is_longer = len(taken) > len(known) and all(map(_is_same, taken, known))
+        fresh = taken[len(known) :] if is_longer else taken
+        try:
+            seen = sightings_of(self._site, fresh)
+        except ValueError:
+            return False
+        if is_longer and target.seen is not None:
+            seen, _ = together((target.seen, seen))
+        target.taken, target.seen = taken, seen
+        return True
+
+    def _ask_earlier(self, target: _Target, words: list[str]) -> None:
+        """Whether it was followed before, as soon as that can be told."""
+        assert target.seen is not None
+        due = max((n for n in ASKED_AT if n <= len(target.taken)), default=0)
+        if target.before or not self._earlier or not due or due in target.asked:
+            return
+        target.asked.add(due)
+        now = alone(target.seen, self._config.orbit.prior)
+        if now is None:
+            return
+        for earlier in reversed(self._earlier):
+            probability = self._same(earlier, now)
+            if probability >= SAME_OBJECT:
+                self._earlier.remove(earlier)
+                target.before, target.orbit = earlier.parts, earlier.orbit
+                target.first, target.label = earlier.first, earlier.label
+                share = "more than 99.9" if probability > 0.999 else f"{100.0 * probability:.1f}"
+                words.append(f"it is what was followed before: probability {share} %")
+                return
+
+    def _same(self, earlier: _Target, now: Alone) -> float:
+        """Probability."""
+        parts = earlier.parts
+        if earlier.first is None:
+            earlier.first = alone(parts[0], self._config.orbit.prior)
+        if earlier.first is None:
+            return 0.0
+        odds = log_odds_of_more(earlier.first, parts[1:], now)
+        return 0.0 if math.isnan(odds) else 1.0 / (1.0 + math.exp(-min(max(odds, -700.0), 700.0)))
+
+    def _determined(self, target: _Target) -> Orbit | None:
+        seen, _ = together(target.parts)
+        start: State | None = None
+        if target.orbit is not None:
+            r, v = target.orbit.states(np.array([seen.epoch_utc_ns]))
+            start = (r[0], v[0]) if np.all(np.isfinite(r)) else None
+        with np.errstate(all="ignore"):
+            found = determine(seen, prior=self._config.orbit.prior, start=start)
+        if found is None:
+            return None
+        numbers = (found.r_km, found.v_km_s, found.covariance, found.sigma_a_km, found.rms_arcsec)
+        return found if all(np.all(np.isfinite(each)) for each in numbers) else None
+
+    def _foretold(self, orbit: Orbit, measured: Measurement) -> "_Told | None":
+        """What the orbit before said of a measurement."""
+        ahead = predict(orbit, self._site, np.array([measured.t_mid_utc_ns]))
+        places = ahead.places
+        cos_dec = math.cos(math.radians(measured.dec_icrs_deg))
+        off_ra = (measured.ra_icrs_deg - float(places.ra_icrs_deg[0]) + 180.0) % 360.0 - 180.0
+        off = np.array([off_ra * cos_dec, measured.dec_icrs_deg - float(places.dec_icrs_deg[0])])
+        off *= 3600.0
+        ee, en, nn = ahead.cov_sky_arcsec2[0] + np.array(measured.cov_sky_arcsec2)
+        s = np.array([[ee, en], [en, nn]])
+        if not np.all(np.isfinite(s)) or not np.all(np.isfinite(off)):
+            return None
+        return _Told(
+            short=Foretold(
+                nis=float(off @ np.linalg.solve(s, off)), log_size=float(np.linalg.slogdet(s)[1])
+            ),
+            innovation_arcsec=(float(off[0]), float(off[1])),
+            sigma_arcsec=(math.sqrt(ee), math.sqrt(nn)),
+        )
+
+    def _estimate(self, frame_id: int, target: _Target, foretold: "_Told | None") -> OrbitEstimate:
+        orbit = target.orbit
+        assert orbit is not None
+        seen, _ = together(target.parts)
+        elements = elements_of(orbit.r_km, orbit.v_km_s)
+        r, v = orbit.r_km, orbit.v_km_s
+        return OrbitEstimate(
+            frame_id=frame_id,
+            label=orbit.label,
+            prior=orbit.prior,
+            reason=orbit.reason,
+            observations=orbit.observations,
+            arc_s=float(seen.t_s[-1] - seen.t_s[0]),
+            epoch_utc_ns=orbit.epoch_utc_ns,
+            r_gcrs_km=(float(r[0]), float(r[1]), float(r[2])),
+            v_gcrs_km_s=(float(v[0]), float(v[1]), float(v[2])),
+            covariance=tuple(tuple(map(float, row)) for row in orbit.covariance),
+            a_km=elements.a_km,
+            e=elements.e,
+            i_deg=elements.i_deg,
+            sigma_a_km=orbit.sigma_a_km,
+            rms_arcsec=orbit.rms_arcsec,
+            outliers=orbit.outliers,
+            nis=None if foretold is None else foretold.short.nis,
+            innovation_arcsec=None if foretold is None else foretold.innovation_arcsec,
+            sigma_innovation_arcsec=None if foretold is None else foretold.sigma_arcsec,
+            is_guide=self.is_guide,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Told:
+    short: Foretold
+    innovation_arcsec: tuple[float, float]
+    sigma_arcsec: tuple[float, float]
+
+
+def _is_same(one: Measurement, other: Measurement) -> bool:
+    return one is other
+
+
+def _by_filter(track: TrackState) -> Foretold | None:
+    if track.nis is None or track.sigma_innovation_arcsec is None:
+        return None
+    east, north = track.sigma_innovation_arcsec
+    return Foretold(nis=track.nis, log_size=2.0 * math.log(east * north))
+
+
+def _news(target: _Target, estimate: OrbitEstimate, *, was_guide: bool) -> Sequence[str]:
+    words = []
+    if estimate.label != target.label:
+        target.label = estimate.label
+        words.append(
+            f"orbit: {estimate.label}, a {estimate.a_km:.0f} ± {estimate.sigma_a_km:.0f} km,"
+            f" {estimate.observations} directions over {estimate.arc_s / 60.0:.0f} min"
+        )
+    if estimate.is_guide != was_guide:
+        who = "the orbit guides" if estimate.is_guide else "the filter guides again"
+        words.append(f"{who}: {target.rivals.words}")
+    return words

@@ -1,0 +1,367 @@
+"""The orbit of what is followed, while it is followed: through losses, beside a failing filter."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rsoconsole.config import Config
+from rsoconsole.engine.chronicle import Chronicle
+from rsoconsole.engine.guide import Guide
+from rsoconsole.engine.orbits import Orbits
+from rsoconsole.orbit.known import known
+from rsoconsole.orbit.prediction import predict
+from rsoconsole.orbit.two_body import elements_of
+from rsoconsole.pipeline.foretelling import Foretold, Rivals
+from rsoconsole.pipeline.naming import Naming
+from rsoconsole.pipeline.orbit_online import OnlineOrbit, Refined
+from rsoconsole.records import (
+    Event,
+    FollowedAgain,
+    Identified,
+    Measurement,
+    OrbitEstimate,
+    TrackState,
+)
+from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky.places import Places
+from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.tracking.follow import Following, FollowSettings, Seen, follow
+from tests.orbit_cases import state_of
+from tests.orbit_truth import DAYTONA, Flight
+
+T0_UTC_NS = iso_to_utc_ns("2023-06-22T04:00:00Z")
+CADENCE_S = 30
+SITE = {
+    "latitude_deg": DAYTONA.latitude_deg,
+    "longitude_deg": DAYTONA.longitude_deg,
+    "elevation_m": DAYTONA.elevation_m,
+}
+GEO = (42_166.0, 3e-4, 0.05)
+INCLINED = (42_166.0, 2e-2, 55.0)
+MEO = (26_560.0, 5e-3, 55.0)
+
+
+def config(**sections: Any) -> Config:
+    return Config.model_validate({"site": SITE, **sections})
+
+
+def flight(a_km: float, e: float, i_deg: float, *, ahead_deg: float = 0.0) -> Flight:
+    """Crosses the site's meridian as it begins, on its way up where it is inclined."""
+    import erfa
+
+    from rsoconsole.sky.times import jd_ut1
+
+    sidereal = erfa.era00(*jd_ut1(T0_UTC_NS)) + math.radians(DAYTONA.longitude_deg)
+    up = math.radians(min(i_deg, 30.0))
+    argument = math.asin(math.sin(up) / math.sin(math.radians(i_deg))) if i_deg > 1.0 else 0.0
+    east = math.atan2(math.cos(math.radians(i_deg)) * math.sin(argument), math.cos(argument))
+    node = float(sidereal) + math.radians(ahead_deg) - east
+    start = state_of(a_km, e, math.radians(i_deg), (node, 0.0, argument))
+    return Flight(t0_utc_ns=T0_UTC_NS, start=np.concatenate(start)[None])
+
+
+@dataclass
+class Watched:
+    """A telescope that sees what it is told, its filter, and the orbit beside it."""
+
+    config: Config
+    sigma_arcsec: float = 0.5
+    following: Following = Following()
+    log: list[Any] = field(default_factory=list)
+    refined: list[Refined] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.orbit = OnlineOrbit(self.config)
+        self.random = np.random.default_rng(7)
+        self.settings = FollowSettings(filter=self.config.filter, half_field_deg=0.6)
+        self.frame_id = 0
+
+    def see(self, places: Places, hidden: Iterable[int] = ()) -> None:
+        """One frame at each of the places; nothing is seen in the hidden ones."""
+        hidden = set(hidden)
+        for n, t_utc_ns in enumerate(places.t_utc_ns):
+            self.frame_id += 1
+            measured = () if n in hidden else (self.measure(places, n),)
+            seen = Seen(
+                frame_id=self.frame_id,
+                t_mid_utc_ns=int(t_utc_ns),
+                exposure_s=10.0,
+                measurements=measured,
+            )
+            self.following, records = follow(self.following, seen, self.settings)
+            for record in (*measured, *records):
+                self.hear(record)
+            refined = self.orbit.refine(self.frame_id)
+            if refined is not None:
+                self.refined.append(refined)
+
+    def hear(self, record: Any) -> None:
+        self.log.append(record)
+        self.orbit.hear(record)
+
+    def measure(self, places: Places, n: int) -> Measurement:
+        east, north = self.random.normal(0.0, self.sigma_arcsec / 3600.0, 2)
+        dec = float(places.dec_icrs_deg[n]) + north
+        ra = float(places.ra_icrs_deg[n]) + east / math.cos(math.radians(dec))
+        d_ra, d_dec = (5.0 * float(r[n]) for r in (places.ra_rate_deg_s, places.dec_rate_deg_s))
+        return Measurement(
+            frame_id=self.frame_id,
+            t_mid_utc_ns=int(places.t_utc_ns[n]),
+            ra_icrs_deg=ra % 360.0,
+            dec_icrs_deg=dec,
+            cov_sky_arcsec2=(self.sigma_arcsec**2, 0.0, self.sigma_arcsec**2),
+            x_px=0.0,
+            y_px=0.0,
+            confidence=0.95,
+            source="network",
+            ends_icrs_deg=(((ra - d_ra) % 360.0, dec - d_dec), ((ra + d_ra) % 360.0, dec + d_dec)),
+        )
+
+    @property
+    def last(self) -> OrbitEstimate:
+        return self.refined[-1].estimate
+
+    @property
+    def words(self) -> list[str]:
+        return [words for each in self.refined for words in each.words]
+
+
+def every_frame(one: Flight, frames: int, since_s: float = 0.0) -> Places:
+    return one.places(since_s + np.arange(frames) * float(CADENCE_S))[0]
+
+
+def test_a_geostationary_satellite_has_an_orbit_from_its_third_direction_on_that_covers_the_truth():
+    true = flight(*GEO)
+    watched = Watched(config())
+    watched.see(every_frame(true, 60), hidden=(20, 21, 40))
+    assert [each.estimate.observations for each in watched.refined] == list(range(3, 58))
+    assert watched.last.label == "constrained by prior"
+    known_orbit = known(watched.last)
+    day = true.places(np.array([86_400.0]))[0]
+    ahead = predict(known_orbit, DAYTONA, day.t_utc_ns)
+    off = separation_deg(
+        float(ahead.places.ra_icrs_deg[0]),
+        float(ahead.places.dec_icrs_deg[0]),
+        float(day.ra_icrs_deg[0]),
+        float(day.dec_icrs_deg[0]),
+    )
+    assert off * 3600.0 < 3.0 * float(ahead.sigma_arcsec[0])
+    truth = elements_of(true.start[0][:3], true.start[0][3:])
+    assert abs(watched.last.a_km - truth.a_km) < 3.0 * watched.last.sigma_a_km + 3.0
+    # What it foretold is judged as the filter's predictions are.
+    nis = [each.estimate.nis for each in watched.refined[5:]]
+    told = [value for value in nis if value is not None]
+    assert len(told) == len(nis)
+    assert 1.0 < np.mean(told) < 3.2
+
+
+def test_the_same_log_gives_the_same_orbits():
+    watched = Watched(config())
+    watched.see(every_frame(flight(*GEO), 20), hidden=(9,))
+    again = OnlineOrbit(config())
+    told = []
+    for record in watched.log:
+        again.hear(record)
+        if isinstance(record, TrackState) and record.kind != "predicted":
+            refined = again.refine(record.frame_id)
+            told += [] if refined is None else [refined.estimate]
+    assert told == [each.estimate for each in watched.refined]
+
+
+@pytest.mark.parametrize("elements", [INCLINED, MEO], ids=["inclined", "navigation satellite"])
+def test_where_the_filter_fails_the_orbit_takes_over_and_knows_where_it_is(elements):
+    """Half an hour without a measurement: a line on the sky leads astray, an orbit does not."""
+    true = flight(*elements)
+    watched = Watched(config(filter={"max_coast_s": 3600}))
+    watched.see(every_frame(true, 40))
+    assert watched.orbit.is_guide
+    assert any(words.startswith("the orbit guides") for words in watched.words)
+    later = true.places(np.array([40 * CADENCE_S + 1800.0]))[0]
+    t = int(later.t_utc_ns[0])
+    truth = (float(later.ra_icrs_deg[0]), float(later.dec_icrs_deg[0]))
+    by_orbit = Guide(watched.orbit, watched.config).of_track(t)
+    assert by_orbit is not None
+    from rsoconsole.pipeline.aim import follow_direction
+
+    track = watched.following.track
+    assert track is not None
+    by_filter = follow_direction(track, t, watched.config.filter)
+    assert separation_deg(*by_orbit, *truth) * 60.0 < 1.0
+    assert separation_deg(*by_filter, *truth) > 10.0 * separation_deg(*by_orbit, *truth)
+
+
+def test_with_the_papers_preset_and_where_it_is_forbidden_the_filter_guides():
+    for settings in ({"filter": {"preset": "paper"}}, {"orbit": {"guide": "never"}}):
+        watched = Watched(config(**settings))
+        watched.see(every_frame(flight(*MEO), 30))
+        assert not watched.orbit.is_guide
+        assert not any(each.estimate.is_guide for each in watched.refined)
+        assert Guide(watched.orbit, watched.config).of_track(T0_UTC_NS) is None
+
+
+def test_what_was_lost_is_waited_for_by_its_orbit_and_known_again_when_it_comes():
+    true = flight(*INCLINED)
+    watched = Watched(config(filter={"max_coast_s": 120}))
+    watched.see(every_frame(true, 80), hidden=range(40, 60))
+    lost = 60 * CADENCE_S
+    place = every_frame(true, 1, lost)
+    guide = Guide(watched.orbit, watched.config)
+    assert guide.of_lost(int(place.t_utc_ns[0])) is not None
+    assert any("it is what was followed before" in words for words in watched.words)
+    assert watched.last.observations == 60
+    assert watched.last.arc_s == pytest.approx(79 * CADENCE_S)
+    # Of what was seen before the loss alone.
+    alone = Watched(config())
+    alone.see(every_frame(true, 40))
+    at = Guide(alone.orbit, alone.config).of_lost(int(place.t_utc_ns[0]))
+    assert at is not None
+    truth = (float(place.ra_icrs_deg[0]), float(place.dec_icrs_deg[0]))
+    assert separation_deg(*at, *truth) * 3600.0 < 30.0
+    wait_s = 60.0 * alone.config.orbit.wait_min + 1.0
+    assert Guide(alone.orbit, alone.config).of_lost(int(place.t_utc_ns[0] + wait_s * 1e9)) is None
+
+
+def test_another_satellite_gets_an_orbit_of_its_own():
+    watched = Watched(config(filter={"max_coast_s": 60}))
+    watched.see(every_frame(flight(*GEO), 30))
+    watched.see(every_frame(flight(*GEO, ahead_deg=3.0), 10, since_s=3600.0), hidden=range(5))
+    other = every_frame(flight(*GEO, ahead_deg=3.0), 20, since_s=4200.0)
+    watched.see(other)
+    assert not any("followed before" in words for words in watched.words)
+    assert watched.last.observations < 30
+
+
+def test_the_operators_word_on_a_frame_changes_the_orbit():
+    watched = Watched(config())
+    places = every_frame(flight(*GEO), 20)
+    watched.see(places)
+    before = watched.last
+    # He refuses the tenth: its frame is followed again, without it.
+    frame_id = 10
+    predicted = next(
+        r
+        for r in watched.log
+        if isinstance(r, TrackState) and (r.frame_id, r.kind) == (frame_id, "predicted")
+    )
+    watched.hear(FollowedAgain(frame_id=frame_id))
+    watched.hear(predicted)
+    refined = watched.orbit.refine(21)
+    assert refined is not None
+    assert refined.estimate.observations == before.observations - 1
+    assert refined.estimate.nis is None, "nothing new was foretold"
+
+
+def test_a_clock_that_was_set_ends_what_was_known():
+    watched = Watched(config())
+    watched.see(every_frame(flight(*GEO), 10))
+    watched.orbit.forget()
+    assert watched.orbit.orbit is None
+    assert watched.orbit.refine(11) is None
+
+
+def test_an_orbit_is_not_asked_for_where_it_is_not_wanted():
+    watched = Watched(config(orbit={"online": False}))
+    watched.see(every_frame(flight(*GEO), 10))
+    assert not watched.refined
+
+
+def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
+    sharp, vague = Foretold(nis=2.0, log_size=0.0), Foretold(nis=0.1, log_size=8.0)
+    rivals = Rivals()
+    changes = [rivals.hear(sharp, vague) for _ in range(8)]
+    assert changes.index(True) == 4
+    assert sum(changes) == 1
+    wrong = Foretold(nis=40.0, log_size=-80.0)
+    for _ in range(8):
+        rivals.hear(wrong, vague)
+    assert not rivals.is_orbit_ahead, "an orbit that is sure and wrong is not believed"
+    alike = Rivals()
+    assert not any(alike.hear(sharp, Foretold(nis=2.2, log_size=0.0)) for _ in range(20))
+
+
+class Kept:
+    """A record in memory."""
+
+    def __init__(self) -> None:
+        self.records: list[Any] = []
+
+    def append(self, record: Any, t_utc_ns: int) -> int:
+        self.records.append(record)
+        return len(self.records)
+
+    def save_frame(self, *_: Any) -> bool:
+        return True
+
+    save_preview = save_closeup = save_frame
+
+
+def followed_by_engine(settings: Config, places: Places) -> list[Any]:
+    watched = Watched(settings)
+    watched.see(places)
+    kept, orbits = Kept(), Orbits(settings)
+    chronicle = Chronicle(kept, lambda: T0_UTC_NS, orbits.hear)
+    for record in watched.log:
+        chronicle.append(record)
+        if isinstance(record, TrackState) and record.kind != "predicted":
+            orbits.refine(record.frame_id, chronicle)
+    return kept.records
+
+
+TLE = Path(__file__).parents[1] / "rsoconsole" / "simulator" / "data" / "belt_20230622.tle"
+
+
+def test_what_is_followed_is_named_on_record_and_asked_for_more_rarely_as_it_goes_on():
+    from rsoconsole.orbit.elements import parse_elements
+    from rsoconsole.orbit.satellite import Satellite
+
+    elements = next(e for e in parse_elements(TLE.read_text(), "belt") if e.norad_id == 36_097)
+    t0 = iso_to_utc_ns("2023-06-23T05:00:00Z")
+    t = t0 + np.arange(40) * CADENCE_S * 10**9
+    places = Satellite(elements).astrometric_place(DAYTONA, t)
+    records = followed_by_engine(config(catalogue={"tle_files": [str(TLE)]}), places)
+    named = [each for each in records if isinstance(each, Identified)]
+    assert [each.observations for each in named] == [3, 4, 6, 9, 14, 21, 32]
+    assert {each.verdict for each in named} == {"identified"}
+    best, runner_up, *_ = named[-1].matches
+    assert (best.norad_id, best.name) == (36_097, "INTELSAT 14")
+    assert best.separation_arcsec < 1.0
+    assert runner_up.separation_arcsec > 3600.0
+    # It moves as SGP4 has it: another hand than the orbit's forces.
+    assert [e for e in records if isinstance(e, OrbitEstimate)][-1].label == "constrained by prior"
+
+
+def test_a_catalogue_that_cannot_be_read_is_told_once_and_costs_no_orbit(tmp_path):
+    settings = config(catalogue={"tle_files": [str(tmp_path / "gone.tle")]})
+    records = followed_by_engine(settings, every_frame(flight(*GEO), 12))
+    said = [e.text for e in records if isinstance(e, Event) and e.level == "warning"]
+    assert len(said) == 1
+    assert "gone.tle does not exist" in said[0]
+    assert sum(isinstance(each, OrbitEstimate) for each in records) == 10
+
+
+def test_an_orbit_that_breaks_is_told_once_and_the_night_goes_on(monkeypatch):
+    def breaks(*_: Any, **__: Any) -> None:
+        raise FloatingPointError("boom")
+
+    monkeypatch.setattr("rsoconsole.pipeline.orbit_online.determine", breaks)
+    records = followed_by_engine(config(), every_frame(flight(*GEO), 12))
+    said = [e.text for e in records if isinstance(e, Event)]
+    assert said == ["its orbit could not be refined (boom): see the log"]
+
+
+def test_new_files_are_asked_at_once(tmp_path):
+    naming = Naming(config())
+    watched = Watched(config())
+    watched.see(every_frame(flight(*GEO), 12))
+    seen = watched.orbit.seen
+    assert seen is not None
+    assert naming.ask(1, seen) is None
+    naming.configure(config(catalogue={"tle_files": [str(TLE)]}))
+    found = naming.ask(1, seen)
+    assert found is not None
+    assert found.verdict == "unknown"
