@@ -252,6 +252,8 @@ class TrackState:
     """What the track's own innovations have made of the process noise; preset ``tuned`` only."""
     innovations: int = 0
     """Measurements that have updated the track since its two first ones."""
+    foretold_by: Literal["filter", "orbit"] = "filter"
+    """Whose prediction it is, or was updated: the orbit's where the filter's has failed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,12 +16,16 @@ from rsoconsole.engine.orbits import Orbits
 from rsoconsole.orbit.known import known
 from rsoconsole.orbit.prediction import predict
 from rsoconsole.orbit.two_body import elements_of
+from rsoconsole.pipeline.absence import StarHistory
+from rsoconsole.pipeline.fold import Shown, fold
 from rsoconsole.pipeline.foretelling import Foretold, Rivals
 from rsoconsole.pipeline.naming import Naming
 from rsoconsole.pipeline.orbit_online import OnlineOrbit, Refined
 from rsoconsole.records import (
+    Detections,
     Event,
     FollowedAgain,
+    FrameTaken,
     Identified,
     Measurement,
     OrbitEstimate,
@@ -30,7 +34,7 @@ from rsoconsole.records import (
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.tracking.follow import Following, FollowSettings, Seen, follow
+from rsoconsole.tracking.follow import Following
 from tests.orbit_cases import state_of
 from tests.orbit_truth import DAYTONA, Flight
 
@@ -71,14 +75,14 @@ class Watched:
 
     config: Config
     sigma_arcsec: float = 0.5
-    following: Following = Following()
+    following: Following = field(default_factory=Following)
     log: list[Any] = field(default_factory=list)
     refined: list[Refined] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.orbit = OnlineOrbit(self.config)
         self.random = np.random.default_rng(7)
-        self.settings = FollowSettings(filter=self.config.filter, half_field_deg=0.6)
+        self.stars = StarHistory()
         self.frame_id = 0
 
     def see(self, places: Places, hidden: Iterable[int] = ()) -> None:
@@ -87,14 +91,27 @@ class Watched:
         for n, t_utc_ns in enumerate(places.t_utc_ns):
             self.frame_id += 1
             measured = () if n in hidden else (self.measure(places, n),)
-            seen = Seen(
+            taken = FrameTaken(
                 frame_id=self.frame_id,
-                t_mid_utc_ns=int(t_utc_ns),
+                name="",
+                t_start_utc_ns=int(t_utc_ns) - 5 * 10**9,
                 exposure_s=10.0,
-                measurements=measured,
+                width_px=4656,
+                height_px=3520,
+                pointing_ra_icrs_deg=None,
+                pointing_dec_icrs_deg=None,
             )
-            self.following, records = follow(self.following, seen, self.settings)
-            for record in (*measured, *records):
+            empty = Detections(frame_id=self.frame_id, width_px=4656, height_px=3520, detections=())
+            shown = Shown(
+                taken=taken,
+                detections=empty,
+                solution=None,
+                measurements=measured,
+                orbit=self.last if self.refined else None,
+            )
+            folded = fold(self.following, self.stars, shown, self.config)
+            self.following, self.stars = folded.following, folded.stars
+            for record in (*measured, *folded.records):
                 self.hear(record)
             refined = self.orbit.refine(self.frame_id)
             if refined is not None:
@@ -179,6 +196,9 @@ def test_where_the_filter_fails_the_orbit_takes_over_and_knows_where_it_is(eleme
     true = flight(*elements)
     watched = Watched(config(filter={"max_coast_s": 3600}))
     watched.see(every_frame(true, 40))
+    # The filter alone would have stood still at the fourth measurement; nothing was lost.
+    assert watched.last.observations == 40
+    assert any(isinstance(r, TrackState) and r.foretold_by == "orbit" for r in watched.log)
     assert watched.orbit.is_guide
     assert any(words.startswith("the orbit guides") for words in watched.words)
     later = true.places(np.array([40 * CADENCE_S + 1800.0]))[0]
@@ -210,8 +230,6 @@ def test_what_was_lost_is_waited_for_by_its_orbit_and_known_again_when_it_comes(
     watched.see(every_frame(true, 80), hidden=range(40, 60))
     lost = 60 * CADENCE_S
     place = every_frame(true, 1, lost)
-    guide = Guide(watched.orbit, watched.config)
-    assert guide.of_lost(int(place.t_utc_ns[0])) is not None
     assert any("it is what was followed before" in words for words in watched.words)
     assert watched.last.observations == 60
     assert watched.last.arc_s == pytest.approx(79 * CADENCE_S)
@@ -303,9 +321,13 @@ class Kept:
 def followed_by_engine(settings: Config, places: Places) -> list[Any]:
     watched = Watched(settings)
     watched.see(places)
+    return told_to_engine(settings, watched.log)
+
+
+def told_to_engine(settings: Config, records: Iterable[Any]) -> list[Any]:
     kept, orbits = Kept(), Orbits(settings)
     chronicle = Chronicle(kept, lambda: T0_UTC_NS, orbits.hear)
-    for record in watched.log:
+    for record in records:
         chronicle.append(record)
         if isinstance(record, TrackState) and record.kind != "predicted":
             orbits.refine(record.frame_id, chronicle)
@@ -348,8 +370,11 @@ def test_an_orbit_that_breaks_is_told_once_and_the_night_goes_on(monkeypatch):
     def breaks(*_: Any, **__: Any) -> None:
         raise FloatingPointError("boom")
 
+    places = every_frame(flight(*GEO), 12)
+    watched = Watched(config())
+    watched.see(places)
     monkeypatch.setattr("rsoconsole.pipeline.orbit_online.determine", breaks)
-    records = followed_by_engine(config(), every_frame(flight(*GEO), 12))
+    records = told_to_engine(config(), watched.log)
     said = [e.text for e in records if isinstance(e, Event)]
     assert said == ["its orbit could not be refined (boom): see the log"]
 

@@ -329,7 +329,7 @@ class Engine:
     def _reduce_and_go_on(self, frame: Frame, read_ms: float, blocked: str | None) -> Reduction:
         began_s = time.perf_counter()
         before = self.following
-        result = self.cycle.run(frame, before, blocked)
+        result = self.cycle.run(frame, before, blocked, self.orbits.last)
         folded_s = time.perf_counter()
         for record in result.records:
             self.chronicle.append(record)

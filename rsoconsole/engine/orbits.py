@@ -9,6 +9,7 @@ from rsoconsole.engine.guide import Guide
 from rsoconsole.errors import OrbitError
 from rsoconsole.pipeline.naming import Naming
 from rsoconsole.pipeline.orbit_online import OnlineOrbit
+from rsoconsole.records import OrbitEstimate
 
 log = logging.getLogger(__name__)
 
@@ -24,6 +25,8 @@ class Orbits:
         self._online = OnlineOrbit(config)
         self._naming = Naming(config)
         self._faults: set[str] = set()
+        self.last: OrbitEstimate | None = None
+        """On record."""
         self.guide = Guide(self._online, config)
 
     def configure(self, config: Config) -> None:
@@ -39,6 +42,7 @@ class Orbits:
     def forget(self) -> None:
         """The clock was wrong until now."""
         self._online.forget()
+        self.last = None
 
     def refine(self, frame_id: int, chronicle: Chronicle) -> None:
         """Everything that is to be done after a frame."""
@@ -46,6 +50,7 @@ class Orbits:
             refined = self._online.refine(frame_id)
             if refined is None:
                 return
+            self.last = refined.estimate
             chronicle.append(refined.estimate)
             for words in refined.words:
                 chronicle.say("info", words)

@@ -13,6 +13,8 @@ from rsoconsole.sky.times import ARCSEC_RAD, NS_PER_S, IntArray
 
 _ENDS = 3.0**0.5
 """Sigmas, at which two points tell a normal error's second order (Julier & Uhlmann 2004)."""
+_MOMENT_S = 5.0
+"""Within which the slopes of a place change in proportion to time."""
 _TAIL = 0.5
 """A third has the variance of a squared error, whose tails are longer than a normal one's."""
 
@@ -56,6 +58,49 @@ def predict(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> Prediction:
     return Prediction(
         places=places,
         cov_sky_arcsec2=np.stack([cov[:, 0, 0], cov[:, 0, 1], cov[:, 1, 1]], axis=-1),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Motion:
+    """Place and motion at one instant, as a plate solution would measure them."""
+
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    rate_arcsec_s: tuple[float, float]
+    """East and north."""
+    covariance: FloatArray
+    """(4, 4) of east, its rate, north, its rate: arcsec and arcsec/s."""
+
+
+def predict_motion(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> Motion | None:
+    """What a filter on place and rates would have to know; None where there is no place."""
+    ahead = predict(orbit, site, np.array([t_utc_ns]))
+    since_s = (t_utc_ns - orbit.epoch_utc_ns) / NS_PER_S + _MOMENT_S * np.array([-1.0, 0.0, 1.0])
+    instants = t_utc_ns + (_MOMENT_S * NS_PER_S * np.array([-1, 0, 1])).astype(np.int64)
+    r, v = orbit.forces.states(orbit.r_km, orbit.v_km_s, since_s)
+
+    def position_of(at: IntArray) -> tuple[FloatArray, FloatArray]:
+        return propagate(r, v, (at - instants) / NS_PER_S)
+
+    places = astrometric_places(position_of, site, instants)
+    _, _, slopes = propagate_with_slopes(orbit.r_km, orbit.v_km_s, since_s)
+    on_sky = _sky_slopes(places) @ slopes
+    rates = (on_sky[2] - on_sky[0]) / (2.0 * _MOMENT_S)
+    rows = np.stack([on_sky[1, 0], rates[0], on_sky[1, 1], rates[1]])
+    covariance = rows @ orbit.covariance @ rows.T
+    # Of the place also what a bent way adds.
+    ee, en, nn = ahead.cov_sky_arcsec2[0]
+    covariance[np.ix_([0, 2], [0, 2])] = [[ee, en], [en, nn]]
+    if not np.all(np.isfinite(covariance)):
+        return None
+    dec_deg = float(places.dec_icrs_deg[1])
+    east = float(places.ra_rate_deg_s[1]) * np.cos(np.radians(dec_deg)) * 3600.0
+    return Motion(
+        ra_icrs_deg=float(places.ra_icrs_deg[1]),
+        dec_icrs_deg=dec_deg,
+        rate_arcsec_s=(float(east), float(places.dec_rate_deg_s[1]) * 3600.0),
+        covariance=covariance,
     )
 
 

@@ -12,7 +12,7 @@ from rsoconsole.pipeline.absence import StarHistory, cloud_words, stars_of
 from rsoconsole.pipeline.fold import Shown, fold, looked_at, when
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.rulings import Fold, Folds, on_record_again
-from rsoconsole.records import Frame, FrameTaken, Ruling
+from rsoconsole.records import Frame, FrameTaken, OrbitEstimate, Ruling
 from rsoconsole.tracking.follow import Following
 
 
@@ -77,16 +77,22 @@ class Cycle:
         self._stars = looked_at(self._stars, shown)
         return reduction, _on_record(reduction)
 
-    def run(self, frame: Frame, before: Following, blocked: str | None = None) -> CycleResult:
+    def run(
+        self,
+        frame: Frame,
+        before: Following,
+        blocked: str | None = None,
+        orbit: OrbitEstimate | None = None,
+    ) -> CycleResult:
         """Reduce one frame and fold it. Raises FrameError for a frame without a time.
 
         ``blocked``: why the slew to the track was refused before this frame, as ``FrameTaken``
-        carries it.
+        carries it; ``orbit``: the last one on record.
         """
         taken = taken_record(frame, blocked)
         when(taken, self._config)  # before the work: such a frame cannot be folded
         reduction = self._reducer.reduce(frame)
-        shown = _shown(taken, reduction)
+        shown = _shown(taken, reduction, orbit)
         self._look_at_clouds(shown)
         folded = fold(before, self._stars, shown, self._config)
         self._folds.add(
@@ -106,12 +112,13 @@ class Cycle:
         )
 
 
-def _shown(taken: FrameTaken, reduction: Reduction) -> Shown:
+def _shown(taken: FrameTaken, reduction: Reduction, orbit: OrbitEstimate | None = None) -> Shown:
     return Shown(
         taken=taken,
         detections=reduction.detections,
         solution=reduction.solution,
         measurements=reduction.measurements,
+        orbit=orbit,
     )
 
 

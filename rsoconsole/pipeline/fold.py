@@ -1,11 +1,14 @@
 """What is followed after a frame, from what is on record alone. Pure: no pixels, no memory."""
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.errors import FrameError
+from rsoconsole.orbit.known import known
+from rsoconsole.orbit.prediction import predict_motion
 from rsoconsole.pipeline.absence import StarHistory, counted, explain_absence, stars_of
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.reduce import plain_absence
@@ -15,10 +18,20 @@ from rsoconsole.records import (
     FrameTaken,
     Measurement,
     NotSolved,
+    OrbitEstimate,
     Ruling,
     Solution,
+    TrackState,
 )
-from rsoconsole.tracking.follow import NOTHING_FITS, Following, FollowSettings, Seen, follow
+from rsoconsole.tracking import lqe
+from rsoconsole.tracking.follow import (
+    NOTHING_FITS,
+    Following,
+    FollowSettings,
+    Seen,
+    follow,
+    three_sigma_deg,
+)
 from rsoconsole.tracking.neighbours import Field
 
 
@@ -32,6 +45,8 @@ class Shown:
     measurements: tuple[Measurement, ...]
     ruling: Ruling | None = None
     """The operator's word on them."""
+    orbit: OrbitEstimate | None = None
+    """The orbit on record when the frame came."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,11 +94,48 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         field=_field(shown),
         chosen=chosen,
         refused=refused,
+        by_orbit=_asks_orbit(before, shown.orbit, config, t_mid_ns),
     )
     after, records = follow(before, seen, follow_settings(config, taken))
     return Folded(
         following=after, stars=counted(stars_before, stars, shown.solution), records=records
     )
+
+
+def _asks_orbit(
+    before: Following, orbit: OrbitEstimate | None, config: Config, t_mid_ns: int
+) -> Callable[[TrackState], TrackState | None] | None:
+    """Where the orbit of this very track may speak for a filter that fails."""
+    may = config.orbit.guide == "when better" and config.filter.preset == "tuned"
+    # With other settings the track may be another one than that which the orbit is of.
+    is_of_track = (
+        orbit is not None
+        and before.taken is not None
+        and before.taken.frame_id == orbit.frame_id
+        and orbit.label != "not observable"
+    )
+    if orbit is None or not (may and is_of_track):
+        return None
+    return functools.partial(_by_orbit, orbit, config, t_mid_ns)
+
+
+def _by_orbit(
+    orbit: OrbitEstimate, config: Config, t_mid_ns: int, failed: TrackState
+) -> TrackState | None:
+    """What the orbit foretells, if it is surer than the field is wide."""
+    motion = predict_motion(known(orbit), config.site.to_site(), t_mid_ns)
+    if motion is None:
+        return None
+    state = lqe.begun_from(
+        (motion.ra_icrs_deg, motion.dec_icrs_deg),
+        motion.rate_arcsec_s,
+        motion.covariance,
+        t_mid_ns,
+        failed.frame_id,
+        failed,
+    )
+    widest_deg = min(min(config.optics.field_deg) / 2.0, config.filter.max_3sigma_arcmin / 60.0)
+    return state if three_sigma_deg(state) <= widest_deg else None
 
 
 def _field(shown: Shown) -> Field | None:

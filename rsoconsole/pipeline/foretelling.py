@@ -56,9 +56,17 @@ class Rivals:
             self.is_orbit_ahead = is_better and self._is_believed()
         return self.is_orbit_ahead != before
 
+    def filter_failed(self) -> bool:
+        """The orbit foretold what the filter did not; whether the lead has changed."""
+        self._told.clear()
+        before, self.is_orbit_ahead = self.is_orbit_ahead, True
+        return not before
+
     @property
     def words(self) -> str:
         """How both fared over the last measurements."""
+        if not self._told:
+            return "what was seen fits the orbit and not the filter's prediction"
         ours, theirs = zip(*self._told, strict=True)
         return f"{_fared(ours)} by the orbit, {_fared(theirs)} by the filter"
 

@@ -123,7 +123,9 @@ class OnlineOrbit:
         if target.orbit is None:
             return None
         was_guide = self.is_guide
-        if foretold is not None and (by_filter := _by_filter(track.last)) is not None:
+        if track.last.foretold_by == "orbit":
+            target.rivals.filter_failed()
+        elif foretold is not None and (by_filter := _by_filter(track.last)) is not None:
             target.rivals.hear(foretold.short, by_filter)
         estimate = self._estimate(frame_id, target, foretold)
         words += _news(target, estimate, was_guide=was_guide)

@@ -29,6 +29,7 @@ from rsoconsole.records import (
     Miss,
     NotFollowed,
     NotSolved,
+    OrbitEstimate,
     ParameterChange,
     Ruling,
     Solution,
@@ -119,6 +120,7 @@ class _Open:
     solution: Solution | NotSolved | None = None
     measurements: list[Measurement] = field(default_factory=list)
     recorded: list[Any] = field(default_factory=list)
+    orbit: OrbitEstimate | None = None
 
     def shown(self) -> Shown:
         return Shown(
@@ -126,6 +128,7 @@ class _Open:
             detections=self.detections,
             solution=self.solution,
             measurements=tuple(self.measurements),
+            orbit=self.orbit,
         )
 
 
@@ -141,6 +144,8 @@ class Walk:
     """What was followed when the operator took the mount."""
     stars: StarHistory = field(default_factory=StarHistory)
     taken: FrameTaken | None = None
+    orbit: OrbitEstimate | None = None
+    """The last one."""
     open: _Open | None = None
     alarms: set[str] = field(default_factory=set)
     """Said since the last frame came."""
@@ -178,7 +183,7 @@ class Walk:
             case Detections():
                 if self.taken is not None:
                     self.part = "input"
-                    self.open = _Open(taken=self.taken, detections=record)
+                    self.open = _Open(taken=self.taken, detections=record, orbit=self.orbit)
             case CycleTiming():
                 yield from self.close()
             case Ruling() | FollowedAgain():
@@ -192,6 +197,8 @@ class Walk:
             case StateChange() if is_from_outside(record):
                 yield from self.close()
                 self._pass(record)
+            case OrbitEstimate():
+                self.orbit = record
             case Event():
                 if record.level == "alarm":
                     self.alarms.add(record.text)
@@ -273,6 +280,8 @@ class Walk:
     def _pass(self, change: StateChange) -> None:
         """The operator, a limit, a fault or the end of the night: what is followed after it."""
         self.folds.forget()
+        if change.reason.startswith(CLOCK_SET):
+            self.orbit = None
         if change.after == "MANUAL":
             # Only a track is worth coming back to.
             if self.following.state in ("TRACK", "COAST"):

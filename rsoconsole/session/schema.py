@@ -85,7 +85,7 @@ _COLUMNS_BY_VIEW = {
         "dec_icrs_deg=x[2] dec_rate_deg_s=x[3] covariance=P nis "
         "innovation_east_arcsec=innovation_arcsec[0] innovation_north_arcsec=innovation_arcsec[1] "
         "sigma_east_arcsec=sigma_innovation_arcsec[0] "
-        "sigma_north_arcsec=sigma_innovation_arcsec[1] misses"
+        "sigma_north_arcsec=sigma_innovation_arcsec[1] misses foretold_by"
     ),
     "slews": "ra_icrs_deg dec_icrs_deg t_aim_utc_ns reason",
     "misses": "reason",

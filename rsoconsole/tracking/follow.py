@@ -66,6 +66,9 @@ class Seen:
     """The one that the operator wants followed; one of ``measurements``."""
     refused: tuple[Measurement, ...] = ()
     """Those that the operator wants left alone; none of ``measurements``."""
+    by_orbit: Callable[[TrackState], TrackState | None] | None = None
+    """What the orbit foretells in the place of a prediction that failed; None where it does not.
+    Asked only where nothing fits."""
 
     @property
     def why_absent(self) -> str:
@@ -210,6 +213,30 @@ def _follow_track(
     before: Following, track: TrackState, seen: Seen, settings: FollowSettings
 ) -> tuple[Following, tuple[Record, ...]]:
     predicted = lqe.predict(track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
+    after, records, reasons = _taken_by(predicted, before, seen, settings)
+    if after is None and seen.measurements and seen.by_orbit is not None:
+        by_orbit = seen.by_orbit(predicted)
+        if by_orbit is not None:
+            after, records, _ = _taken_by(by_orbit, before, seen, settings)
+    if after is not None:
+        return after, records
+    reason = seen.why_absent
+    if seen.measurements and reason == NOTHING_SEEN:
+        reason = NOTHING_FITS
+    if CANNOT_TELL in reasons.values():
+        reason = reason.replace(NOTHING_FITS, CANNOT_TELL)
+    updated = {m: lqe.update(predicted, m, settings.filter) for m in seen.measurements}
+    refused = _verdicts(reasons, updated)
+    return _coast(before, predicted, seen, settings, (predicted, *refused), reason)
+
+
+def _taken_by(
+    predicted: TrackState, before: Following, seen: Seen, settings: FollowSettings
+) -> tuple[Following | None, tuple[Record, ...], dict[Measurement, str]]:
+    """The measurement that fits a prediction: what is followed then, None where none does.
+
+    With what belongs on the record, and why the others do not fit.
+    """
     expected = expected_motion(predicted, seen.exposure_s)
     updated = {m: lqe.update(predicted, m, settings.filter) for m in seen.measurements}
     reasons: dict[Measurement, str] = {}
@@ -217,13 +244,7 @@ def _follow_track(
         reasons = _refusals(predicted, expected, updated, before.neighbours, seen, settings)
     fitting = [m for m in seen.measurements if m not in reasons]
     if not fitting:
-        reason = seen.why_absent
-        if seen.measurements and reason == NOTHING_SEEN:
-            reason = NOTHING_FITS
-        if CANNOT_TELL in reasons.values():
-            reason = reason.replace(NOTHING_FITS, CANNOT_TELL)
-        refused = _verdicts(reasons, updated)
-        return _coast(before, predicted, seen, settings, (predicted, *refused), reason)
+        return None, (), reasons
     chosen = fitting[0]
     if settings.choice == "nearest":
         chosen = min(fitting, key=lambda m: _nis(updated[m]))
@@ -234,7 +255,7 @@ def _follow_track(
         taken=chosen,
         neighbours=_beside(before.neighbours, updated[chosen], chosen, seen),
     )
-    return after, (predicted, updated[chosen], *_verdicts(reasons, updated))
+    return after, (predicted, updated[chosen], *_verdicts(reasons, updated)), reasons
 
 
 def _follow_chosen(

@@ -128,6 +128,41 @@ def update(predicted: TrackState, measurement: Measurement, settings: FilterConf
         sigma_innovation_arcsec=(float(sigma[0]), float(sigma[1])),
         q_scale=_adapted(predicted, nis, settings),
         innovations=predicted.innovations + 1,
+        foretold_by=predicted.foretold_by,
+    )
+
+
+def begun_from(  # noqa: PLR0917 -- a direction, its motion and how well both are known
+    direction_deg: tuple[float, float],
+    rate_arcsec_s: tuple[float, float],
+    covariance: FloatArray,
+    t_utc_ns: int,
+    frame_id: int,
+    failed: TrackState,
+) -> TrackState:
+    """The filter begun anew from another prediction, where its own has ``failed``.
+
+    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. It goes on with
+    the full process noise at least: with less it has just failed.
+    """
+    cos_dec = _cos_dec(direction_deg[1])
+    to_deg = np.array([1.0 / cos_dec, 1.0 / cos_dec, 1.0, 1.0]) / ARCSEC_PER_DEG
+    x = (
+        direction_deg[0],
+        rate_arcsec_s[0] * to_deg[1],
+        direction_deg[1],
+        rate_arcsec_s[1] * to_deg[3],
+    )
+    return _state(
+        "predicted",
+        frame_id,
+        t_utc_ns,
+        x,
+        covariance * np.outer(to_deg, to_deg),
+        misses=failed.misses,
+        q_scale=max(failed.q_scale, 1.0),
+        innovations=failed.innovations,
+        foretold_by="orbit",
     )
 
 
