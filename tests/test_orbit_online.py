@@ -54,19 +54,26 @@ def config(**sections: Any) -> Config:
     return Config.model_validate({"site": SITE, **sections})
 
 
-def flight(a_km: float, e: float, i_deg: float, *, ahead_deg: float = 0.0) -> Flight:
+def flight(
+    a_km: float,
+    e: float,
+    i_deg: float,
+    *,
+    ahead_deg: float = 0.0,
+    t0_utc_ns: int = T0_UTC_NS,
+) -> Flight:
     """Crosses the site's meridian as it begins, on its way up where it is inclined."""
     import erfa
 
     from rsoconsole.sky.times import jd_ut1
 
-    sidereal = erfa.era00(*jd_ut1(T0_UTC_NS)) + math.radians(DAYTONA.longitude_deg)
+    sidereal = erfa.era00(*jd_ut1(t0_utc_ns)) + math.radians(DAYTONA.longitude_deg)
     up = math.radians(min(i_deg, 30.0))
     argument = math.asin(math.sin(up) / math.sin(math.radians(i_deg))) if i_deg > 1.0 else 0.0
     east = math.atan2(math.cos(math.radians(i_deg)) * math.sin(argument), math.cos(argument))
     node = float(sidereal) + math.radians(ahead_deg) - east
     start = state_of(a_km, e, math.radians(i_deg), (node, 0.0, argument))
-    return Flight(t0_utc_ns=T0_UTC_NS, start=np.concatenate(start)[None])
+    return Flight(t0_utc_ns=t0_utc_ns, start=np.concatenate(start)[None])
 
 
 @dataclass
@@ -122,22 +129,7 @@ class Watched:
         self.orbit.hear(record)
 
     def measure(self, places: Places, n: int) -> Measurement:
-        east, north = self.random.normal(0.0, self.sigma_arcsec / 3600.0, 2)
-        dec = float(places.dec_icrs_deg[n]) + north
-        ra = float(places.ra_icrs_deg[n]) + east / math.cos(math.radians(dec))
-        d_ra, d_dec = (5.0 * float(r[n]) for r in (places.ra_rate_deg_s, places.dec_rate_deg_s))
-        return Measurement(
-            frame_id=self.frame_id,
-            t_mid_utc_ns=int(places.t_utc_ns[n]),
-            ra_icrs_deg=ra % 360.0,
-            dec_icrs_deg=dec,
-            cov_sky_arcsec2=(self.sigma_arcsec**2, 0.0, self.sigma_arcsec**2),
-            x_px=0.0,
-            y_px=0.0,
-            confidence=0.95,
-            source="network",
-            ends_icrs_deg=(((ra - d_ra) % 360.0, dec - d_dec), ((ra + d_ra) % 360.0, dec + d_dec)),
-        )
+        return measured_at(places, n, self.frame_id, self.random, self.sigma_arcsec)
 
     @property
     def last(self) -> OrbitEstimate:
@@ -146,6 +138,28 @@ class Watched:
     @property
     def words(self) -> list[str]:
         return [words for each in self.refined for words in each.words]
+
+
+def measured_at(
+    places: Places, n: int, frame_id: int, random: np.random.Generator, sigma_arcsec: float
+) -> Measurement:
+    """A streak of ten seconds at the n-th place, with noise."""
+    east, north = random.normal(0.0, sigma_arcsec / 3600.0, 2)
+    dec = float(places.dec_icrs_deg[n]) + north
+    ra = float(places.ra_icrs_deg[n]) + east / math.cos(math.radians(dec))
+    d_ra, d_dec = (5.0 * float(r[n]) for r in (places.ra_rate_deg_s, places.dec_rate_deg_s))
+    return Measurement(
+        frame_id=frame_id,
+        t_mid_utc_ns=int(places.t_utc_ns[n]),
+        ra_icrs_deg=ra % 360.0,
+        dec_icrs_deg=dec,
+        cov_sky_arcsec2=(sigma_arcsec**2, 0.0, sigma_arcsec**2),
+        x_px=0.0,
+        y_px=0.0,
+        confidence=0.95,
+        source="network",
+        ends_icrs_deg=(((ra - d_ra) % 360.0, dec - d_dec), ((ra + d_ra) % 360.0, dec + d_dec)),
+    )
 
 
 def every_frame(one: Flight, frames: int, since_s: float = 0.0) -> Places:

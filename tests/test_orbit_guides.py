@@ -1,0 +1,125 @@
+"""The whole loop after a satellite that no straight line follows: found, lost in shadow, found."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.pipeline.replay import replay
+from rsoconsole.pipeline.retell import retell
+from rsoconsole.records import (
+    Event,
+    Frame,
+    Identified,
+    OrbitEstimate,
+    SlewCommand,
+    StateChange,
+    TrackState,
+)
+from rsoconsole.sky.angles import separation_deg
+from tests.engine_rig import Rig, rig
+from tests.makers import NS, T0_UTC_NS
+from tests.orbit_truth import Flight
+from tests.test_orbit_online import INCLINED, SITE, TLE, flight, measured_at
+
+HIDDEN = range(24, 64)
+"""Twenty minutes: the filter gives up before they are over."""
+FIELD_DEG = 0.6
+
+
+def night(frames: int, **sections: Any) -> Rig:
+    """The telescope stands where the satellite comes by, and sees it only within its field."""
+    config = Config.model_validate(
+        {
+            "site": SITE,
+            "search": {"pattern": "stay", "recentre": "every"},
+            "filter": {"max_coast_s": 300},
+            **sections,
+        }
+    )
+    it = rig(set(), config)
+    true = flight(*INCLINED, t0_utc_ns=T0_UTC_NS)
+    start = true.places(np.array([20.0]))[0]
+    it.mount.at_deg = (float(start.ra_icrs_deg[0]), float(start.dec_icrs_deg[0]))
+    it.engine.cycle._reducer = Looking(it, true)
+    it.engine.arm()
+    it.engine.run(frames=frames)
+    return it
+
+
+class Looking:
+    """Sees the satellite where it is, if the telescope looks there and it is not in shadow."""
+
+    def __init__(self, it: Rig, true: Flight) -> None:
+        self.plain, self.it, self.true = it.reducer, it, true
+        self.random = np.random.default_rng(5)
+        self.off_deg: list[float] = []
+
+    def configure(self, config: Config) -> None:
+        self.plain.configure(config)
+
+    def forget_plate(self) -> None:
+        pass
+
+    def reduce(self, frame: Frame) -> Reduction:
+        assert frame.t_mid_utc_ns is not None
+        places = self.true.places(np.array([(frame.t_mid_utc_ns - T0_UTC_NS) / NS]))[0]
+        here = (float(places.ra_icrs_deg[0]), float(places.dec_icrs_deg[0]))
+        self.off_deg.append(separation_deg(*here, *self.it.mount.at_deg))
+        plain = self.plain.reduce(frame)
+        if self.off_deg[-1] > FIELD_DEG or frame.frame_id in HIDDEN:
+            return plain
+        measured = measured_at(places, 0, frame.frame_id, self.random, 0.5)
+        measured = dataclasses.replace(measured, t_mid_utc_ns=frame.t_mid_utc_ns)
+        return dataclasses.replace(plain, measurements=(measured,))
+
+
+def test_a_satellite_on_an_inclined_orbit_is_followed_through_a_loss():
+    it = night(80, catalogue={"tle_files": [str(TLE)]})
+    states = [change.after for change in it.memory.of(StateChange)]
+    assert states == ["SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST", "SEARCH", "ACQUIRE", "TRACK"]
+    slews = it.memory.of(SlewCommand)
+    assert {"orbit", "where its orbit says"} <= {slew.reason for slew in slews}
+    # Also while nothing was seen the telescope looked at it.
+    looking = it.engine.cycle._reducer
+    assert max(looking.off_deg[10:]) < 0.05
+    # Two tracks, each begun by two measurements, are one orbit.
+    begun = [r for r in it.memory.of(TrackState) if r.kind == "initial"]
+    updated = [r for r in it.memory.of(TrackState) if r.kind == "updated"]
+    assert len(begun) == 2
+    assert it.memory.of(OrbitEstimate)[-1].observations == 2 * len(begun) + len(updated)
+    said = [event.text for event in it.memory.of(Event)]
+    assert any("it is what was followed before" in words for words in said)
+    assert it.memory.of(Identified)[-1].verdict == "unknown"
+
+
+def test_a_replay_hands_over_as_the_night_did_and_another_night_has_no_orbit_of_that_one():
+    it = night(80)
+    config = it.engine.config
+    replayed = list(replay(it.memory.records, config))
+    assert all(each.is_as_recorded for each in replayed)
+    handed = [r for each in replayed for r in each.records if is_by_orbit(r)]
+    assert len(handed) >= 2
+    log = tuple((T0_UTC_NS, record) for record in it.memory.records)
+    assert retell(log, config).log == log
+    other = retell(log, config, tried={"filter.q_multiplier": 100.0})
+    assert not any(is_by_orbit(record) for _, record in other.log)
+    first = next(n for n, each in enumerate(other.frames) if not each.is_as_recorded)
+    orbits = [record.frame_id for _, record in other.log if isinstance(record, OrbitEstimate)]
+    assert all(frame_id < other.frames[first].taken.frame_id for frame_id in orbits)
+    again = list(replay((record for _, record in other.log), other.config))
+    assert all(each.is_as_recorded for each in again)
+
+
+def is_by_orbit(record: Any) -> bool:
+    return isinstance(record, TrackState) and record.foretold_by == "orbit"
+
+
+def test_without_the_orbit_it_is_gone():
+    it = night(80, orbit={"guide": "never"})
+    states = [change.after for change in it.memory.of(StateChange)]
+    assert states[-1] != "TRACK"
+    looking = it.engine.cycle._reducer
+    assert looking.off_deg[-1] > FIELD_DEG
