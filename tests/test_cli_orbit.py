@@ -74,7 +74,7 @@ class TestRealObservations:
         assert found["i_deg"] == pytest.approx(55.0, abs=0.2)
         assert found["rms_arcsec"] == pytest.approx(0.5, abs=0.1)
         assert found["observations"] == 77
-        assert found["tle"] is None
+        assert found["tle"][1].startswith("2 80000  55.")
 
     @pytest.mark.parametrize(
         ("observation", "elements", "norad_id"),
@@ -184,6 +184,50 @@ def test_the_page_for_people_tells_the_same(night: Path) -> None:
         "eclipse",
     ):
         assert part in page
+
+
+def test_its_elements_are_written_for_others_and_put_the_satellite_where_it_was(
+    night: Path, tmp_path: Path
+) -> None:
+    found = run("orbit", night)
+    assert len(found["tle"]) == 2
+    for name in ("orbit.tle", "orbit.xml", "orbit.json"):
+        out = tmp_path / name
+        run("orbit", night, "--out", out, "--norad", "36097", "--name", "MINE")
+        named = run("identify", night, "--tle", out)
+        (best,) = named["matches"]
+        assert (best["norad_id"], best["name"]) == (36_097, "MINE")
+        assert best["separation_arcsec"] < 2.0
+    run("orbit", night, "--out", tmp_path / "orbit.kvn")
+    assert "MEAN_ELEMENT_THEORY = SGP4" in (tmp_path / "orbit.kvn").read_text()
+    lines = words("orbit", night, "--out", "-").splitlines()
+    assert lines == ["UNKNOWN", *found["tle"]]
+    assert found["tle"][1] in words("orbit", night)
+
+
+def test_elements_are_not_written_over_others_nor_of_an_orbit_that_is_not_known(
+    night: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    out = tmp_path / "orbit.tle"
+    run("orbit", night, "--out", out)
+    before = out.read_text()
+    capsys.readouterr()
+    refused = complaint(capsys, monkeypatch, "orbit", str(night), "--out", str(out))
+    assert "exists: --force writes over it" in refused
+    assert out.read_text() == before
+    run("orbit", night, "--out", out, "--norad", "5", "--force")
+    assert out.read_text() != before
+    few = observation_file(tmp_path / "few.json", rows_of(SATELLITE, instants(0.0, 2)))
+    none = str(tmp_path / "no.tle")
+    assert "no elements to write" in complaint(
+        capsys, monkeypatch, "orbit", str(few), "--out", none
+    )
+    assert not (tmp_path / "no.tle").exists()
+    odd = CliRunner().invoke(app, ["orbit", str(night), "--out", str(tmp_path / "no.odt")])
+    assert odd.exit_code == 2
 
 
 def test_a_prior_may_be_asked_for_or_refused(night: Path) -> None:

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
+from rsoconsole.engine.seek import check_seek
+from rsoconsole.pipeline.absence import direction_at
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.retell import retell
@@ -111,6 +113,17 @@ def test_a_replay_hands_over_as_the_night_did_and_another_night_has_no_orbit_of_
     assert all(frame_id < other.frames[first].taken.frame_id for frame_id in orbits)
     again = list(replay((record for _, record in other.log), other.config))
     assert all(each.is_as_recorded for each in again)
+
+
+def test_what_is_looked_for_again_is_looked_for_by_its_orbit():
+    it = night(40, filter={"max_coast_s": 3600})
+    engine, at = it.engine, it.clock.t_utc_ns + 2400 * NS
+    true = it.engine.cycle._reducer.true.places(np.array([(at - T0_UTC_NS) / NS]))[0]
+    it.clock.t_utc_ns = at
+    place = (float(true.ra_icrs_deg[0]), float(true.dec_icrs_deg[0]))
+    assert separation_deg(*check_seek(engine), *place) < 0.1
+    by_filter = direction_at(engine.last_track, at)
+    assert separation_deg(*by_filter, *place) > 1.0
 
 
 def is_by_orbit(record: Any) -> bool:

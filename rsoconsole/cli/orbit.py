@@ -48,6 +48,19 @@ def orbit(
     ] = False,
     track: TrackOption = None,
     sigma: SigmaOption = 1.0,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write elements for SGP4: .tle (two lines), or an OMM as .kvn, .xml or .json;"
+            " - for two lines on stdout."
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
+    norad: Annotated[
+        int | None,
+        typer.Option(min=1, max=999_999_999, help="Catalogue number to write into them."),
+    ] = None,
+    name: Annotated[str, typer.Option(help="Name to write into them.")] = "UNKNOWN",
     config: ConfigOption = None,
     json_: JsonOption = False,
 ) -> None:
@@ -64,13 +77,19 @@ def orbit(
     lat_deg, lon_deg, alt_m; "obs", rows of UTC, RA and Dec (J2000 degrees
     as a plate solution measures them) and, if known, sigmas in arcsec.
 
-    Example: rsoconsole orbit sessions/intelsat-14
+    Elements for SGP4 are fitted where the orbit is free or constrained.
+
+    Example: rsoconsole orbit sessions/intelsat-14 --out intelsat-14.tle
     """
+    from rsoconsole.cli.orbit_files import form_of, write_elements
+    from rsoconsole.orbit.mean_elements import ANALYST_NUMBERS
+    from rsoconsole.pipeline.orbit_elements import orbit_elements
     from rsoconsole.pipeline.orbit_of import find_by_gooding, find_orbit
     from rsoconsole.pipeline.orbit_outlook import orbit_outlook
     from rsoconsole.pipeline.orbit_report import orbit_report
     from rsoconsole.pipeline.sightings_of import read_observed
 
+    form = None if out is None else form_of(out)  # before the work: a wrong ending ends it
     read = [read_observed(path, sigma_arcsec=sigma, track=track) for path in paths]
     if gooding:
         if len(paths) > 1:
@@ -84,10 +103,17 @@ def orbit(
         limits = found.observed.limits or load_config(config).limits
         site, last = found.observed.site, int(found.seen.t_utc_ns[-1])
         outlook = orbit_outlook(found.orbit, site, limits, last, AHEAD_S)
-    report = orbit_report(found, outlook)
+    number = ANALYST_NUMBERS.start if norad is None else norad
+    elements = orbit_elements(found, norad_id=number, name=name)
+    report = orbit_report(found, outlook, elements.tle)
     for part in found.parts:
         if part.is_used and part.probability is not None and part.probability < _ANOTHER:
             output.complain(f"rsoconsole: {part.name} is probably of another object: leave it out")
+    if out is not None and form is not None:
+        words = write_elements(elements, out, form, force=force)
+        if str(out) == "-":
+            return
+        output.complain(words)
     if json_:
         output.emit_json(report)
         return

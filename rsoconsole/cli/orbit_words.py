@@ -38,6 +38,8 @@ def orbit_words(names: Sequence[str], report: dict[str, Any]) -> str:
         )
     if report["predicted"]:
         lines += ["", *_ahead_lines(report), "", *_event_lines(report)]
+    if report["tle"]:
+        lines += ["", "  Elements for SGP4 (--out writes them):", *report["tle"]]
     return "\n".join(lines)
 
 

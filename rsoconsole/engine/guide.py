@@ -38,6 +38,10 @@ class Guide:
         since_s = (t_mid_utc_ns - int(seen.t_utc_ns[-1])) / NS_PER_S
         return self._direction(t_mid_utc_ns) if 0.0 <= since_s <= 60.0 * config.wait_min else None
 
+    def of_last(self, t_utc_ns: int) -> tuple[float, float] | None:
+        """Where what was followed last is by its orbit, however long ago that was."""
+        return None if self._config.orbit.guide == "never" else self._direction(t_utc_ns)
+
     def _direction(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
         orbit, aim = self._orbit.orbit, self._config.aim
         if orbit is None or orbit.label == "not observable":
