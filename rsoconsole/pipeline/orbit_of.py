@@ -120,9 +120,13 @@ def find_by_gooding(observed: Observed) -> Found:
     return replace(
         nothing,
         orbit=fits[0][1],
-        reason=f"{fits[0][1].reason}; {len(fits)} orbit(s) through the three",
+        reason=f"{fits[0][1].reason}; {_how_many(len(fits))} passes through the three",
         solutions=tuple(each for _, _, each in fits),
     )
+
+
+def _how_many(orbits: int) -> str:
+    return "no other orbit" if orbits == 1 else f"each of {orbits} orbits"
 
 
 def _determined(

@@ -20,15 +20,19 @@ import statistics
 import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from rsoconsole.config import Config
 from rsoconsole.orbit.determine import Orbit, determine
 from rsoconsole.orbit.fit import Prior
 from rsoconsole.orbit.prediction import predict
 from rsoconsole.orbit.regimes import REGIMES
+from rsoconsole.orbit.sightings import Sightings
 from rsoconsole.orbit.two_body import elements_of
-from rsoconsole.records import FloatArray
+from rsoconsole.pipeline.orbit_online import OnlineOrbit
+from rsoconsole.records import FloatArray, Measurement, Site, TrackState
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.times import iso_to_utc_ns
 from tests.orbit_truth import DAYTONA, geostationary, off_arcsec, seen_with_noise
@@ -271,6 +275,69 @@ def refining(seed: int) -> list[dict[str, float | int]]:
     return rows
 
 
+def while_following(seed: int) -> list[dict[str, float | int]]:
+    """Milliseconds of all that the engine does for the orbit after a frame, names left out.
+
+    Reading which measurements the track took, reducing the new one, judging what was foretold of
+    it, refining, and making the record.
+    """
+    random = np.random.default_rng([seed, 6])
+    flight = geostationary(random, 1, t0_utc_ns=T0_UTC_NS, i_deg=0.05, e=np.array([3e-4]))
+    places = flight.places(np.arange(500.0) * CADENCE_S)[0]
+    seen = seen_with_noise(random, flight.site, places, 1.0)
+    online = OnlineOrbit(Config.model_validate({"site": _site(flight.site)}))
+    taken: list[float] = []
+    for n in range(len(seen)):
+        for record in _followed(seen, n):
+            online.hear(record)
+        begun = time.perf_counter()
+        online.refine(n + 1)
+        taken.append((time.perf_counter() - begun) * 1e3)
+    return [
+        {
+            "directions": count,
+            "median_ms": round(statistics.median(taken[count - 20 : count]), 1),
+            "worst_ms": round(max(taken[count - 20 : count]), 1),
+        }
+        for count in (30, 120, 500)
+    ]
+
+
+def _site(site: Site) -> dict[str, float]:
+    return {
+        "latitude_deg": site.latitude_deg,
+        "longitude_deg": site.longitude_deg,
+        "elevation_m": site.elevation_m,
+    }
+
+
+def _followed(seen: Sightings, n: int) -> tuple[Measurement, TrackState]:
+    """What the loop puts on record of a direction that the track takes."""
+    t_utc_ns, frame_id = int(seen.t_utc_ns[n]), n + 1
+    ra, dec = float(seen.ra_icrs_deg[n]), float(seen.dec_icrs_deg[n])
+    measured = Measurement(
+        frame_id=frame_id,
+        t_mid_utc_ns=t_utc_ns,
+        ra_icrs_deg=ra,
+        dec_icrs_deg=dec,
+        cov_sky_arcsec2=(1.0, 0.0, 1.0),
+        x_px=0.0,
+        y_px=0.0,
+        confidence=1.0,
+        source="network",
+    )
+    track = TrackState(
+        kind="updated" if n else "initial",
+        frame_id=frame_id,
+        t_utc_ns=t_utc_ns,
+        x=(ra, 0.0, dec, 0.0),
+        P=((1.0, 0.0, 0.0, 0.0),) * 4,
+        nis=2.0,
+        sigma_innovation_arcsec=(2.0, 2.0),
+    )
+    return measured, track
+
+
 def _print(cells: list[Cell]) -> None:
     print(f"{'world':28}{'arc':>5}{'sig':>4}{'i':>6}  {'da km':>7}{'1 h':>8}{'24 h':>8}", end="")
     print(f"  {'inside 1 h':>10}{'24 h':>7}  {'stated/true 1 h':>15}{'24 h':>6}{'a':>6}  published")
@@ -283,6 +350,44 @@ def _print(cells: list[Cell]) -> None:
             f"{c.stated_over_true_a:6.2f}  {known or ''} {c.labels}",
             flush=True,
         )
+
+
+_COLUMNS = {
+    "e 3e-4, prior 5e-4, a 30 km": "e 3e-4, prior 5e-4, a to 30 km",
+    "e 3e-4, prior 5e-4": "e 3e-4, prior 5e-4",
+    "e 3e-4, prior 2e-3": "e 3e-4, prior `geo`",
+    "e drawn from prior 2e-3": "e as prior `geo` says",
+    "held, prior slot": "held in a slot, prior `slot`",
+}
+
+
+def table(kept: dict[str, Any]) -> str:
+    """The cells for people: median errors at both inclinations after an hour and a day, arcsec."""
+    cells = {(c["world"], c["arc_min"], c["sigma_arcsec"], c["i_deg"]): c for c in kept["cells"]}
+    rows = [f"| arc, sigma | {' | '.join(_COLUMNS.values())} |", "|---|" + "---|" * len(_COLUMNS)]
+    for arc in ARCS_MIN:
+        for sigma in SIGMAS_ARCSEC:
+            row = []
+            for world in _COLUMNS:
+                both = [c for i in (0.05, 7.0) if (c := cells.get((world, arc, sigma, i)))]
+                after = [
+                    ", ".join(f"{c[key]:.{digits}f}" for c in both)
+                    for key, digits in (("median_h1_arcsec", 1), ("median_h24_arcsec", 0))
+                ]
+                row.append(" / ".join(after))
+            rows.append(f'| {arc} min, {sigma:.0f}" | {" | ".join(row)} |')
+    return "\n".join(rows)
+
+
+def summary(kept: dict[str, Any]) -> dict[str, tuple[float, float, float, float]]:
+    """Of each world: least and largest share inside 3 sigma, stated over true sigma after a day."""
+    found = {}
+    for world in _COLUMNS:
+        of = [c for c in kept["cells"] if c["world"] == world]
+        inside = [c[key] for c in of for key in ("inside_h1", "inside_h24")]
+        ratio = [c["stated_over_true_h24"] for c in of]
+        found[world] = (min(inside), max(inside), min(ratio), max(ratio))
+    return found
 
 
 def _measured(world: World, runs: int, seed: int) -> list[dict[str, object]]:
@@ -303,11 +408,17 @@ def main() -> None:
     parser.add_argument("--only", choices=["cells", "nights", "refining"])
     parser.add_argument("--world", choices=[each.name for each in WORLDS], help="this one alone")
     parser.add_argument("--write", action="store_true", help=f"keep the figures in {RESULTS.name}")
+    parser.add_argument("--table", action="store_true", help="only print what is kept")
     given = parser.parse_args()
     kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    if given.table:
+        print(table(kept))
+        print(*summary(kept).items(), sep="\n")
+        return
     if given.only in {None, "refining"}:
         kept["refining"] = refining(given.seed)
-        print(*kept["refining"], sep="\n")
+        kept["while_following"] = while_following(given.seed)
+        print(*kept["refining"], *kept["while_following"], sep="\n")
     if given.only in {None, "nights"}:
         kept["two_nights"] = two_nights(given.runs, given.seed)
         print(*kept["two_nights"], sep="\n")
