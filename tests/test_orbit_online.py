@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.chronicle import Chronicle
 from rsoconsole.engine.guide import Guide
-from rsoconsole.engine.orbits import Orbits
 from rsoconsole.orbit.known import known
 from rsoconsole.orbit.prediction import predict
 from rsoconsole.orbit.two_body import elements_of
@@ -21,6 +19,7 @@ from rsoconsole.pipeline.fold import Shown, fold
 from rsoconsole.pipeline.foretelling import Foretold, Rivals
 from rsoconsole.pipeline.naming import Naming
 from rsoconsole.pipeline.orbit_online import OnlineOrbit, Refined
+from rsoconsole.pipeline.orbits import Orbits
 from rsoconsole.records import (
     Detections,
     Event,
@@ -316,36 +315,21 @@ def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
     assert not any(alike.hear(sharp, Foretold(nis=2.2, log_size=0.0)) for _ in range(20))
 
 
-class Kept:
-    """A record in memory."""
-
-    def __init__(self) -> None:
-        self.records: list[Any] = []
-
-    def append(self, record: Any, t_utc_ns: int) -> int:
-        self.records.append(record)
-        return len(self.records)
-
-    def save_frame(self, *_: Any) -> bool:
-        return True
-
-    save_preview = save_closeup = save_frame
-
-
-def followed_by_engine(settings: Config, places: Places) -> list[Any]:
+def recorded(settings: Config, places: Places) -> list[Any]:
     watched = Watched(settings)
     watched.see(places)
-    return told_to_engine(settings, watched.log)
+    return put_on_record(settings, watched.log)
 
 
-def told_to_engine(settings: Config, records: Iterable[Any]) -> list[Any]:
-    kept, orbits = Kept(), Orbits(settings)
-    chronicle = Chronicle(kept, lambda: T0_UTC_NS, orbits.hear)
-    for record in records:
-        chronicle.append(record)
+def put_on_record(settings: Config, log: Iterable[Any]) -> list[Any]:
+    told: list[Any] = []
+    orbits = Orbits(settings)
+    for record in log:
+        told.append(record)
+        orbits.hear(record)
         if isinstance(record, TrackState) and record.kind != "predicted":
-            orbits.refine(record.frame_id, chronicle)
-    return kept.records
+            told += orbits.refine(record.frame_id)
+    return told
 
 
 TLE = Path(__file__).parents[1] / "rsoconsole" / "simulator" / "data" / "belt_20230622.tle"
@@ -359,7 +343,7 @@ def test_what_is_followed_is_named_on_record_and_asked_for_more_rarely_as_it_goe
     t0 = iso_to_utc_ns("2023-06-23T05:00:00Z")
     t = t0 + np.arange(40) * CADENCE_S * 10**9
     places = Satellite(elements).astrometric_place(DAYTONA, t)
-    records = followed_by_engine(config(catalogue={"tle_files": [str(TLE)]}), places)
+    records = recorded(config(catalogue={"tle_files": [str(TLE)]}), places)
     named = [each for each in records if isinstance(each, Identified)]
     assert [each.observations for each in named] == [3, 4, 6, 9, 14, 21, 32]
     assert {each.verdict for each in named} == {"identified"}
@@ -373,7 +357,7 @@ def test_what_is_followed_is_named_on_record_and_asked_for_more_rarely_as_it_goe
 
 def test_a_catalogue_that_cannot_be_read_is_told_once_and_costs_no_orbit(tmp_path):
     settings = config(catalogue={"tle_files": [str(tmp_path / "gone.tle")]})
-    records = followed_by_engine(settings, every_frame(flight(*GEO), 12))
+    records = recorded(settings, every_frame(flight(*GEO), 12))
     said = [e.text for e in records if isinstance(e, Event) and e.level == "warning"]
     assert len(said) == 1
     assert "gone.tle does not exist" in said[0]
@@ -388,7 +372,7 @@ def test_an_orbit_that_breaks_is_told_once_and_the_night_goes_on(monkeypatch):
     watched = Watched(config())
     watched.see(places)
     monkeypatch.setattr("rsoconsole.pipeline.orbit_online.determine", breaks)
-    records = told_to_engine(config(), watched.log)
+    records = put_on_record(config(), watched.log)
     said = [e.text for e in records if isinstance(e, Event)]
     assert said == ["its orbit could not be refined (boom): see the log"]
 

@@ -2,7 +2,7 @@
 
 import contextlib
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -60,6 +60,13 @@ class Chronicle:
         """A line of the log in the operator's words."""
         self.append(Event(level=level, text=text, frame_id=self.frame_id))
         log.log(_LOG_LEVELS[level], "%s", text)
+
+    def tell(self, records: Iterable[Any]) -> None:
+        """Records in order; words among them also into the program's log."""
+        for record in records:
+            self.append(record)
+            if isinstance(record, Event):
+                log.log(_LOG_LEVELS[record.level], "%s", record.text)
 
     def keep(
         self, frame: Frame, *, is_wanted: bool, place_px: tuple[float, float] | None = None

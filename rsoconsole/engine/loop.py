@@ -10,6 +10,7 @@ from rsoconsole.config import Config
 from rsoconsole.engine.arming import pointing_check
 from rsoconsole.engine.chronicle import Chronicle, Recorder
 from rsoconsole.engine.exposures import Exposures
+from rsoconsole.engine.guide import Guide
 from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
 from rsoconsole.engine.intentions import (
     Alarm,
@@ -18,7 +19,6 @@ from rsoconsole.engine.intentions import (
     alarm_words,
     dropped_words,
 )
-from rsoconsole.engine.orbits import Orbits
 from rsoconsole.engine.parking import Parking
 from rsoconsole.engine.plan import Plan, Planner
 from rsoconsole.engine.preview import place_of_interest
@@ -45,6 +45,7 @@ from rsoconsole.engine.watch import Watch
 from rsoconsole.engine.wishes import HandMove, grant
 from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.pipeline.cycle import Cycle
+from rsoconsole.pipeline.orbits import Orbits
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.records import (
     CycleTiming,
@@ -85,7 +86,8 @@ class Engine:
         self.charge = Charge()
         self.hands = hands
         self.orbits = Orbits(config)
-        self.planner = Planner(config, self.orbits.guide)
+        self.guide = Guide(self.orbits.online, config)
+        self.planner = Planner(config, self.guide)
         self.chronicle = Chronicle(record, hands.now_utc_ns, self.orbits.hear)
         self.watch = Watch(hands.instruments, config, intentions, self.chronicle.append)
         self.hand_move: HandMove | None = None
@@ -261,8 +263,8 @@ class Engine:
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next cycle."""
         self.config = config
-        parts = (self.hands, self.cycle, self.planner, self.orbits, self.watch, self._exposures)
-        for part in parts:
+        whole = (self.hands, self.cycle, self.planner, self.orbits, self.guide, self.watch)
+        for part in (*whole, self._exposures):
             part.configure(config)
 
     def _one_exposure(self) -> None:
@@ -354,7 +356,7 @@ class Engine:
             "total": (ordered_s - began_s) * 1e3 + read_ms,
         }
         # The mount is on its way: nobody waits for this.
-        self.orbits.refine(frame.frame_id, self.chronicle)
+        self.chronicle.tell(self.orbits.refine(frame.frame_id))
         stages["orbit"] = (time.perf_counter() - ordered_s) * 1e3
         self.chronicle.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))
         self._faults.clear()

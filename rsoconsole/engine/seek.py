@@ -23,7 +23,7 @@ def check_seek(engine: "Engine") -> tuple[float, float]:
         raise ValueError("the mount is held: resume first")
     now_ns = engine.hands.now_utc_ns()
     # A line on the sky leads astray within the hour, an orbit does not.
-    direction = engine.orbits.guide.of_last(now_ns) or direction_at(track, now_ns)
+    direction = engine.guide.of_last(now_ns) or direction_at(track, now_ns)
     refused = engine.slews.refuse_direction(direction, now_ns)
     if refused is not None:
         raise ValueError(f"it cannot be looked for where it must be: {refused}")

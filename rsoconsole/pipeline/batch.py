@@ -11,6 +11,7 @@ from rsoconsole.errors import FrameError
 from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.pipeline.cycle import Cycle, taken_record
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
+from rsoconsole.pipeline.orbits import Orbits
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.records import Frame
 from rsoconsole.tracking.follow import Following
@@ -41,16 +42,20 @@ def process_files(
     A frame without a time is detected and solved, and leaves the track as it is. ``numbers``: the
     frames' own; from 1 on with None.
     """
-    cycle = Cycle(reducer, config)
+    cycle, orbits = Cycle(reducer, config), Orbits(config)
     following = Following()
     for number, path in zip(numbers or itertools.count(1), paths, strict=False):
         try:
             frame = read_frame(path, number)
+            outcomes: tuple[Any, ...] = ()
             if frame.t_mid_utc_ns is None or frame.exposure_s is None:
-                reduction, outcomes = reducer.reduce(frame), ()
+                reduction = reducer.reduce(frame)
             else:
-                result = cycle.run(frame, following)
+                result = cycle.run(frame, following, orbit=orbits.last)
                 reduction, following, outcomes = result.reduction, result.after, result.records
+                for record in outcomes:
+                    orbits.hear(record)
+                outcomes = (*outcomes, *orbits.refine(number))
         except FrameError as error:
             yield path, error
             continue
