@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.guide import Guide
-from rsoconsole.orbit.known import known
+from rsoconsole.engine.guide import Guide, Way
+from rsoconsole.orbit.forces import Forces
+from rsoconsole.orbit.known import KnownOrbit, known
 from rsoconsole.orbit.prediction import predict
 from rsoconsole.orbit.two_body import elements_of
 from rsoconsole.pipeline.absence import StarHistory
@@ -226,6 +227,35 @@ def test_where_the_filter_fails_the_orbit_takes_over_and_knows_where_it_is(eleme
     by_filter = follow_direction(track, t, watched.config.filter)
     assert separation_deg(*by_orbit, *truth) * 60.0 < 1.0
     assert separation_deg(*by_filter, *truth) > 10.0 * separation_deg(*by_orbit, *truth)
+
+
+LOW = (6_900.0, 1e-3, 51.6)
+
+
+@pytest.mark.parametrize("elements", [GEO, INCLINED, MEO, LOW])
+def test_between_the_places_of_a_way_one_may_interpolate(elements):
+    start = flight(*elements).start[0]
+    orbit = KnownOrbit(
+        epoch_utc_ns=T0_UTC_NS,
+        r_km=start[:3],
+        v_km_s=start[3:],
+        covariance=np.diag([1e-4] * 3 + [1e-10] * 3),
+        forces=Forces(epoch_utc_ns=T0_UTC_NS),
+    )
+    way = Way.of(orbit, DAYTONA, T0_UTC_NS - 200 * 10**9)
+    t = T0_UTC_NS - 200 * 10**9 + np.random.default_rng(3).integers(0, 890 * 10**9, 50)
+    exact = predict(orbit, DAYTONA, t)
+    for n, at in enumerate(t):
+        (ra, dec), (east, north), sigma_deg = way.at(int(at))
+        place = (float(exact.places.ra_icrs_deg[n]), float(exact.places.dec_icrs_deg[n]))
+        # A low satellite in the zenith turns within seconds.
+        assert separation_deg(ra, dec, *place) * 3600.0 < (20.0 if elements is LOW else 0.01)
+        cos_dec = math.cos(math.radians(dec))
+        assert east == pytest.approx(exact.places.ra_rate_deg_s[n] * cos_dec * 3600.0, rel=0.01)
+        assert north == pytest.approx(exact.places.dec_rate_deg_s[n] * 3600.0, rel=0.01, abs=1.0)
+        assert sigma_deg * 3600.0 == pytest.approx(exact.sigma_arcsec[n], rel=0.1)
+    assert way.holds(int(t.max()))
+    assert not way.holds(T0_UTC_NS + 3600 * 10**9)
 
 
 def test_with_the_papers_preset_and_where_it_is_forbidden_the_filter_guides():

@@ -357,6 +357,7 @@ class Engine:
         }
         # The mount is on its way: nobody waits for this.
         self.chronicle.tell(self.orbits.refine(frame.frame_id))
+        self.guide.prepare(self.hands.now_utc_ns())
         stages["orbit"] = (time.perf_counter() - ordered_s) * 1e3
         self.chronicle.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))
         self._faults.clear()
