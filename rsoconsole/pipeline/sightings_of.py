@@ -85,6 +85,18 @@ def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
     return tuple(sorted(found, key=lambda each: -len(each.seen)))
 
 
+def read_last_track(reader: SessionReader, until_seq: int) -> tuple[Observed, int] | None:
+    """What was followed last up to a place of the log, and the frame of its last direction.
+
+    None where nothing was. Raises SessionError.
+    """
+    tracks = _tracks(reader, until_seq)
+    if not tracks:
+        return None
+    name, count = reader.folder.resolve().name, len(tracks)
+    return _of_track(name, reader.config(), count, count, tracks[-1]), tracks[-1][-1].frame_id
+
+
 def _of_track(
     name: str, config: Config, number: int, count: int, taken: Sequence[Measurement]
 ) -> Observed:
@@ -119,11 +131,13 @@ class _Followed:
     corrected: TrackState | None = None
 
 
-def _tracks(reader: SessionReader) -> list[list[Measurement]]:
-    """The measurements that each track took, in order of time."""
+def _tracks(reader: SessionReader, until_seq: int | None = None) -> list[list[Measurement]]:
+    """The measurements that each track took, in order of time; up to a place of the log."""
     frames: dict[int, _Followed] = {}
     record: Any
-    for _, _, record in reader.records(kinds=(Measurement, TrackState, FollowedAgain)):
+    for seq, _, record in reader.records(kinds=(Measurement, TrackState, FollowedAgain)):
+        if until_seq is not None and seq > until_seq:
+            break
         if not isinstance(record, Measurement | TrackState | FollowedAgain):
             continue
         frame = frames.setdefault(record.frame_id, _Followed([]))
