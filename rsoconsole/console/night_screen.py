@@ -358,6 +358,12 @@ class NightScreen(TuneActions):
         self.place_panes()
         self.show_keys()
 
+    def covers_picture(self) -> bool:
+        """Whether an open orbit lies over it."""
+        picture, orbit = self.query_one("#frame"), self.pane("orbit")
+        is_there = self.is_orbit_open and picture.display
+        return is_there and orbit.region.overlaps(picture.region)
+
     def action_tune(self) -> None:
         """Where the orbit lay."""
         self.is_orbit_open = False

@@ -9,7 +9,7 @@ from rsoconsole.console.words import NS_PER_S, present_utc_ns
 from rsoconsole.records import Identified, OrbitEstimate
 
 LEAST_MEASUREMENTS = 3
-AHEAD_GOOD_S = 120.0
+AHEAD_GOOD_S = 300.0
 """What was reckoned from another instant is not shown beyond that."""
 
 

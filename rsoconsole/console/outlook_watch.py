@@ -17,6 +17,8 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 30.0
 WAIT_S = 1.0
+BREATH_S = 2.0
+"""So long at least from one orbit of a running engine to the next: simulated nights are quick."""
 MINUTE_NS = 60 * 10**9
 
 
@@ -65,10 +67,13 @@ class OutlookWatch(Looker):
         """Where the orbit on record leads; where a session is too old to hold any, find one."""
         assert night.config is not None
         found = night.orbit
-        place = (found, _minute(engine, now)) if found is not None else night.seq
+        place = (found, now // MINUTE_NS) if found is not None else night.seq
         of = (night.folder, place)
         is_same = of == self._orbit_of
-        if is_same and (found is None or time.monotonic() - self._orbit_s < EVERY_S):
+        since_s = time.monotonic() - self._orbit_s
+        if is_same and (found is None or since_s < EVERY_S):
+            return
+        if engine.is_attached and since_s < BREATH_S:
             return
         self._orbit_of, self._orbit_s = of, time.monotonic()
         ahead: OrbitAhead | None = None
