@@ -497,7 +497,7 @@ def test_in_a_narrow_terminal_the_weighty_keys_stay_and_a_notice_leaves_what_it_
 
     assert said(40).split() == ["x", "STOP", "a", "Disarm", "q", "Leave", "F1", "Help"]
     assert "g Go to" in said(80)
-    assert "^p More" in said(110)
+    assert "^p More" in said(120)
     assert "h Resume" in said(80, is_held=True)
     in_force = "hold: in force from the next cycle"
     assert said(160, in_force).rstrip().endswith(f"^p More  {in_force}")

@@ -17,6 +17,7 @@ from rsoconsole.console.fold import has_tune_of_its_own
 from rsoconsole.control import Outcome
 from rsoconsole.records import StateChange
 from tests import made_up_night as night
+from tests import orbit_night
 from tests.seat_rig import FakeWire, play, until
 
 SNAPSHOTS = Path(__file__).parent / "snapshots"
@@ -38,6 +39,12 @@ def told(folder: Path, frames: int, *, after: str = "") -> Path:
     return folder
 
 
+def orbit_told(folder: Path, frames: int, *, after: str = "") -> Path:
+    """The same with orbits and a name on record."""
+    orbit_night.write(folder, frames).close()
+    return folder
+
+
 async def nothing(app: ConsoleApp, pilot: Pilot[str]) -> None:
     await until(pilot, lambda: app.live.engine.is_attached)
 
@@ -54,6 +61,13 @@ async def dead(app: ConsoleApp, pilot: Pilot[str]) -> None:
     await until(pilot, lambda: app.live.engine.reach == "gone")
 
 
+async def orbit(app: ConsoleApp, pilot: Pilot[str]) -> None:
+    """Opened where it does not stand by itself."""
+    await until(pilot, lambda: app.live.orbit.ahead is not None)
+    if not app.live.pane("orbit").display:
+        await pilot.press("o")
+
+
 STATES: dict[str, tuple[int, str, dict, Act]] = {
     "live": (20, "", {}, nothing),
     "searching": (2, "", {"state": "SEARCH", "ra": None, "dec": None}, nothing),
@@ -67,6 +81,7 @@ STATES: dict[str, tuple[int, str, dict, Act]] = {
     "tune": (20, "", {}, keys("t", "down", "right")),
     "mark": (20, "", {}, keys("z", "m", "left", "enter", "right", "right")),
     "log": (20, "", {}, keys("l")),
+    "orbit": (20, "", {}, orbit),
 }
 
 
@@ -76,7 +91,8 @@ def test_the_screen_looks_as_it_was_agreed(
     tmp_path: Path, impatient_seat: None, state: str, size: tuple[int, int]
 ):
     frames, after, status, act = STATES[state]
-    wire = FakeWire(told(tmp_path / "night", frames, after=after))
+    tell = orbit_told if state == "orbit" else told
+    wire = FakeWire(tell(tmp_path / "night", frames, after=after))
     wire.status |= {**status, "frame": frames, "now_utc_ns": night.t_of(frames) + 7 * 10**9}
     wire.status["exposing_until_utc_ns"] = night.t_of(frames) + 9 * 10**9
     wire.outcomes["arm"] = Outcome(ok=False, message="not yet", data={"checks": [FAILED]})

@@ -25,9 +25,10 @@ from rsoconsole.console.dialogs import HelpDialog
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.live import LiveScreen
-from rsoconsole.console.messages import EngineSeen, NightSeen, OutlookSeen
+from rsoconsole.console.messages import EngineSeen, NightSeen, OrbitSeen, OutlookSeen
 from rsoconsole.console.night import NightView
 from rsoconsole.console.night_screen import NightScreen
+from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.outlook_watch import OutlookWatch
 from rsoconsole.console.picture import Picture
@@ -114,7 +115,7 @@ class ConsoleApp(App[str]):
         self._engine_watch = EngineWatch(wire(), self._engine_seen)
         self._session_watch = SessionWatch(self._night_seen)
         self._session_watch.follow(session)
-        self._outlook_watch = OutlookWatch(self._outlook_seen)
+        self._outlook_watch = OutlookWatch(self._outlook_seen, self._orbit_seen)
         past_engine = None
         if stop_directly is not None and session is None:
             directly = stop_directly
@@ -270,6 +271,9 @@ class ConsoleApp(App[str]):
 
     def _outlook_seen(self, outlook: "Outlook") -> None:
         self._from_thread(self.live.post_message, OutlookSeen(outlook))
+
+    def _orbit_seen(self, ahead: OrbitAhead) -> None:
+        self._from_thread(self.live.post_message, OrbitSeen(ahead))
 
     def _night_seen(self, night: NightView, picture: Picture | None) -> None:
         self._from_thread(self.live.post_message, NightSeen(night, picture))

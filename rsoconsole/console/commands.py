@@ -197,6 +197,14 @@ SEAT_COMMANDS: tuple[Command, ...] = (
         acts=True,
     ),
     _command(
+        "orbit",
+        "o",
+        "Orbit",
+        "its elements, where it leads, which catalogued object it is; once more: as before",
+        "streaks",
+        where=BOTH,
+    ),
+    _command(
         "tune",
         "t",
         "Tune",
@@ -276,7 +284,7 @@ SEAT_COMMANDS: tuple[Command, ...] = (
         "put_away",
         "escape",
         "Put away",
-        "the log, a mark, what came of a STOP, a notice",
+        "the log, a mark, what came of a STOP, the orbit, a notice",
         "console",
         where=BOTH,
     ),

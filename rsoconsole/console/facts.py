@@ -80,12 +80,12 @@ def fact_lines(
             cycle,
             health,
         ]
-        return [line for group in groups for line in _packed(group, width, 1) or [[("", "")]]]
+        return [line for group in groups for line in packed(group, width, 1) or [[("", "")]]]
     worst = [item for item in health if item[1]]
     if rows >= 3 and width >= WIDE_COLUMNS:
         groups = [place, [*motion, *schedule[:1], *ahead[:1]], [*worst, *cycle]]
-        return [line for group in groups for line in _packed(group, width, 1)]
-    return _packed([*place, *worst, *motion, *schedule[:1], *cycle], width, rows)
+        return [line for group in groups for line in packed(group, width, 1)]
+    return packed([*place, *worst, *motion, *schedule[:1], *cycle], width, rows)
 
 
 def _place_items(night: NightView, engine: EngineView) -> list[Item]:
@@ -261,13 +261,13 @@ def _blocks(titled: dict[str, list[Item]], width: int, rows: int) -> list[Line]:
     label_columns = max(len(title) for title in titled) + 2
     lines: list[Line] = []
     for title, items in titled.items():
-        for number, line in enumerate(_packed(items, width - label_columns, rows)):
+        for number, line in enumerate(packed(items, width - label_columns, rows)):
             label = f" {title}" if number == 0 else ""
             lines.append([(label.ljust(label_columns), "dim"), *line])
     return lines[:rows]
 
 
-def _packed(items: Sequence[Item], width: int, rows: int) -> list[Line]:
+def packed(items: Sequence[Item], width: int, rows: int) -> list[Line]:
     """Items over as many rows as there are; what has no room is left out."""
     lines: list[list[Item]] = [[]]
     for item in items:

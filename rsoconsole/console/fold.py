@@ -1,9 +1,9 @@
 """Where each pane of the seat lies, for a terminal of any size.
 
 Three layouts are made on purpose: 80 x 24, 120 x 40 (a close-up under the picture, a plot of the
-NIS) and 200 x 60 (a third column). The big things stay as long as they fit: below 80 x 24 the plots
-fold into one strip each, then the picture goes, then the log. State, holder, target and STOP stay
-to the last.
+NIS, the orbit) and 200 x 60 (a third column). The big things stay as long as they fit: below
+80 x 24 the plots fold into one strip each, then the picture goes, then the log. State, holder,
+target and STOP stay to the last.
 """
 
 import math
@@ -18,6 +18,10 @@ ONE_LINE_TOP_COLUMNS = 74
 LOW_LINES = 20
 """Below which a time line has one row."""
 TUNE_ROWS, OWN_TUNE_ROWS, SKY_ROWS = 24, 17, 20
+ORBIT_ROWS = 8
+"""Of an orbit that is always seen."""
+OPEN_ORBIT_ROWS = 26
+"""At most, of one that lies over the plots."""
 BANNER_ROWS = {"wide": 3, "narrow": 5}
 WIDE_BANNER_COLUMNS = 72
 
@@ -32,6 +36,7 @@ Name = Literal[
     "east",
     "north",
     "nis",
+    "orbit",
     "facts",
     "sky",
     "log",
@@ -142,6 +147,28 @@ def tune_box(
     return Box(x=x, y=y0, width=width - x, height=min(TUNE_ROWS, room))
 
 
+def orbit_box(
+    width: int,
+    height: int,
+    *,
+    alert_rows: int = 0,
+    timeline_rows: int = 0,
+    aspect: float = 4 / 3,
+) -> Box:
+    """Where the orbit lies when it is opened: over the plots; picture, figures and log stay.
+
+    In a small terminal over all but the first line and the keys.
+    """
+    boxes = fold(width, height, alert_rows=alert_rows, timeline_rows=timeline_rows, aspect=aspect)
+    first, last = boxes.get("confidence"), boxes.get("orbit") or boxes.get("nis")
+    if first is None or last is None:
+        top, alert = boxes["top"], boxes.get("alert")
+        y0 = top.height + (alert.height if alert is not None else 0)
+        return Box(x=0, y=y0, width=width, height=max(height - 1 - timeline_rows - y0, 1))
+    rows = last.y + last.height - first.y
+    return Box(x=first.x, y=first.y, width=first.width, height=min(rows, OPEN_ORBIT_ROWS))
+
+
 def has_tune_of_its_own(width: int, height: int) -> bool:
     """Whether the tuning pane is always open."""
     return width >= THREE_COLUMNS[0] and height >= THREE_COLUMNS[1]
@@ -173,28 +200,30 @@ def _full(boxes: dict[Name, Box], middle: Box, facts_rows: int, aspect: float) -
 
 
 def _large(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
-    """Picture over its close-up left; plots and log right; figures below."""
+    """Picture over its close-up left; plots, orbit and log right; figures below."""
     facts_rows = 5
     rows = all_.height - facts_rows
     left = _pictures(boxes, all_, rows, int(all_.width * 0.52), aspect)
     x, columns = left + 1, all_.width - left - 1
-    each = round(rows * 0.21)
+    each, orbit_rows = round(rows * 0.15), max(round(rows * 0.23), ORBIT_ROWS)
+    plots: dict[Name, int] = {"confidence": each, "east": each, "north": each}
     y = _stacked(
         boxes,
         Box(x=x, y=all_.y, width=columns, height=rows),
-        {"confidence": each, "east": each, "north": each, "nis": max(round(rows * 0.15), 4)},
+        {**plots, "nis": max(round(rows * 0.12), 4), "orbit": orbit_rows},
     )
     _put(boxes, "log", Box(x=x, y=y, width=columns, height=all_.y + rows - y))
     _put(boxes, "facts", Box(x=0, y=all_.y + rows, width=all_.width, height=facts_rows))
 
 
 def _three_columns(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
-    """Pictures, plots, and a column for figures and log."""
+    """Pictures, plots with the orbit, and a column for figures and log."""
     left = _pictures(boxes, all_, all_.height, int(all_.width * 0.42), aspect)
     middle = int((all_.width - left - 2) * 0.5)
-    each = round(all_.height * 0.27)
+    each, orbit_rows = round(all_.height * 0.21), round(all_.height * 0.25)
     plots: dict[Name, int] = {"confidence": each, "east": each, "north": each}
-    plots["nis"] = all_.height - sum(plots.values())
+    plots["nis"] = all_.height - sum(plots.values()) - orbit_rows
+    plots["orbit"] = orbit_rows
     _stacked(boxes, Box(x=left + 1, y=all_.y, width=middle, height=all_.height), plots)
     x = left + middle + 2
     third = Box(x=x, y=all_.y, width=all_.width - x, height=all_.height)

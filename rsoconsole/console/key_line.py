@@ -127,6 +127,7 @@ def keys_for(
         key("leave", "Leave", is_weighty=True),
         key("log", "Log"),
         key("zoom", "Zoom"),
+        key("orbit", "Orbit"),
         key("help", "Help", is_weighty=True),
         Key("^p", "More"),
     ]
@@ -161,6 +162,7 @@ def review_keys(
         key("log", "Log"),
         key("filter_log", "Search"),
         key("tune", "Tune"),
+        key("orbit", "Orbit"),
         key("help", "Help", is_weighty=True),
         Key("^p", "More"),
     ]

@@ -111,9 +111,12 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
             super().action_put_away()
 
     def action_mark(self) -> None:
-        """In the picture, which the log may lie over."""
-        if self.is_log_open and self.marking is None:
-            self.action_log()
+        """In the picture, which the log may lie over, or the orbit in a small terminal."""
+        if self.marking is None:
+            if self.is_log_open:
+                self.action_log()
+            if self.covers_picture():
+                self.action_orbit()
         super().action_mark()
 
     def action_note(self) -> None:

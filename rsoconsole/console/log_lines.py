@@ -7,7 +7,9 @@ from typing import Any, Literal
 from rsoconsole.console.wish_words import wish_words, without_console
 from rsoconsole.control import printable
 from rsoconsole.records import (
+    CatalogueMatch,
     Event,
+    Identified,
     Miss,
     NotFollowed,
     NotSolved,
@@ -133,6 +135,32 @@ def _(record: NotFollowed) -> tuple[Level, str]:
 def _(record: Event) -> tuple[Level, str]:
     prefix = {"info": "", "warning": "warning: ", "alarm": "ALARM: "}[record.level]
     return record.level, prefix + record.text
+
+
+@_words.register
+def _(record: Identified) -> tuple[Level, str]:
+    text = f"{record.verdict}: {record.reason}"
+    if record.verdict == "identified" and record.matches:
+        best, *others = record.matches
+        text = f"identified: {named(best)}, {off_text(best)} off"
+        if others:
+            text += f"; runner-up {others[0].name or others[0].norad_id} at {off_text(others[0])}"
+    if record.hint:
+        return "warning", f"{text}; {record.hint}"
+    return "good" if record.verdict == "identified" else "info", text
+
+
+def named(match: CatalogueMatch) -> str:
+    """A catalogued object as one calls it: its name where it has one, its number."""
+    return f"{match.name} ({match.norad_id})" if match.name else str(match.norad_id)
+
+
+def off_text(match: CatalogueMatch) -> str:
+    """How far beside its elements what was seen is."""
+    off = match.separation_arcsec
+    if off < 100.0:
+        return f"{off:.{0 if off >= 10.0 else 1}f}″"
+    return f"{off / 60.0:.0f}′" if off < 6000.0 else f"{off / 3600.0:.1f}°"
 
 
 @_words.register

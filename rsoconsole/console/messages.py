@@ -9,6 +9,7 @@ from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.moments import Moment
 from rsoconsole.console.night import NightView
+from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.timeline import Timeline
 from rsoconsole.control import Outcome
@@ -41,6 +42,14 @@ class OutlookSeen(Message):
     def __init__(self, outlook: "Outlook") -> None:
         super().__init__()
         self.outlook = outlook
+
+
+class OrbitSeen(Message):
+    """Where the orbit leads."""
+
+    def __init__(self, ahead: OrbitAhead) -> None:
+        super().__init__()
+        self.ahead = ahead
 
 
 class TimelineSeen(Message):

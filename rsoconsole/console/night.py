@@ -15,11 +15,13 @@ from rsoconsole.records import (
     Detections,
     FollowedAgain,
     FrameTaken,
+    Identified,
     LoopState,
     Measurement,
     Miss,
     NotFollowed,
     NotSolved,
+    OrbitEstimate,
     ParameterChange,
     Ruling,
     SlewCommand,
@@ -125,8 +127,22 @@ class NightView:
     track: TrackState | None = None
     timing: CycleTiming | None = None
     slew: SlewCommand | None = None
+    track_frame_id: int = 0
+    """In which the last track began."""
+    orbit: OrbitEstimate | None = None
+    """Of what is followed, or was followed last."""
+    orbit_utc_ns: int | None = None
+    """When that was found."""
+    identified: Identified | None = None
+    """Of the same."""
     changed: Mapping[str, float | int | str] = field(default_factory=dict)
     """Settings that have been changed since the session began, by dotted name."""
+
+    @property
+    def is_orbit_past(self) -> bool:
+        """Whether the orbit is of something that is followed no more."""
+        orbit = self.orbit
+        return orbit is not None and (self.track is None or orbit.frame_id < self.track_frame_id)
 
     def setting(self, name: str) -> Any:
         """What a setting is now; None where the session does not say."""
@@ -152,6 +168,10 @@ class _Now:
     track: TrackState | None = None
     timing: CycleTiming | None = None
     slew: SlewCommand | None = None
+    track_frame_id: int = 0
+    orbit: OrbitEstimate | None = None
+    orbit_utc_ns: int | None = None
+    identified: Identified | None = None
     changed: Mapping[str, float | int | str] = field(default_factory=dict)
     set_aside: TrackState | None = None
     """What was followed when the operator took the mount."""
@@ -208,6 +228,10 @@ class Night:
             track=now.track,
             timing=now.timing,
             slew=now.slew,
+            track_frame_id=now.track_frame_id,
+            orbit=now.orbit,
+            orbit_utc_ns=now.orbit_utc_ns,
+            identified=now.identified,
             changed=now.changed,
             rows=tuple(self._rows.values()),
             log=tuple(self._log),
@@ -355,6 +379,12 @@ class Night:
         blank = {"miss": None, "residual_arcsec": None, "sigma_arcsec": None, "nis": None}
         self._change(record.frame_id, is_followed=False, **blank)
         self._detail(record.frame_id, predicted=None, updated=None, not_followed=())
+        now = self._now
+        # What was reckoned from its measurements is reckoned anew.
+        if now.orbit is not None and now.orbit.frame_id == record.frame_id:
+            now.orbit = now.orbit_utc_ns = None
+        if now.identified is not None and now.identified.frame_id == record.frame_id:
+            now.identified = None
 
     @_fold.register
     def _(self, record: Closeup, _t_utc_ns: int) -> None:
@@ -363,6 +393,8 @@ class Night:
     @_fold.register
     def _(self, record: TrackState, _t_utc_ns: int) -> None:
         self._now.track = record
+        if record.kind == "initial":
+            self._now.track_frame_id = record.frame_id
         if record.kind == "predicted":
             self._change(record.frame_id, sigma_arcsec=predicted_sigma_arcsec(record))
             self._detail(record.frame_id, predicted=record)
@@ -376,6 +408,20 @@ class Night:
                 sigma_arcsec=record.sigma_innovation_arcsec,
                 nis=record.nis,
             )
+
+    @_fold.register
+    def _(self, record: OrbitEstimate, t_utc_ns: int) -> None:
+        now = self._now
+        now.orbit, now.orbit_utc_ns = record, t_utc_ns
+        if now.identified is not None and now.identified.frame_id < now.track_frame_id:
+            now.identified = None  # of what was followed before
+
+    @_fold.register
+    def _(self, record: Identified, _t_utc_ns: int) -> None:
+        now = self._now
+        now.identified = record
+        if now.orbit is not None and now.orbit.frame_id < now.track_frame_id:
+            now.orbit = now.orbit_utc_ns = None  # of what was followed before
 
     @_fold.register
     def _(self, record: Miss, _t_utc_ns: int) -> None:

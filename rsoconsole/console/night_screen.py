@@ -14,17 +14,21 @@ from rsoconsole.console.commands import BY_NAME
 from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.fold import (
     MOST_ALERT_ROWS,
+    Box,
     Name,
     banner_box,
     fold,
     has_tune_of_its_own,
+    orbit_box,
     tune_box,
 )
 from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.key_line import Key, Mode, key_at, key_line
 from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.marks import Mark
-from rsoconsole.console.messages import OutlookSeen
+from rsoconsole.console.messages import OrbitSeen, OutlookSeen
+from rsoconsole.console.orbit_lines import orbit_lines, target_words
+from rsoconsole.console.orbit_view import OrbitShown, orbit_shown
 from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBanner
 from rsoconsole.console.picture import STRETCHES, Drawing, Picture
 from rsoconsole.console.plot import Line
@@ -50,7 +54,8 @@ class NightScreen(TuneActions):
     NightScreen { layers: base over; overflow: hidden; }
     NightScreen > LinesPane, NightScreen > FramePane, NightScreen > LogPane { position: absolute; }
     NightScreen > #alert { background: $error; color: $text; text-style: bold; text-wrap: wrap; }
-    NightScreen > #tune { layer: over; }
+    NightScreen > #tune, NightScreen > #orbit { layer: over; }
+    NightScreen > #orbit.-open { background: $surface; }
     NightScreen > #top { background: $panel; }
     NightScreen > #keys { background: $panel; }
     """
@@ -59,6 +64,7 @@ class NightScreen(TuneActions):
         """``sessions_root``: under which recorded nights lie, None: where they do by default."""
         super().__init__(*arguments, **named)
         self.is_log_open = False
+        self.is_orbit_open = False
         self.sessions_root = sessions_root or SessionConfig().root
         self._drawn_keys: tuple[list[Key], str] = ([], "")
         """The keys and the notice that the last line shows."""
@@ -77,6 +83,7 @@ class NightScreen(TuneActions):
             yield LinesPane(id=name)
         yield self.LOG(id="log")
         yield LinesPane(id="keys")
+        yield LinesPane(id="orbit")
         yield TunePane(id="tune")
         yield StopBanner(id="stop")
 
@@ -101,6 +108,16 @@ class NightScreen(TuneActions):
         self.outlook = message.outlook
         self.pane("sky").show(partial(sky_lines, self.night.config, self.outlook))
         self.show_engine()
+
+    def on_orbit_seen(self, message: OrbitSeen) -> None:
+        """Where the orbit leads."""
+        self.orbit_ahead = message.ahead
+        self.show_engine()
+
+    @property
+    def orbit(self) -> OrbitShown:
+        """What is known of the orbit."""
+        return orbit_shown(self.night, self.engine, self.orbit_ahead)
 
     def show_night(self) -> None:
         """What the record says."""
@@ -145,6 +162,7 @@ class NightScreen(TuneActions):
         """What the engine says, and what both together do."""
         night, engine = self.night, self.engine
         self.pane("top").show(self.top)
+        self.pane("orbit").show(partial(orbit_lines, self.orbit))
         self.pane("facts").show(partial(fact_lines, night, engine, self.outlook))
         alert = self.alert
         if self.alert_rows() != self._rows_of_alert:
@@ -155,7 +173,8 @@ class NightScreen(TuneActions):
 
     def top(self, width: int, rows: int) -> list[Line]:
         """State and since when, who holds the mount, the target, the frame clock."""
-        return words.top_lines(self.night, self.engine, self.read_only, width, rows)
+        night, engine, found = self.night, self.engine, target_words(self.orbit)
+        return words.top_lines(night, engine, self.read_only, width, rows, found=found)
 
     @property
     def alert(self) -> str:
@@ -214,6 +233,7 @@ class NightScreen(TuneActions):
             if box is not None:
                 widget.styles.offset = (box.x, box.y)
                 widget.styles.width, widget.styles.height = box.width, box.height
+        self._place_orbit(boxes.get("orbit"), alert_rows)
         tune = self.query_one("#tune", TunePane)
         has_own = has_tune_of_its_own(width, height)
         tune.display = (self.is_tune_open or has_own) and not self.is_log_open
@@ -230,6 +250,25 @@ class NightScreen(TuneActions):
         banner, box = self.query_one("#stop"), banner_box(width, height, alert_rows=alert_rows)
         banner.styles.height = box.height
         banner.styles.offset = (0, box.y)
+
+    def _place_orbit(self, standing: Box | None, alert_rows: int) -> None:
+        """Over the plots when it is opened; else where it always stands, if it does."""
+        (width, height), box = self.size, standing
+        is_open = self.is_orbit_open and not self.is_log_open
+        if is_open:
+            box = orbit_box(
+                width,
+                height,
+                alert_rows=alert_rows,
+                timeline_rows=self.timeline_rows(height),
+                aspect=self.aspect_of(self.picture),
+            )
+        pane = self.pane("orbit")
+        pane.display = box is not None
+        pane.set_class(is_open, "-open")
+        if box is not None:
+            pane.styles.offset = (box.x, box.y)
+            pane.styles.width, pane.styles.height = box.width, box.height
 
     def timeline_rows(self, height: int) -> int:
         """How many rows over the keys a time line takes, in a terminal of so many lines."""
@@ -308,12 +347,36 @@ class NightScreen(TuneActions):
             log.scroll_home(animate=False)
         self.show_keys()
 
+    def action_orbit(self) -> None:
+        """Over the plots, and back; a log or a tuning pane that lies there gives way."""
+        if self.is_log_open:
+            self.action_log()
+            self.is_orbit_open = False
+        self.is_orbit_open = not self.is_orbit_open
+        if self.is_orbit_open and self.is_tune_open:
+            self.close_tune()
+        self.place_panes()
+        self.show_keys()
+
+    def covers_picture(self) -> bool:
+        """Whether an open orbit lies over it."""
+        picture, orbit = self.query_one("#frame"), self.pane("orbit")
+        is_there = self.is_orbit_open and picture.display
+        return is_there and orbit.region.overlaps(picture.region)
+
+    def action_tune(self) -> None:
+        """Where the orbit lay."""
+        self.is_orbit_open = False
+        super().action_tune()
+
     def action_put_away(self) -> None:
-        """The log first, then what came of a STOP, then a notice."""
+        """The log first, then what came of a STOP, then the orbit, then a notice."""
         if self.is_log_open:
             self.action_log()
         elif self.stop_news is not None and self.stop_news.phase in {"stopped", "failed"}:
             self.show_stop(None)
+        elif self.is_orbit_open:
+            self.action_orbit()
         else:
             self.say("")
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.night import NightView
+from rsoconsole.console.orbit_ahead import OrbitAhead, ahead_of_record, orbit_ahead
 from rsoconsole.control.looker import Looker
 
 if TYPE_CHECKING:
@@ -16,38 +17,42 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 30.0
 WAIT_S = 1.0
+BREATH_S = 2.0
+"""So long at least from one orbit of a running engine to the next: simulated nights are quick."""
 MINUTE_NS = 60 * 10**9
 
 
 class OutlookWatch(Looker):
-    """Reckons anew every half minute, and when another thing is followed."""
+    """Reckons anew every half minute, and when another thing is followed, or by another orbit."""
 
-    def __init__(self, on_seen: Callable[["Outlook"], None]) -> None:
+    def __init__(
+        self, on_seen: Callable[["Outlook"], None], on_orbit: Callable[[OrbitAhead], None]
+    ) -> None:
         super().__init__("outlook", WAIT_S)
-        self._on_seen = on_seen
-        self._night = NightView()
-        self._engine = EngineView()
-        self._reckoned_s = -EVERY_S
+        self._on_seen, self._on_orbit = on_seen, on_orbit
+        self._known = (NightView(), EngineView())
+        self._reckoned_s = self._orbit_s = -EVERY_S
         self._reckoned_of: object = None
+        self._orbit_of: object = None
 
     def tell(self, night: NightView, engine: EngineView) -> None:
         """What is known by now (any thread)."""
-        self._night, self._engine = night, engine
+        self._known = (night, engine)
 
     def _look(self) -> None:
-        try:
-            self._reckon()
-        except Exception:  # a panel without it is worth more than no panel
-            log.exception("the outlook cannot be reckoned")
-
-    def _reckon(self) -> None:
-        night, engine = self._night, self._engine
+        night, engine = self._known
         now = engine.now_utc_ns if engine.is_attached else night.last_utc_ns
         if night.config is None or not now:
             return
-        # The clock of a recorded night goes as fast as somebody looks through it.
-        minute = None if engine.is_attached else now // MINUTE_NS
-        of = (night.folder, night.state, night.track is None, minute)
+        for reckon in (self._reckon, self._reckon_orbit):
+            try:
+                reckon(night, engine, now)
+            except Exception:  # a panel without it is worth more than no panel
+                log.exception("the outlook cannot be reckoned")
+
+    def _reckon(self, night: NightView, engine: EngineView, now: int) -> None:
+        assert night.config is not None
+        of = (night.folder, night.state, night.track is None, _minute(engine, now))
         if of == self._reckoned_of and time.monotonic() - self._reckoned_s < EVERY_S:
             return
         self._reckoned_of, self._reckoned_s = of, time.monotonic()
@@ -57,6 +62,42 @@ class OutlookWatch(Looker):
         seen = outlook(night.config, now, _direction(night, engine), night.track)
         if not self._is_closing:
             self._on_seen(seen)
+
+    def _reckon_orbit(self, night: NightView, engine: EngineView, now: int) -> None:
+        """Where the orbit on record leads; where a session is too old to hold any, find one."""
+        assert night.config is not None
+        found = night.orbit
+        place = (found, now // MINUTE_NS) if found is not None else night.seq
+        of = (night.folder, place)
+        is_same = of == self._orbit_of
+        since_s = time.monotonic() - self._orbit_s
+        if is_same and (found is None or since_s < EVERY_S):
+            return
+        if engine.is_attached and since_s < BREATH_S:
+            return
+        self._orbit_of, self._orbit_s = of, time.monotonic()
+        ahead: OrbitAhead | None = None
+        if found is not None:
+            try:
+                ahead = orbit_ahead(found, night.config, now, folder=night.folder, seq=night.seq)
+            except Exception:  # an orbit is worth showing that leads nowhere
+                log.exception("where the orbit leads cannot be reckoned")
+                ahead = OrbitAhead(
+                    folder=night.folder,
+                    seq=night.seq,
+                    estimate=found,
+                    from_utc_ns=now,
+                    outlook=None,
+                )
+        elif engine.reach == "recorded":
+            ahead = ahead_of_record(night, now)
+        if ahead is not None and not self._is_closing:
+            self._on_orbit(ahead)
+
+
+def _minute(engine: EngineView, now: int) -> int | None:
+    """The clock of a recorded night goes as fast as somebody looks through it."""
+    return None if engine.is_attached else now // MINUTE_NS
 
 
 def _direction(night: NightView, engine: EngineView) -> tuple[float, float] | None:

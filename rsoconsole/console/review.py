@@ -16,8 +16,16 @@ from rsoconsole.console.fold import Name, timeline_rows
 from rsoconsole.console.key_line import Key, Mode, review_keys
 from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.log_pane import LogPane
-from rsoconsole.console.messages import MomentSeen, OutlookSeen, ReviewFailed, TimelineSeen
+from rsoconsole.console.messages import (
+    MomentSeen,
+    OrbitSeen,
+    OutlookSeen,
+    ReviewFailed,
+    TimelineSeen,
+)
 from rsoconsole.console.night import NightView
+from rsoconsole.console.orbit_ahead import OrbitAhead
+from rsoconsole.console.orbit_lines import target_words
 from rsoconsole.console.outlook_watch import OutlookWatch
 from rsoconsole.console.panes import FramePane, Sight
 from rsoconsole.console.picture import Drawing, Picture
@@ -85,7 +93,7 @@ class ReviewScreen(ReviewCompare):
             lambda *seen: self.post_from_thread(MomentSeen(*seen)),
             lambda *seen: self.post_from_thread(ReviewFailed(*seen)),
         )
-        self._outlook_watch = OutlookWatch(self._outlook_seen)
+        self._outlook_watch = OutlookWatch(self._outlook_seen, self._orbit_seen)
 
     def compose(self) -> ComposeResult:
         """The seat's panes, and the time line."""
@@ -118,6 +126,7 @@ class ReviewScreen(ReviewCompare):
         self.seq, self.is_at_head, self.kept, self._other_seq = 0, False, None, None
         self.kind, self.searched, self.player = ANY, "", Player()
         self.night, self.picture, self.outlook = NightView(folder=folder), None, None
+        self.orbit_ahead = None
         self.engine = engine_then(self.night)
         self._watch_session.follow(folder)
         self.show_night()
@@ -195,6 +204,9 @@ class ReviewScreen(ReviewCompare):
     def _outlook_seen(self, outlook: "Outlook") -> None:
         self.post_from_thread(OutlookSeen(outlook))
 
+    def _orbit_seen(self, ahead: OrbitAhead) -> None:
+        self.post_from_thread(OrbitSeen(ahead))
+
     def want(self, seq: int) -> None:
         """Have that moment shown; the time line shows at once where it is."""
         super().want(seq)
@@ -248,7 +260,8 @@ class ReviewScreen(ReviewCompare):
     def top(self, width: int, rows: int) -> list[Line]:
         """That this is the past, what the state was, and what it is now."""
         live = None if self._live is None else (self._live.night, self._live.engine)
-        return review_top_lines(self.night, self.engine, live, width, rows)
+        found = target_words(self.orbit)
+        return review_top_lines(self.night, self.engine, live, width, rows, found=found)
 
     @property
     def alert(self) -> str:
@@ -391,7 +404,8 @@ class ReviewScreen(ReviewCompare):
         """What lies over the night, then what is being played."""
         if self.close_field():
             return
-        if not self.is_log_open and self.stop_news is None and self.player.is_playing:
+        is_bare = not (self.is_log_open or self.is_orbit_open) and self.stop_news is None
+        if is_bare and self.player.is_playing:
             self.action_play()
         else:
             super().action_put_away()

@@ -10,6 +10,7 @@ from rsoconsole.console.words import (
     clipped,
     clock_text,
     duration_text,
+    fitted,
     justified,
 )
 
@@ -45,10 +46,13 @@ def review_top_lines(
     live: tuple[NightView, EngineView] | None,
     width: int,
     rows: int,
+    *,
+    found: tuple[str, str] = ("", ""),
 ) -> list[Line]:
     """That this is the past; state and holder then, the night's name, the live state, the clock.
 
-    ``live``: what is known of the night that goes on behind, None where there is none.
+    ``live``: what is known of the night that goes on behind, None where there is none; ``found``:
+    the target's name and its orbit's size, as much of it as there is room for.
     """
     state = f"{night.state or 'no state yet'}"
     if night.state and night.state_since_utc_ns and night.last_utc_ns:
@@ -66,9 +70,15 @@ def review_top_lines(
     present = _live_words(live)
     if rows <= 1:
         line: Line = [*first, *([("  ", ""), present] if present else []), ("  ", ""), *then]
-        return [justified(line, clock, width)]
+        return [justified(_with_target(line, found, width - len(clock)), clock, width)]
     second: Line = [(" ", ""), *([present, ("  ", "")] if present else []), *then]
-    return [justified(first, clock, width), clipped(second, width)]
+    return [justified(first, clock, width), clipped(_with_target(second, found, width), width)]
+
+
+def _with_target(line: Line, found: tuple[str, str], width: int) -> Line:
+    room = width - sum(len(text) for text, _ in line) - 2
+    parts = [part for part in found if part]
+    return [*line, ("  ", ""), (fitted(parts, room, " "), "")] if parts and room > 0 else line
 
 
 def _live_words(live: tuple[NightView, EngineView] | None) -> tuple[str, Ink] | None:

@@ -12,6 +12,7 @@ from rsoconsole.console.dialogs import ArmDialog, ConfirmDialog, MessageDialog
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.messages import OutcomeCame, StopNewsCame
 from rsoconsole.console.night import NightView
+from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.plot import Ink
@@ -50,6 +51,7 @@ class Seat(Screen[None]):
         self.engine = EngineView()
         self.picture: Picture | None = None
         self.outlook: Outlook | None = None
+        self.orbit_ahead: OrbitAhead | None = None
         self.stop_news: StopNews | None = None
         self.orders = orders
         self.read_only = read_only

@@ -53,7 +53,7 @@ class TuneActions(Seat):
         """Open the pane, or give it the keys; once more: close it."""
         pane = self.query_one("#tune", TunePane)
         if self.is_tune_open and pane.has_focus:
-            self._close()
+            self.close_tune()
             return
         self.is_tune_open = True
         pane.tuning = self.tuning
@@ -64,7 +64,8 @@ class TuneActions(Seat):
         self.show_keys()
         self.reckon()
 
-    def _close(self) -> None:
+    def close_tune(self) -> None:
+        """Put it away; what is tried stays tried."""
         self.is_tune_open = False
         self.query_one("#tune", TunePane).can_focus = False
         self.set_focus(None)
@@ -131,7 +132,7 @@ class TuneActions(Seat):
             "undo": self._undo,
             "save": self._save,
             "load": self._load,
-            "close": self._close,
+            "close": self.close_tune,
         }[message.what]()
 
     def _try(self) -> None:

@@ -60,11 +60,18 @@ def present_utc_ns(night: NightView, engine: EngineView) -> int | None:
 
 
 def top_lines(
-    night: NightView, engine: EngineView, only_looks: bool, width: int, rows: int
+    night: NightView,
+    engine: EngineView,
+    only_looks: bool,
+    width: int,
+    rows: int,
+    *,
+    found: tuple[str, str] = ("", ""),
 ) -> list[Line]:
     """State and since when, who holds the mount, the target, the frame clock.
 
-    ``only_looks``: this seat may do nothing but STOP.
+    ``only_looks``: this seat may do nothing but STOP; ``found``: the target's name and its
+    orbit's size, each where it is known; as much of it is said as there is room for.
     """
     now = present_utc_ns(night, engine)
     state_words, holder = _state_words(night, engine, now)
@@ -75,17 +82,24 @@ def top_lines(
         target = "unidentified"
     target_words = (f"target {target}" if target else "no target", "" if target else "dim")
     if engine.reach in {"gone", "silent"}:
-        target_words = ("", "")
+        target_words, is_followed = ("", ""), False
     clock = f"{clock_text(now)} "
     gap = ("  ", "")
     if only_looks and engine.is_attached:
         holder = (f"{holder[0]} (read only)", holder[1])
+
+    def with_target(line: Line, room: int) -> Line:
+        if not any(found) or not is_followed:
+            return [*line, target_words]  # type: ignore[list-item]
+        parts = [part for part in (found[0] or target_words[0], found[1]) if part]
+        return [*line, (fitted(parts, room - _columns(line), " "), "")]
+
     if rows <= 1:
-        left: Line = [(" ", ""), state_words, gap, holder, gap, target_words]  # type: ignore[list-item]
-        return [justified(left, clock, width)]
+        left: Line = [(" ", ""), state_words, gap, holder, gap]  # type: ignore[list-item]
+        return [justified(with_target(left, width - len(clock)), clock, width)]
     first: Line = [(" ", ""), state_words]
-    second: Line = [(" ", ""), holder, gap, target_words]  # type: ignore[list-item]
-    return [justified(first, clock, width), clipped(second, width)]
+    second: Line = [(" ", ""), holder, gap]  # type: ignore[list-item]
+    return [justified(first, clock, width), clipped(with_target(second, width), width)]
 
 
 def _state_words(

@@ -6,6 +6,7 @@ import numpy as np
 
 from rsoconsole.orbit.determine import Orbit
 from rsoconsole.orbit.identify import Identification, Match
+from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.two_body import elements_of, period_s
 from rsoconsole.pipeline.orbit_of import Found, Part
 from rsoconsole.pipeline.orbit_outlook import Ahead, OrbitOutlook
@@ -40,7 +41,7 @@ def orbit_report(
         "t_last_utc": utc_ns_to_iso(int(seen.t_utc_ns[-1])),
         "parts": [_part_report(each) for each in found.parts],
         "solutions": [
-            {**_elements(each.r_km, each.v_km_s), "range_km": float(each.ranges_km[1])}
+            {**elements_by_name(each.r_km, each.v_km_s), "range_km": float(each.ranges_km[1])}
             for each in found.solutions
         ],
         "tle": None if tle is None else list(tle),
@@ -67,14 +68,14 @@ def identification_report(name: str, found: Identification, arc_s: float) -> dic
     }
 
 
-def element_sigmas(orbit: Orbit) -> dict[str, float | None]:
+def element_sigmas(orbit: KnownOrbit) -> dict[str, float | None]:
     """One-sigma errors of the elements; None where the orbit does not fix one at all.
 
     The node of an orbit in the reference plane and the perigee of a circle are such.
     """
     states = np.concatenate([orbit.r_km, orbit.v_km_s])
     around = states + np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
-    values = np.array([list(_elements(each[:3], each[3:]).values()) for each in around])
+    values = np.array([list(elements_by_name(each[:3], each[3:]).values()) for each in around])
     change = values[:6] - values[6:]
     change[:, 2:] = wrap_180(change[:, 2:])
     slopes = change.T / (2.0 * _STEP)
@@ -87,7 +88,7 @@ def element_sigmas(orbit: Orbit) -> dict[str, float | None]:
 
 
 def _orbit_values(orbit: Orbit) -> dict[str, Any]:
-    elements = _elements(orbit.r_km, orbit.v_km_s)
+    elements = elements_by_name(orbit.r_km, orbit.v_km_s)
     return {
         "prior": orbit.prior,
         "epoch_utc": utc_ns_to_iso(orbit.epoch_utc_ns, 6),
@@ -104,7 +105,8 @@ def _orbit_values(orbit: Orbit) -> dict[str, Any]:
     }
 
 
-def _elements(r_km: FloatArray, v_km_s: FloatArray) -> dict[str, float]:
+def elements_by_name(r_km: FloatArray, v_km_s: FloatArray) -> dict[str, float]:
+    """Osculating elements of a state, on its own axes."""
     found = elements_of(r_km, v_km_s)
     return {key: float(getattr(found, key)) for key in _ELEMENTS}
 

@@ -1,0 +1,41 @@
+"""The orbit as it could have been known at a place of a session's log that holds none."""
+
+from collections.abc import Sequence
+
+from rsoconsole.config import OrbitConfig
+from rsoconsole.orbit.catalogue import CatalogueEntry
+from rsoconsole.pipeline.naming import identified
+from rsoconsole.pipeline.orbit_online import OnlineOrbit
+from rsoconsole.pipeline.sightings_of import longest_arc
+from rsoconsole.pipeline.tracks_taken import TracksTaken
+from rsoconsole.records import Identified, OrbitEstimate
+from rsoconsole.session.reader import SessionReader
+
+
+def recorded_orbit(
+    reader: SessionReader,
+    until_seq: int,
+    entries: Sequence[CatalogueEntry] = (),
+    *,
+    gate_deg: float = 0.2,
+) -> tuple[OrbitEstimate, Identified | None] | None:
+    """Orbit and name of the last track up to a place of the log; None where there is none.
+
+    ``entries``: a catalogue to name it by. Raises SessionError.
+    """
+    config = reader.config().model_copy(update={"orbit": OrbitConfig()})
+    online, taken = OnlineOrbit(config), TracksTaken()
+    for seq, _, record in reader.records(kinds=TracksTaken.KINDS):
+        if seq > until_seq:
+            break
+        online.hear(record)
+        taken.hear(record)
+    tracks = taken.tracks()
+    refined = online.refine(tracks[-1].last.frame_id) if tracks else None
+    if refined is None or online.seen is None:
+        return None
+    if not entries:
+        return refined.estimate, None
+    arc, site = longest_arc(online.seen), config.site.to_site()
+    frame_id = refined.estimate.frame_id
+    return refined.estimate, identified(frame_id, arc, site, entries, gate_deg=gate_deg)
