@@ -42,6 +42,23 @@ def test_it_finds_the_satellite_without_a_prior_and_follows_it(first_night):
     assert first_night["false_measurements"] == 0
 
 
+def test_the_night_ends_with_an_orbit_and_a_name_in_the_session(first_night):
+    orbit, name = first_night["orbit"], first_night["identified"]
+    assert orbit["label"] == "constrained by prior"
+    assert abs(orbit["a_km"] - 42_166.0) <= 3.0 * orbit["sigma_a_km"]
+    assert (name["verdict"], name["name"]) == ("identified", "INTELSAT 14")
+    assert name["separation_arcsec"] < 5.0
+    assert name["runner_up"]
+    reader = SessionReader(first_night["session"])
+    found = reader.view("orbits")
+    assert found[-1]["a_km"] == pytest.approx(orbit["a_km"])
+    updates = [row for row in reader.view("track") if row["step"] == "updated"]
+    assert len(found) == len(updates), "one for each direction from the third on"
+    assert reader.view("identifications")[-1]["norad_id"] == 36_097
+    refined = [row["ms"] for row in reader.view("timings") if row["stage"] == "orbit"]
+    assert len(refined) == FRAMES
+
+
 def test_the_same_seed_gives_the_same_night_at_another_speed(first_night, tmp_path):
     again = night(tmp_path / "two", "--seed", "1", "--speed", "400")
     for key in ("session", "latency_ms"):

@@ -72,6 +72,13 @@ def test_a_night_that_goes_back_has_the_orbit_of_then() -> None:
     assert found.view() == before
 
 
+def test_a_name_that_is_no_news_is_told_once() -> None:
+    found = folded(*FOLLOWED, identified_of(4), identified_of(5), identified_of(6, hint=HINT))
+    said = [line.text for line in found.log if line.text.startswith("identified")]
+    assert len(said) == 2
+    assert HINT in said[1]
+
+
 # -- the log ----------------------------------------------------------------------------------
 
 

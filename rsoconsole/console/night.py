@@ -303,9 +303,10 @@ class Night:
         # A record that could not be written leaves an alarm at instant 0 in its place.
         now.last_utc_ns = max(t_utc_ns, now.last_utc_ns or 0) or None
         now.seq = now.seq + 1 if seq is None else seq
+        named = now.identified
         self._fold(record, t_utc_ns)
         line = line_of(record, t_utc_ns)
-        if line is not None:
+        if line is not None and not (isinstance(record, Identified) and _is_same(named, record)):
             append_line(self._log, replace(line, seq=now.seq))
 
     @singledispatchmethod
@@ -480,6 +481,14 @@ class Night:
     def _detail(self, frame_id: int, **changes: Any) -> None:
         if frame_id in self._details:
             self._details[frame_id] = replace(self._details[frame_id], **changes)
+
+
+def _is_same(one: Identified | None, other: Identified) -> bool:
+    """Whether two identifications come to the same: the second is no news."""
+    if one is None or (one.verdict, bool(one.hint)) != (other.verdict, bool(other.hint)):
+        return False
+    names = [each.matches[0].norad_id if each.matches else None for each in (one, other)]
+    return names[0] == names[1]
 
 
 def predicted_sigma_arcsec(track: TrackState) -> tuple[float, float]:
