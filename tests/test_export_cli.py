@@ -17,10 +17,32 @@ from rsoconsole.export import (
     read_night,
     read_tdm,
 )
+from rsoconsole.records import CatalogueMatch, Identified
 from rsoconsole.session.writer import SessionWriter
-from tests.export_nights import closed_night, written_night
+from tests.export_nights import T0, closed_night, written_night
 from tests.test_cli_frames import objects, rsoconsole
 
+NAMED = Identified(
+    frame_id=14,
+    verdict="identified",
+    reason="it is near",
+    hint="",
+    observations=12,
+    catalogued=3,
+    matches=(
+        CatalogueMatch(
+            norad_id=36_097,
+            name="INTELSAT 14",
+            separation_arcsec=3.5,
+            along_track_s=-0.2,
+            cross_track_arcsec=1.5,
+            rate_difference_percent=0.01,
+            tle_age_days=0.5,
+            score=0.5,
+            probability=0.999,
+        ),
+    ),
+)
 SAMPLE = Path(__file__).parent.parent / "sessions" / "intelsat-14"
 
 
@@ -50,6 +72,20 @@ def test_a_text_goes_to_stdout_and_what_is_not_in_it_to_stderr():
     assert len(lines) == 19
     assert {parse_iod(line).norad_id for line in lines} == {36097}
     assert "simulated" in run.stderr
+
+
+def test_a_message_without_a_number_says_which_the_record_would_give_it(tmp_path: Path):
+    writer = written_night(tmp_path / "named")
+    writer.append(NAMED, T0)
+    writer.close()
+    night = tmp_path / "named"
+    for kind in ("tdm", "iod"):
+        run = rsoconsole("export", night, "--format", kind, "--out", "-")
+        assert "on record it is INTELSAT 14 (36097): --norad 36097 writes that" in run.stderr
+        assert "36097" not in run.stdout
+    told = rsoconsole("export", night, "--format", "tdm", "--out", "-", "--norad", "36097")
+    assert "on record it is" not in told.stderr
+    assert "36097" in told.stdout
 
 
 def test_a_report_is_one_of_the_formats(session: Path, tmp_path: Path):

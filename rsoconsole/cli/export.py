@@ -137,6 +137,18 @@ def _export(wish: _Wish, options: Any, json_: bool) -> None:
         for path in made.files:
             output.say(str(path))
     _tell_what_is_not_in_it(made)
+    if made.format in {"tdm", "iod"} and not options.target.is_known:
+        _tell_name(wish.session)
+
+
+def _tell_name(session: Path) -> None:
+    """What the engine took it for: whether the message says so is the operator's word."""
+    from rsoconsole.session.reader import SessionReader
+
+    named = SessionReader(session).view("identifications")
+    if named and named[-1]["verdict"] == "identified":
+        name, number = named[-1]["name"], named[-1]["norad_id"]
+        output.complain(f"on record it is {name} ({number}): --norad {number} writes that")
 
 
 def _tell_what_is_not_in_it(made: Any) -> None:

@@ -8,6 +8,7 @@ import typer
 
 from rsoconsole.cli import output
 from rsoconsole.errors import OrbitError
+from rsoconsole.export.api import write_file
 from rsoconsole.orbit.omm import omm
 from rsoconsole.pipeline.orbit_elements import FittedElements
 
@@ -37,7 +38,7 @@ def form_of(path: Path) -> Form:
 def write_elements(elements: FittedElements, path: Path, form: Form, *, force: bool) -> str:
     """Write them; what was done, in words.
 
-    Raises OrbitError where there are none, or the file cannot be written.
+    Raises OrbitError where there are none, ExportError where the file cannot be written.
     """
     if elements.mean is None:
         raise OrbitError(f"no elements to write: {elements.reason}")
@@ -50,11 +51,5 @@ def write_elements(elements: FittedElements, path: Path, form: Form, *, force: b
     if str(path) == "-":
         output.say(text.rstrip("\n"))
         return ""
-    try:
-        with path.open("w" if force else "x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError as error:
-        raise OrbitError(f"{path} exists: --force writes over it") from error
-    except OSError as error:
-        raise OrbitError(f"{path} cannot be written: {error.strerror}") from error
+    write_file(path, text.encode("utf-8"), is_forced=force)
     return f"wrote {path}"
