@@ -4,10 +4,12 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.engine.seek import check_seek
 from rsoconsole.pipeline.absence import direction_at
+from rsoconsole.pipeline.propose_likelihood import arcs_of, innovations
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.retell import retell
@@ -15,14 +17,17 @@ from rsoconsole.records import (
     Event,
     Frame,
     Identified,
+    Measurement,
     OrbitEstimate,
     SlewCommand,
     StateChange,
     TrackState,
 )
 from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
+from rsoconsole.tracking.follow import Following
 from tests.engine_rig import Rig, rig
-from tests.makers import NS, T0_UTC_NS
+from tests.makers import NS, T0_UTC_NS, geo_measurement
 from tests.orbit_truth import Flight
 from tests.test_orbit_online import INCLINED, SITE, TLE, flight, measured_at
 
@@ -97,6 +102,13 @@ def test_a_satellite_on_an_inclined_orbit_is_followed_through_a_loss():
     assert it.memory.of(Identified)[-1].verdict == "unknown"
 
 
+TRIED = (
+    *(("filter.q_multiplier", value) for value in (0.5, 1.1, 2.0, 100.0)),
+    ("filter.r_multiplier", 1.2),
+    ("detector.tau", 0.99),
+)
+
+
 def test_a_replay_hands_over_as_the_night_did_and_another_night_has_no_orbit_of_that_one():
     it = night(80)
     config = it.engine.config
@@ -106,13 +118,16 @@ def test_a_replay_hands_over_as_the_night_did_and_another_night_has_no_orbit_of_
     assert len(handed) >= 2
     log = tuple((T0_UTC_NS, record) for record in it.memory.records)
     assert retell(log, config).log == log
-    other = retell(log, config, tried={"filter.q_multiplier": 100.0})
-    assert not any(is_by_orbit(record) for _, record in other.log)
-    first = next(n for n, each in enumerate(other.frames) if not each.is_as_recorded)
-    orbits = [record.frame_id for _, record in other.log if isinstance(record, OrbitEstimate)]
-    assert all(frame_id < other.frames[first].taken.frame_id for frame_id in orbits)
-    again = list(replay((record for _, record in other.log), other.config))
-    assert all(each.is_as_recorded for each in again)
+    for name, value in TRIED:
+        other = retell(log, config, tried={name: value})
+        first = next(each.taken.frame_id for each in other.frames if not each.is_as_recorded)
+        records = [record for _, record in other.log]
+        assert all(r.frame_id < first for r in records if isinstance(r, OrbitEstimate))
+        assert all(r.frame_id <= first for r in records if is_by_orbit(r))
+        said = [r for r in records if isinstance(r, Event) and "orbit" in r.text]
+        assert all(event.frame_id is not None and event.frame_id < first for event in said)
+        again = list(replay(records, other.config))
+        assert all(each.is_as_recorded for each in again), (name, value)
 
 
 def test_what_is_looked_for_again_is_looked_for_by_its_orbit():
@@ -124,6 +139,65 @@ def test_what_is_looked_for_again_is_looked_for_by_its_orbit():
     assert separation_deg(*check_seek(engine), *place) < 0.1
     by_filter = direction_at(engine.last_track, at)
     assert separation_deg(*by_filter, *place) > 1.0
+
+
+def test_with_the_papers_preset_a_lost_one_is_searched_for_as_ever():
+    ours, never = (
+        night(70, filter={"preset": "paper", "max_coast_s": 300}, orbit={"guide": guide})
+        for guide in ("when better", "never")
+    )
+    assert ours.memory.of(SlewCommand) == never.memory.of(SlewCommand)
+    assert len(ours.memory.of(OrbitEstimate)) == len(never.memory.of(OrbitEstimate))
+
+
+def test_a_proposal_knows_where_the_filter_was_begun_anew():
+    it = night(24)
+    frames = list(replay(it.memory.records, it.engine.config))
+    by_orbit = [r for each in frames for r in each.records if is_by_orbit(r)]
+    assert by_orbit
+    found = innovations(arcs_of(frames), {})
+    assert found is not None
+    recorded = [
+        r.nis
+        for each in frames
+        for r in each.records
+        if isinstance(r, TrackState) and r.nis is not None and not is_by_orbit(r)
+    ]
+    assert list(found.nis) == pytest.approx(recorded)
+
+
+def test_a_stranger_seen_while_a_lost_one_is_waited_for_is_waited_for_where_it_was_seen():
+    it = night(42)
+    planner, engine = it.engine.planner, it.engine
+    assert planner._is_waiting
+    here = it.mount.at_deg
+    report = it.mount.report()
+    now_ns = it.clock.t_utc_ns
+    lost = engine.guide.of_lost(now_ns)
+    assert lost is not None
+    stranger = measured_place(lost[0] + 0.3, lost[1] + 0.2, now_ns)
+    assert not engine.guide.is_lost_one(stranger)
+    plan = planner.plan(Following(state="ACQUIRE", candidates=(stranger,)), now_ns)
+    assert plan.slew is not None
+    assert plan.slew.reason == "wait for a second frame"
+    same = icrs_of_hour_angle(
+        engine.config.site.to_site(),
+        hour_angle_icrs_deg(engine.config.site.to_site(), *here, report.t_utc_ns),
+        plan.slew.dec_icrs_deg,
+        plan.t_mid_utc_ns,
+    )
+    assert separation_deg(plan.slew.ra_icrs_deg, plan.slew.dec_icrs_deg, *same) < 0.3
+    itself = measured_place(lost[0] + 0.001, lost[1], now_ns)
+    planner._search.leave_here()
+    plan = planner.plan(Following(state="ACQUIRE", candidates=(itself,)), now_ns)
+    assert plan.slew is not None
+    assert plan.slew.reason == "where its orbit says"
+
+
+def measured_place(ra_deg: float, dec_deg: float, t_utc_ns: int) -> Measurement:
+    return dataclasses.replace(
+        geo_measurement(2), ra_icrs_deg=ra_deg, dec_icrs_deg=dec_deg, t_mid_utc_ns=t_utc_ns
+    )
 
 
 def is_by_orbit(record: Any) -> bool:

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.config import Config
+from rsoconsole.config import AimConfig, Config
 from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.prediction import predict
 from rsoconsole.pipeline.aim import beside
+from rsoconsole.pipeline.foretelling import may_guide
 from rsoconsole.pipeline.orbit_online import OnlineOrbit
-from rsoconsole.records import FloatArray, Site
+from rsoconsole.records import FloatArray, Measurement, Site
+from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.times import NS_PER_S, IntArray
 
 _STEP_S = 10
@@ -18,6 +20,8 @@ _STEPS = 90
 """A quarter of an hour."""
 SHARE_OF_FIELD = 0.25
 """Three sigma of the place must be within so much of the field's smaller side."""
+SAME_PLACE = 0.05
+"""What is seen within so much of it from where a lost one must be is taken to be that."""
 
 
 class Guide:
@@ -33,32 +37,48 @@ class Guide:
         """Take new tunables."""
         self._config = config
 
-    def of_track(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
-        """Where what is followed will be, ICRS; None where the filter knows better."""
-        return self._direction(t_mid_utc_ns) if self._orbit.is_guide else None
+    def of_track(
+        self, t_mid_utc_ns: int, aim: AimConfig | None = None
+    ) -> tuple[float, float] | None:
+        """Where what is followed will be, ICRS; None where the filter knows better.
+
+        Beside it by ``aim``, as configured where that is None.
+        """
+        return self._direction(t_mid_utc_ns, aim) if self._orbit.is_guide else None
 
     def of_lost(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
         """Where what the filter has lost is to be waited for; None where it is not."""
-        config, seen = self._config.orbit, self._orbit.seen
-        if config.guide == "never" or seen is None:
+        seen = self._orbit.seen
+        if not may_guide(self._config) or seen is None:
             return None
         since_s = (t_mid_utc_ns - int(seen.t_utc_ns[-1])) / NS_PER_S
-        return self._direction(t_mid_utc_ns) if 0.0 <= since_s <= 60.0 * config.wait_min else None
+        is_time = 0.0 <= since_s <= 60.0 * self._config.orbit.wait_min
+        return self._direction(t_mid_utc_ns) if is_time else None
+
+    def is_lost_one(self, seen: Measurement) -> bool:
+        """Whether a measurement may be what was lost: near to where its orbit has it."""
+        at = self.of_lost(seen.t_mid_utc_ns)
+        if at is None:
+            return False
+        near_deg = SAME_PLACE * min(self._config.optics.field_deg)
+        return separation_deg(*at, seen.ra_icrs_deg, seen.dec_icrs_deg) < near_deg
 
     def of_last(self, t_utc_ns: int) -> tuple[float, float] | None:
         """Where what was followed last is by its orbit, however long ago that was."""
-        return None if self._config.orbit.guide == "never" else self._direction(t_utc_ns)
+        return self._direction(t_utc_ns) if may_guide(self._config) else None
 
     def prepare(self, now_utc_ns: int) -> None:
         """Reckon the way of the next minutes while nobody waits for it."""
         orbit = self._orbit.orbit
-        if orbit is None or self._config.orbit.guide == "never":
+        if orbit is None or not may_guide(self._config):
             self._way = None
         elif self._way is None or self._way.orbit is not orbit or not self._way.reaches(now_utc_ns):
             self._way = Way.of(orbit, self._site, now_utc_ns)
 
-    def _direction(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
-        orbit, aim = self._orbit.orbit, self._config.aim
+    def _direction(
+        self, t_mid_utc_ns: int, aim: AimConfig | None = None
+    ) -> tuple[float, float] | None:
+        orbit, aim = self._orbit.orbit, aim or self._config.aim
         if orbit is None or orbit.label == "not observable":
             return None
         t_utc_ns = t_mid_utc_ns + round(aim.lead_s * 1e9)

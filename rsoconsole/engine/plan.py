@@ -194,6 +194,11 @@ class Planner:
         if self._guide.of_lost(self._t_mid_ns(self._earliest_ns(now_utc_ns))) is None:
             self._is_waiting = False
             return None
+        if following.candidates and not any(map(self._guide.is_lost_one, following.candidates)):
+            # A stranger is waited for where it was seen.
+            if self._centre is not None:
+                self._search.look_here(self._centre, self._last_mid_utc_ns)
+            return None
         plan = self._plan_at(following, self._search.number, now_utc_ns)
         if plan.slew is None or is_refused is None:
             return plan
@@ -276,7 +281,7 @@ class Planner:
             direction = follow_direction(following.track, t_mid_ns, config.filter, config.aim)
             is_beside = config.aim != AimConfig()
             return direction, "prediction, offset by hand" if is_beside else "prediction"
-        if self._is_waiting and self._guide is not None:
+        if self._is_waiting and not self._search.is_here and self._guide is not None:
             by_orbit = self._guide.of_lost(t_mid_ns)
             if by_orbit is not None:
                 return by_orbit, "where its orbit says"
@@ -347,6 +352,8 @@ class Planner:
             self._is_waiting = self._guide is not None
         elif self._is_waiting:
             self._is_waiting = after.track is None
+            if after.state != "ACQUIRE":
+                self._search.leave_here()
         elif after.state == "SEARCH" or is_held:
             # A false streak in every frame must not hold the search for a night.
             self._search.count(self._centre, self._last_mid_utc_ns)

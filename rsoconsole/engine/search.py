@@ -67,6 +67,11 @@ class Search:
         """Whether it goes round a place in a spiral."""
         return self._base is not None and self._base.widens
 
+    @property
+    def is_here(self) -> bool:
+        """Whether the next exposure is taken where the telescope stands, outside the round."""
+        return self._here is not None
+
     def look_here(self, direction: Direction, t_utc_ns: int) -> None:
         """The next exposure is taken where the telescope stands."""
         self._here = search_base_at(self._site, *direction, t_utc_ns)

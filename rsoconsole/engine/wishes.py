@@ -105,7 +105,9 @@ def _beside(engine: "Engine", arguments: Mapping[str, Any]) -> tuple[float, floa
     config = engine.config
     for name, value in given.items():
         config = changed(config, f"aim.{name}", value)
-    return follow_direction(track, engine.hands.now_utc_ns(), config.filter, config.aim)
+    now_ns = engine.hands.now_utc_ns()
+    by_orbit = engine.guide.of_track(now_ns, config.aim)
+    return by_orbit or follow_direction(track, now_ns, config.filter, config.aim)
 
 
 def preview_of_move(engine: "Engine", wish: Wish) -> dict[str, Any]:

@@ -102,7 +102,7 @@ VIEWS: dict[str, View] = {
         "dec_rate_deg_s=x.3 covariance=P nis innovation_east_arcsec=innovation_arcsec.0 "
         "innovation_north_arcsec=innovation_arcsec.1 "
         "sigma_east_arcsec=sigma_innovation_arcsec.0 "
-        "sigma_north_arcsec=sigma_innovation_arcsec.1 misses",
+        "sigma_north_arcsec=sigma_innovation_arcsec.1 misses foretold_by",
         is_followed_again=True,
     ),
     "slews": _view(SlewCommand, "ra_icrs_deg dec_icrs_deg t_aim_utc_ns reason"),

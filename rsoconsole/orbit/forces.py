@@ -84,8 +84,9 @@ class Forces:
         for known in self._fields:
             if known.first_s <= first_s and known.last_s >= last_s:
                 return known
-        self._fields[:] = [_Field(self, first_s, last_s)]
-        return self._fields[0]
+        made = _Field(self, first_s, last_s)
+        self._fields[:] = [made]  # another thread may put its own there at this moment
+        return made
 
 
 def _carried(field_: "_Field", start: FloatArray, times: FloatArray) -> FloatArray:

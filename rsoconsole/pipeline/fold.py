@@ -10,6 +10,7 @@ from rsoconsole.errors import FrameError
 from rsoconsole.orbit.known import known
 from rsoconsole.orbit.prediction import predict_motion
 from rsoconsole.pipeline.absence import StarHistory, counted, explain_absence, stars_of
+from rsoconsole.pipeline.foretelling import may_guide
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.reduce import plain_absence
 from rsoconsole.records import (
@@ -106,7 +107,6 @@ def _asks_orbit(
     before: Following, orbit: OrbitEstimate | None, config: Config, t_mid_ns: int
 ) -> Callable[[TrackState], TrackState | None] | None:
     """Where the orbit of this very track may speak for a filter that fails."""
-    may = config.orbit.guide == "when better" and config.filter.preset == "tuned"
     # With other settings the track may be another one than that which the orbit is of.
     is_of_track = (
         orbit is not None
@@ -114,7 +114,7 @@ def _asks_orbit(
         and before.taken.frame_id == orbit.frame_id
         and orbit.label != "not observable"
     )
-    if orbit is None or not (may and is_of_track):
+    if orbit is None or not (may_guide(config) and is_of_track):
         return None
     return functools.partial(_by_orbit, orbit, config, t_mid_ns)
 

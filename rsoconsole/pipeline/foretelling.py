@@ -10,6 +10,8 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rsoconsole.config import Config
+
 WINDOW = 8
 _LEAST = 5
 """So many measurements must have been foretold by both."""
@@ -17,6 +19,14 @@ _AHEAD = 0.5
 """By so much better on the mean before the guide changes, so that it does not change for chance."""
 _BELIEVED = 0.999
 """An orbit whose NIS are this unlikely is not believed, however the filter fares."""
+
+
+def may_guide(config: Config) -> bool:
+    """Whether an orbit may say where the telescope goes, and carry on a track.
+
+    Preset ``paper`` is the paper's whole loop: its filter alone leads it.
+    """
+    return config.orbit.guide == "when better" and config.filter.preset == "tuned"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,14 +19,16 @@ from rsoconsole.orbit.prediction import predict
 from rsoconsole.orbit.seeds import State
 from rsoconsole.orbit.sightings import Sightings
 from rsoconsole.orbit.two_body import elements_of
-from rsoconsole.pipeline.foretelling import Foretold, Rivals
-from rsoconsole.pipeline.orbit_of import SAME_OBJECT
+from rsoconsole.pipeline.foretelling import Foretold, Rivals, may_guide
 from rsoconsole.pipeline.sightings_of import sightings_of
 from rsoconsole.pipeline.tracks_taken import Track, TracksTaken
 from rsoconsole.records import Measurement, OrbitEstimate, TrackState
+from rsoconsole.tracking import lqe
 
-ASKED_AT = (3, 6, 12, 24)
+ASKED_AT = (6, 12, 24, 48, 96)
 """With so many measurements a track is asked whether it is of an object followed before."""
+JOINED_FROM, PARTED_BELOW = 0.99, 0.5
+"""Probabilities: a wrong join makes an orbit of two objects, and what leads the telescope."""
 _MOST_EARLIER = 4
 
 
@@ -55,6 +57,12 @@ class _Target:
     label: str = ""
     first: Alone | None = None
     """Of the first of its tracks, once that was asked for."""
+    joined: "_Target | None" = None
+    """What it was before, if it has been followed before."""
+    is_told_of_none: bool = False
+    """Of a measurement that was no direction."""
+    words: list[str] = field(default_factory=list)
+    """To be told with the next orbit."""
 
     @property
     def parts(self) -> tuple[Sightings, ...]:
@@ -69,7 +77,10 @@ class OnlineOrbit:
         self._site = config.site.to_site()
         self._tracks = TracksTaken()
         self._target: _Target | None = None
+        """Other threads look in: it is read once."""
         self._earlier: list[_Target] = []
+        self._is_begun = False
+        """A track has begun that no orbit is of as yet."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -78,6 +89,8 @@ class OnlineOrbit:
     def hear(self, record: Any) -> None:
         """One record of the log."""
         self._tracks.hear(record)
+        if isinstance(record, TrackState) and record.kind == "initial":
+            self._is_begun = True
 
     def forget(self) -> None:
         """Nothing that was seen until now has a place in an orbit: the clock was wrong."""
@@ -86,20 +99,23 @@ class OnlineOrbit:
     @property
     def seen(self) -> Sightings | None:
         """The directions of the track that is, or was last, followed."""
-        return None if self._target is None else self._target.seen
+        target = self._target
+        return None if target is None else target.seen
 
     @property
     def orbit(self) -> Orbit | None:
         """Of what is, or was last, followed."""
-        return None if self._target is None else self._target.orbit
+        target = self._target
+        return None if target is None else target.orbit
 
     @property
     def is_guide(self) -> bool:
         """Whether the orbit foretells better than the filter, and may."""
-        target, config = self._target, self._config
-        # The preset of the paper is its whole loop: its filter guides it.
-        may = config.orbit.guide == "when better" and config.filter.preset == "tuned"
-        return may and target is not None and target.rivals.is_orbit_ahead
+        target = self._target
+        # The next order goes out before the orbit hears of the frame that began another track.
+        if target is None or self._is_begun:
+            return False
+        return may_guide(self._config) and target.rivals.is_orbit_ahead
 
     def refine(self, frame_id: int) -> Refined | None:
         """The orbit through all that was heard; None where nothing new was, or tells none.
@@ -109,26 +125,25 @@ class OnlineOrbit:
         tracks = self._tracks.tracks()
         if not self._config.orbit.online or not tracks or not tracks[-1].measurements:
             return None
-        track = tracks[-1]
+        track, self._is_begun = tracks[-1], False
         target = self._aimed_at(track)
         count = len(target.taken)
         if not self._take(target, track) or target.seen is None:
             return None
-        words: list[str] = []
         foretold = None
         if len(target.taken) == count + 1 and target.orbit is not None:
             foretold = self._foretold(target.orbit, target.taken[-1])
-        self._ask_earlier(target, words)
+        self._ask_earlier(target)
         target.orbit = self._determined(target)
         if target.orbit is None:
             return None
         was_guide = self.is_guide
         if track.last.foretold_by == "orbit":
             target.rivals.filter_failed()
-        elif foretold is not None and (by_filter := _by_filter(track.last)) is not None:
+        elif foretold is not None and (by_filter := self._by_filter(track)) is not None:
             target.rivals.hear(foretold.short, by_filter)
         estimate = self._estimate(frame_id, target, foretold)
-        words += _news(target, estimate, was_guide=was_guide)
+        words, target.words = [*target.words, *_news(target, estimate, was_guide=was_guide)], []
         return Refined(estimate=estimate, words=tuple(words))
 
     def _aimed_at(self, track: Track) -> _Target:
@@ -138,6 +153,7 @@ class OnlineOrbit:
         if before is not None and before.begun_utc_ns == begun_utc_ns:
             return before
         if before is not None and before.orbit is not None:
+            before.joined = None  # its parts are in it for good
             self._earlier = [*self._earlier, before][-_MOST_EARLIER:]
         self._target = _Target(begun_utc_ns)
         return self._target
@@ -149,33 +165,49 @@ class OnlineOrbit:
             return False
         is_longer = len(taken) > len(known) and all(map(_is_same, taken, known))
         fresh = taken[len(known) :] if is_longer else taken
-        try:
-            seen = sightings_of(self._site, fresh)
-        except ValueError:
-            return False
-        if is_longer and target.seen is not None:
-            seen, _ = together((target.seen, seen))
-        target.taken, target.seen = taken, seen
-        return True
+        seen = self._reduced(fresh)
+        if (seen is None or len(seen) < len(fresh)) and not target.is_told_of_none:
+            target.is_told_of_none = True
+            target.words.append("a measurement that is no direction was left out of the orbit")
+        known_seen = target.seen if is_longer else None
+        parts = [each for each in (known_seen, seen) if each is not None]
+        target.taken = taken
+        target.seen = together(parts)[0] if parts else None
+        return seen is not None
 
-    def _ask_earlier(self, target: _Target, words: list[str]) -> None:
-        """Whether it was followed before, as soon as that can be told."""
+    def _reduced(self, taken: Sequence[Measurement]) -> Sightings | None:
+        """Without those that are no directions."""
+        try:
+            return sightings_of(self._site, taken)
+        except ValueError:
+            if len(taken) == 1:
+                return None
+        parts = [each for one in taken if (each := self._reduced((one,))) is not None]
+        return together(parts)[0] if parts else None
+
+    def _ask_earlier(self, target: _Target) -> None:
+        """Whether it was followed before; asked again while more of it is seen."""
         assert target.seen is not None
         due = max((n for n in ASKED_AT if n <= len(target.taken)), default=0)
-        if target.before or not self._earlier or not due or due in target.asked:
+        if not due or due in target.asked or not (self._earlier or target.joined):
             return
         target.asked.add(due)
         now = alone(target.seen, self._config.orbit.prior)
         if now is None:
             return
+        if target.joined is not None:
+            if self._same(target.joined, now) < PARTED_BELOW:
+                self._earlier.append(target.joined)
+                target.before, target.joined, target.orbit = (), None, None
+                target.words.append("it is not what was followed before, after all")
+            return
         for earlier in reversed(self._earlier):
             probability = self._same(earlier, now)
-            if probability >= SAME_OBJECT:
+            if probability >= JOINED_FROM:
                 self._earlier.remove(earlier)
-                target.before, target.orbit = earlier.parts, earlier.orbit
-                target.first, target.label = earlier.first, earlier.label
+                target.joined, target.before, target.orbit = earlier, earlier.parts, earlier.orbit
                 share = "more than 99.9" if probability > 0.999 else f"{100.0 * probability:.1f}"
-                words.append(f"it is what was followed before: probability {share} %")
+                target.words.append(f"it is what was followed before: probability {share} %")
                 return
 
     def _same(self, earlier: _Target, now: Alone) -> float:
@@ -221,6 +253,17 @@ class OnlineOrbit:
             sigma_arcsec=(math.sqrt(ee), math.sqrt(nn)),
         )
 
+    def _by_filter(self, track: Track) -> Foretold | None:
+        """What the filter had said of the last measurement."""
+        if track.last.nis is None or track.predicted is None:
+            return None
+        settings, measured = self._config.filter, track.measurements[-1]
+        try:
+            log_size = lqe.log_det_innovation(track.predicted, measured, settings)
+        except ValueError:
+            return None
+        return Foretold(nis=track.last.nis, log_size=log_size)
+
     def _estimate(self, frame_id: int, target: _Target, foretold: "_Told | None") -> OrbitEstimate:
         orbit = target.orbit
         assert orbit is not None
@@ -260,13 +303,6 @@ class _Told:
 
 def _is_same(one: Measurement, other: Measurement) -> bool:
     return one is other
-
-
-def _by_filter(track: TrackState) -> Foretold | None:
-    if track.nis is None or track.sigma_innovation_arcsec is None:
-        return None
-    east, north = track.sigma_innovation_arcsec
-    return Foretold(nis=track.nis, log_size=2.0 * math.log(east * north))
 
 
 def _news(target: _Target, estimate: OrbitEstimate, *, was_guide: bool) -> Sequence[str]:

@@ -24,7 +24,6 @@ from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.tracking import lqe
 
 LOG_2PI = math.log(2.0 * math.pi)
-_DEG2_IN_ARCSEC2 = lqe.ARCSEC_PER_DEG**2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +36,8 @@ class Step:
     """None where it was missed: the filter predicts through it all the same."""
     settings: FilterConfig
     """In force that night."""
+    by_orbit: TrackState | None = None
+    """The prediction from which the filter was begun anew; what it had foretold is no evidence."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -50,8 +51,9 @@ class Arc:
 
     @property
     def measurements(self) -> tuple[Measurement, ...]:
-        """Those that updated it, in order."""
-        return tuple(s.measurement for s in self.steps if s.measurement is not None)
+        """Those that updated it by the filter's own prediction, in order."""
+        steps = (s for s in self.steps if s.by_orbit is None)
+        return tuple(s.measurement for s in steps if s.measurement is not None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,6 +105,7 @@ def arcs_of(frames: Iterable[ReplayedFrame]) -> list[Arc]:
                     t_utc_ns=state.t_utc_ns,
                     measurement=taken,
                     settings=settings,
+                    by_orbit=state if state.foretold_by == "orbit" else None,
                 )
                 arcs[-1].steps.append(step)
         candidates = each.after.candidates
@@ -154,6 +157,9 @@ def _of_arc(arc: Arc, settings: Mapping[str, float]) -> Iterator[tuple[float, ..
     was_measured = False
     for step in arc.steps:
         config = in_place_of(step.settings)
+        if step.by_orbit is not None and step.measurement is not None:
+            state, was_measured = lqe.update(step.by_orbit, step.measurement, config), False
+            continue
         predicted = lqe.predict(state, step.t_utc_ns, config, step.frame_id)
         if step.measurement is None:
             state, was_measured = predicted, False
@@ -163,19 +169,12 @@ def _of_arc(arc: Arc, settings: Mapping[str, float]) -> Iterator[tuple[float, ..
         assert nis is not None
         assert residual is not None
         assert sigma is not None
+        log_det = lqe.log_det_innovation(predicted, step.measurement, config)
         yield (
-            -0.5 * (2.0 * LOG_2PI + _log_det_s(predicted, step.measurement, config) + nis),
+            -0.5 * (2.0 * LOG_2PI + log_det + nis),
             nis,
             residual[0] / sigma[0],
             residual[1] / sigma[1],
             float(was_measured),
         )
         was_measured = True
-
-
-def _log_det_s(predicted: TrackState, measurement: Measurement, config: FilterConfig) -> float:
-    """Of S = C P- C' + R on the sky, in arcsec^2."""
-    R, P = lqe.measurement_noise(measurement, config), predicted.P
-    ee, en, nn = P[0][0] + R[0, 0], P[0][2] + R[0, 1], P[2][2] + R[1, 1]
-    cos_dec = math.cos(math.radians(predicted.x[2]))
-    return math.log((ee * nn - en * en) * (cos_dec * _DEG2_IN_ARCSEC2) ** 2)

@@ -146,6 +146,8 @@ class Walk:
     taken: FrameTaken | None = None
     orbit: OrbitEstimate | None = None
     """The last one."""
+    is_another_night: bool = False
+    """A frame came out otherwise than recorded: the orbits behind it are of another track."""
     open: _Open | None = None
     alarms: set[str] = field(default_factory=set)
     """Said since the last frame came."""
@@ -198,7 +200,7 @@ class Walk:
                 yield from self.close()
                 self._pass(record)
             case OrbitEstimate():
-                self.orbit = record
+                self.orbit = None if self.is_another_night else record
             case Event():
                 if record.level == "alarm":
                     self.alarms.add(record.text)
@@ -236,7 +238,7 @@ class Walk:
         if self.open_again is not None:
             fold_, recorded_again = self.open_again
             self.open_again = None
-            yield _replayed(fold_, tuple(recorded_again))
+            yield self._compared(_replayed(fold_, tuple(recorded_again)))
         if self.open is None:
             return
         shown, recorded = self.open.shown(), tuple(self.open.recorded)
@@ -262,7 +264,12 @@ class Walk:
         )
         self.folds.add(done)
         self.following, self.stars = folded.following, folded.stars
-        yield _replayed(done, recorded)
+        yield self._compared(_replayed(done, recorded))
+
+    def _compared(self, frame: ReplayedFrame) -> ReplayedFrame:
+        if not frame.is_as_recorded:
+            self.is_another_night, self.orbit = True, None
+        return frame
 
     def _hear_ruling(self, record: Ruling | FollowedAgain) -> None:
         """The operator's word: what is followed is what it leads to."""

@@ -5,7 +5,7 @@ it now. A log retold with nothing tried is the log itself, and a retold log repl
 configuration that was tried gives its own records again, bit for bit.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -176,12 +176,23 @@ class _Telling:
         if is_same and not self._is_another_night:
             self.told.extend((t, record) for t, record, _ in held)
             return
-        held = [each for each in held if not isinstance(each[1], OF_TRACK)]
+        held = list(_without_orbits(held))
         t_inputs_ns = next((t for t, _, part in held if part == "input"), self._t_open_ns)
         t_folded_ns = next((t for t, _, part in held if part == "folded"), t_inputs_ns)
         self.told.extend((t_inputs_ns, record) for record in inputs)
         self.told.extend((t_folded_ns, record) for record in folded)
         self.told.extend((t, record) for t, record, part in held if part == "other")
+
+
+def _without_orbits(
+    held: Iterable[tuple[int, Any, Part]],
+) -> Iterator[tuple[int, Any, Part]]:
+    """Without orbits and names, and the words that were said on them."""
+    is_theirs = False
+    for each in held:
+        is_theirs = isinstance(each[1], OF_TRACK) or (is_theirs and isinstance(each[1], Event))
+        if not is_theirs:
+            yield each
 
 
 def _inputs(shown: Shown) -> tuple[Any, ...]:

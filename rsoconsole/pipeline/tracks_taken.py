@@ -20,6 +20,8 @@ class Track:
     """In order of time."""
     last: TrackState
     """The filter after the last of them."""
+    predicted: TrackState | None = None
+    """And before it; None where it began the track."""
 
 
 @dataclass(slots=True)
@@ -69,7 +71,7 @@ class TracksTaken:
                 begun_by = list(_begun_by(in_order[:place], frame.corrected))
                 found.append(Track(begun_by, frame.corrected))
             found[-1].measurements.append(_taken(frame))
-            found[-1].last = frame.corrected
+            found[-1].last, found[-1].predicted = frame.corrected, frame.predicted
         return found
 
 

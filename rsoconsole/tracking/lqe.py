@@ -191,6 +191,16 @@ def _adapted(predicted: TrackState, nis: float, settings: FilterConfig) -> float
     return float(min(max(predicted.q_scale * np.exp(step), Q_SCALE_MIN), Q_SCALE_MAX))
 
 
+def log_det_innovation(
+    predicted: TrackState, measurement: Measurement, settings: FilterConfig
+) -> float:
+    """Logarithm of the determinant of S = C P- C' + R on the sky, in arcsec^2 squared."""
+    R, P = measurement_noise(measurement, settings), predicted.P
+    ee, en, nn = P[0][0] + R[0, 0], P[0][2] + R[0, 1], P[2][2] + R[1, 1]
+    cos_dec = math.cos(math.radians(predicted.x[2]))
+    return math.log((ee * nn - en * en) * (cos_dec * ARCSEC_PER_DEG**2) ** 2)
+
+
 def is_gated_out(nis: float, settings: FilterConfig) -> bool:
     """Whether an innovation is too large to belong to the track."""
     return nis > settings.gate_nis
