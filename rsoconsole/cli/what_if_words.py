@@ -51,6 +51,12 @@ def answer_lines(session: str, answer: "Answer") -> Iterator[str]:
             " recorded it, or the session was cut off"
         )
     yield from figures_lines(answer.recorded, answer.what_if)
+    carried = answer.recorded.carried_by_orbit
+    if carried and answer.tried:
+        yield (
+            f"  that night the orbit carried the track on {carried} times where the filter failed;"
+            " from the first other frame on the filter stands alone here"
+        )
     if answer.branch is not None:
         yield f"  kept as {answer.branch}"
 

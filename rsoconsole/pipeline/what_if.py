@@ -46,6 +46,8 @@ class TrackFigures:
     """Of the predictions for a frame, the widest."""
     state: str
     """After the last frame."""
+    carried_by_orbit: int = 0
+    """Updates whose prediction was the orbit's, because the filter's had failed."""
     states: Mapping[str, int] = field(default_factory=dict)
     """How many frames ended in each."""
 
@@ -91,6 +93,7 @@ def figures_of(frames: Iterable[ReplayedFrame], last: int | None = None) -> Trac
         nis_band=mean_band(len(nis)) if nis else None,
         inside_3sigma=sum(inside) / len(inside) if inside else None,
         max_3sigma_arcmin=max((three_sigma_deg(p) * 60.0 for p in predicted), default=None),
+        carried_by_orbit=sum(u.foretold_by == "orbit" for u in updates),
         state=chosen[-1].after.state if chosen else "",
         states=dict(Counter(each.after.state for each in chosen)),
     )

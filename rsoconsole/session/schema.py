@@ -85,7 +85,7 @@ _COLUMNS_BY_VIEW = {
         "dec_icrs_deg=x[2] dec_rate_deg_s=x[3] covariance=P nis "
         "innovation_east_arcsec=innovation_arcsec[0] innovation_north_arcsec=innovation_arcsec[1] "
         "sigma_east_arcsec=sigma_innovation_arcsec[0] "
-        "sigma_north_arcsec=sigma_innovation_arcsec[1] misses foretold_by"
+        "sigma_north_arcsec=sigma_innovation_arcsec[1] misses foretold_by=foretold_by?filter"
     ),
     "slews": "ra_icrs_deg dec_icrs_deg t_aim_utc_ns reason",
     "misses": "reason",
@@ -108,7 +108,8 @@ _COLUMNS_BY_VIEW = {
     "actions": "verb arguments outcome by",
     "events": "level text",
 }
-"""``column=place`` where the record's field is not the column."""
+"""``column=place`` where the record's field is not the column, ``place?value`` where older records
+lack it."""
 
 _CANDIDATE = (
     "confidence x_px y_px x_a_px y_a_px x_b_px y_b_px length_px width_px snr sigma_along_px "
@@ -192,8 +193,14 @@ def _columns(spec: str, body: str, prefix: str = "$.") -> str:
     """SQL of the columns in ``spec``, taken out of the JSON in ``body``."""
     pairs = [word.partition("=") for word in spec.split()]
     return ", ".join(
-        f"json_extract({body}, '{prefix}{place or name}') AS {name}" for name, _, place in pairs
+        f"{_extracted(body, prefix + (place or name))} AS {name}" for name, _, place in pairs
     )
+
+
+def _extracted(body: str, place: str) -> str:
+    place, _, default = place.partition("?")
+    value = f"json_extract({body}, '{place}')"
+    return f"coalesce({value}, '{default}')" if default else value
 
 
 def _candidates(member: str, prefix: str, extra: str) -> str:
