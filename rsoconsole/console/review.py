@@ -44,7 +44,7 @@ from rsoconsole.console.review_words import (
 from rsoconsole.console.timeline import Timeline
 from rsoconsole.console.timeline_lines import Place, timeline_lines
 from rsoconsole.console.timeline_pane import MomentField, TimelinePane
-from rsoconsole.console.tune import LAST_FRAMES, TuneWords
+from rsoconsole.console.tune import LAST_FRAMES, TunePane, TuneWords
 
 if TYPE_CHECKING:
     from rsoconsole.console.live import LiveScreen
@@ -180,8 +180,19 @@ class ReviewScreen(ReviewCompare):
         self.show_engine()
         self.show_place()
         self.compare_if_asked()
+        self._reckon_here()
+
+    def _reckon_here(self) -> None:
+        """The tuning pane's figures are of a moment: those of another one are no answer."""
+        moment, self._figures = self.moment, (None, None)
+        self.show_tuning()
+
+        def ask() -> None:
+            if self.moment is moment and self.query_one("#tune", TunePane).display:
+                self.reckon()
+
         if not self.player.is_playing:
-            self.reckon_now_and_then()
+            self.set_timer(OUTLOOK_AFTER_S, ask)
 
     def _ask_outlook(self) -> None:
         """The sky's reckoning takes the processor: not while somebody goes through the night."""
