@@ -17,32 +17,11 @@ from rsoconsole.export import (
     read_night,
     read_tdm,
 )
-from rsoconsole.records import CatalogueMatch, Identified
 from rsoconsole.session.writer import SessionWriter
 from tests.export_nights import T0, closed_night, written_night
+from tests.orbit_night import identified_of
 from tests.test_cli_frames import objects, rsoconsole
 
-NAMED = Identified(
-    frame_id=14,
-    verdict="identified",
-    reason="it is near",
-    hint="",
-    observations=12,
-    catalogued=3,
-    matches=(
-        CatalogueMatch(
-            norad_id=36_097,
-            name="INTELSAT 14",
-            separation_arcsec=3.5,
-            along_track_s=-0.2,
-            cross_track_arcsec=1.5,
-            rate_difference_percent=0.01,
-            tle_age_days=0.5,
-            score=0.5,
-            probability=0.999,
-        ),
-    ),
-)
 SAMPLE = Path(__file__).parent.parent / "sessions" / "intelsat-14"
 
 
@@ -76,7 +55,7 @@ def test_a_text_goes_to_stdout_and_what_is_not_in_it_to_stderr():
 
 def test_a_message_without_a_number_says_which_the_record_would_give_it(tmp_path: Path):
     writer = written_night(tmp_path / "named")
-    writer.append(NAMED, T0)
+    writer.append(identified_of(14), T0)
     writer.close()
     night = tmp_path / "named"
     for kind in ("tdm", "iod"):

@@ -20,7 +20,6 @@ from astropy.io import fits
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import SessionError
 from rsoconsole.records import (
-    CatalogueMatch,
     Closeup,
     CycleTiming,
     Detection,
@@ -29,13 +28,11 @@ from rsoconsole.records import (
     FollowedAgain,
     Frame,
     FrameTaken,
-    Identified,
     Measurement,
     Miss,
     NotFollowed,
     NotSolved,
     OperatorAction,
-    OrbitEstimate,
     ParameterChange,
     Rejection,
     Ruling,
@@ -52,6 +49,7 @@ from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.schema import SCHEMA_VERSION, VIEWS
 from rsoconsole.session.store import list_sessions, new_session_folder, size_bytes
 from rsoconsole.session.writer import SessionWriter
+from tests.orbit_night import estimate_of, identified_of
 
 T0_UTC_NS = 1_800_000_000_123_456_789
 ABOUT = {"title": "test", "model_sha256": "ab" * 32, "clock_offset_s": 0.002}
@@ -85,17 +83,6 @@ MEASUREMENT = Measurement(
     confidence=0.9,
     source="network",
     ends_icrs_deg=((320.0, -4.8), (320.2, -4.8)),
-)
-MATCH = CatalogueMatch(
-    norad_id=36_097,
-    name="INTELSAT 14",
-    separation_arcsec=3.5,
-    along_track_s=-0.2,
-    cross_track_arcsec=1.5,
-    rate_difference_percent=0.01,
-    tle_age_days=0.5,
-    score=0.5,
-    probability=0.999,
 )
 NIGHT = (
     FrameTaken(
@@ -161,37 +148,14 @@ NIGHT = (
     Closeup(frame_id=1, x0_px=1872, y0_px=1405, width_px=256, height_px=192),
     Ruling(frame_id=1, taken=MEASUREMENT, refused=(MEASUREMENT,), by="operator"),
     FollowedAgain(frame_id=1),
-    OrbitEstimate(
-        frame_id=1,
-        label="constrained by prior",
-        prior="geo",
-        reason="eccentricity about 0.002",
-        observations=12,
-        arc_s=330.0,
-        epoch_utc_ns=T0_UTC_NS,
-        r_gcrs_km=(42_164.0, 1.0, -2.0),
-        v_gcrs_km_s=(0.0, 3.075, 1e-3),
-        covariance=tuple(tuple(float(i == k) for i in range(6)) for k in range(6)),
-        a_km=42_165.0,
-        e=3e-4,
-        i_deg=0.05,
-        sigma_a_km=9.5,
-        rms_arcsec=0.4,
-        outliers=1,
+    estimate_of(
+        1,
         nis=1.25,
         innovation_arcsec=(0.5, -0.25),
         sigma_innovation_arcsec=(1.0, 2.0),
         is_guide=True,
     ),
-    Identified(
-        frame_id=1,
-        verdict="identified",
-        reason="it is near",
-        hint="",
-        observations=12,
-        catalogued=3,
-        matches=(MATCH, replace(MATCH, norad_id=42_432, name="SES 10", separation_arcsec=900.0)),
-    ),
+    identified_of(1),
 )
 
 
@@ -275,8 +239,8 @@ def test_the_views_spread_every_record_into_columns(writer: SessionWriter, folde
     assert rows["track"][0]["step"] == "updated"
     assert rows["track"][0]["dec_icrs_deg"] == -4.8
     assert rows["track"][0]["innovation_north_arcsec"] == -0.25
-    assert rows["orbits"][0]["vy_gcrs_km_s"] == 3.075
-    assert json.loads(rows["orbits"][0]["covariance"])[5][5] == 1.0
+    assert rows["orbits"][0]["vy_gcrs_km_s"] == estimate_of(1).v_gcrs_km_s[1]
+    assert json.loads(rows["orbits"][0]["covariance"])[5][5] == estimate_of(1).covariance[5][5]
     assert rows["identifications"][0]["runner_up_name"] == "SES 10"
     assert rows["states"][0]["after"] == "COAST"
     assert rows["parameters"][0]["after"] == 0.2

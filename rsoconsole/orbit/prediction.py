@@ -13,7 +13,7 @@ from rsoconsole.sky.times import ARCSEC_RAD, NS_PER_S, IntArray
 
 _ENDS = 3.0**0.5
 """Sigmas, at which two points tell a normal error's second order (Julier & Uhlmann 2004)."""
-_MOMENT_S = 5.0
+_MOMENT_S = 5
 """Within which the slopes of a place change in proportion to time."""
 _TAIL = 0.5
 """A third has the variance of a squared error, whose tails are longer than a normal one's."""
@@ -50,8 +50,7 @@ def predict(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> Prediction:
         return propagate(r, v, (at - t) / NS_PER_S)
 
     places = astrometric_places(position_of, site, t)
-    plain, _, slopes = propagate_with_slopes(orbit.r_km, orbit.v_km_s, since_s)
-    on_sky = _sky_slopes(places) @ slopes
+    plain, on_sky = _carried(orbit, places)
     cov = on_sky @ orbit.covariance @ np.swapaxes(on_sky, -1, -2)
     bend = _bend_arcsec(orbit, places, since_s, (plain, on_sky, cov))
     cov = cov + _TAIL * bend[:, :, None] * bend[:, None, :]
@@ -75,22 +74,15 @@ class Motion:
 
 def predict_motion(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> Motion | None:
     """What a filter on place and rates would have to know; None where there is no place."""
-    ahead = predict(orbit, site, np.array([t_utc_ns]))
-    since_s = (t_utc_ns - orbit.epoch_utc_ns) / NS_PER_S + _MOMENT_S * np.array([-1.0, 0.0, 1.0])
-    instants = t_utc_ns + (_MOMENT_S * NS_PER_S * np.array([-1, 0, 1])).astype(np.int64)
-    r, v = orbit.forces.states(orbit.r_km, orbit.v_km_s, since_s)
-
-    def position_of(at: IntArray) -> tuple[FloatArray, FloatArray]:
-        return propagate(r, v, (at - instants) / NS_PER_S)
-
-    places = astrometric_places(position_of, site, instants)
-    _, _, slopes = propagate_with_slopes(orbit.r_km, orbit.v_km_s, since_s)
-    on_sky = _sky_slopes(places) @ slopes
-    rates = (on_sky[2] - on_sky[0]) / (2.0 * _MOMENT_S)
+    instants = t_utc_ns + _MOMENT_S * NS_PER_S * np.array([-1, 0, 1])
+    ahead = predict(orbit, site, instants)
+    places = ahead.places
+    _, on_sky = _carried(orbit, places)
+    rates = (on_sky[2] - on_sky[0]) / (2 * _MOMENT_S)
     rows = np.stack([on_sky[1, 0], rates[0], on_sky[1, 1], rates[1]])
     covariance = rows @ orbit.covariance @ rows.T
     # Of the place also what a bent way adds.
-    ee, en, nn = ahead.cov_sky_arcsec2[0]
+    ee, en, nn = ahead.cov_sky_arcsec2[1]
     covariance[np.ix_([0, 2], [0, 2])] = [[ee, en], [en, nn]]
     if not np.all(np.isfinite(covariance)):
         return None
@@ -102,6 +94,16 @@ def predict_motion(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> Motion | Non
         rate_arcsec_s=(float(east), float(places.dec_rate_deg_s[1]) * 3600.0),
         covariance=covariance,
     )
+
+
+def _carried(orbit: KnownOrbit, places: Places) -> tuple[FloatArray, FloatArray]:
+    """(N, 3) km where the two-body motion leads, and (N, 2, 6) the slopes of the places by it.
+
+    East and north in arcsec, by the state at the epoch.
+    """
+    since_s = (places.t_utc_ns - orbit.epoch_utc_ns) / NS_PER_S
+    plain, _, slopes = propagate_with_slopes(orbit.r_km, orbit.v_km_s, since_s)
+    return plain, _sky_slopes(places) @ slopes
 
 
 def _sky_slopes(places: Places) -> FloatArray:
