@@ -16,6 +16,7 @@ from rsoconsole.engine import doctor, doctor_indi, doctor_system
 from rsoconsole.engine.doctor_system import ClockReading, Terminal, colours_of
 from rsoconsole.engine.retention import disk_outlook
 from rsoconsole.instruments.clock import SystemClock
+from rsoconsole.sky.times import iso_to_utc_ns
 
 SITE_WORDS = b"""
 <defNumberVector device="Telescope Simulator" name="GEOGRAPHIC_COORD" state="Ok">
@@ -56,6 +57,33 @@ def indi_server() -> Iterator[int]:
     thread.join(5)
 
 
+def test_element_files_are_read_and_old_ones_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    belt = Path(doctor.__file__).parents[1] / "simulator" / "data" / "belt_20230622.tle"
+    config = config_with(catalogue={"tle_files": [str(belt)]})
+    assert "no element files" in doctor.check_catalogue(config_with()).detail
+    monkeypatch.setattr(
+        doctor.SystemClock, "now_utc_ns", lambda _: iso_to_utc_ns("2023-06-24T00:00:00Z")
+    )
+    fresh = doctor.check_catalogue(config)
+    assert (fresh.ok, fresh.remedy) == (True, "")
+    objects = sum(line.startswith("1 ") for line in belt.read_text().splitlines())
+    assert fresh.detail.startswith(f"{objects} objects, half of their elements younger than ")
+    monkeypatch.setattr(
+        doctor.SystemClock, "now_utc_ns", lambda _: iso_to_utc_ns("2023-09-24T00:00:00Z")
+    )
+    stale = doctor.check_catalogue(config)
+    assert stale.ok is None
+    assert "fetch fresh ones" in stale.remedy
+    (tmp_path / "half.tle").write_text(belt.read_text()[:100])
+    broken = doctor.check_catalogue(
+        config_with(catalogue={"tle_files": [str(tmp_path / "half.tle")]})
+    )
+    assert broken.ok is False
+    assert "half.tle" in broken.detail
+
+
 def test_every_check_reports_and_what_is_not_well_has_a_remedy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -66,6 +94,7 @@ def test_every_check_reports_and_what_is_not_well_has_a_remedy(
         "python",
         "network",
         "index files",
+        "catalogue",
         "site",
         "INDI server",
         "mount site",

@@ -17,11 +17,15 @@ from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.instruments.clock import SystemClock
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky.times import NS_PER_DAY
 
 if TYPE_CHECKING:
     from rsoconsole.instruments.index_files import IndexFile
+    from rsoconsole.orbit.catalogue import CatalogueEntry
 
 KM_PER_DEG = 111.19
+STALE_DAYS = 14.0
+"""By then a satellite that is kept in its slot may be a tenth of a degree off."""
 SITE_KM = 1.0
 """0.01 deg of sky, which the engine demands of the mount too."""
 _LIBRARIES = ("numpy", "cv2", "astropy", "erfa", "scipy", "filterpy", "sgp4", "astrometry")
@@ -58,6 +62,7 @@ def run_checks(config: Config) -> Iterator[Check]:
         ("python", check_libraries),
         ("network", check_network),
         ("index files", check_index_files),
+        ("catalogue", check_catalogue),
         ("site", check_site),
         ("INDI server", check_indi_server),
         ("mount site", check_mount_site),
@@ -150,6 +155,40 @@ def check_index_files(config: Config) -> Check:
         detail="; ".join([f"{len(usable)} files for {field}, {reach}", *faulty]),
         remedy="" if has_whole_sky else "'rsoconsole index install' gets the rest of the sky",
     )
+
+
+def check_catalogue(config: Config) -> Check:
+    """The element files can be read, and are fresh enough to name geostationary satellites."""
+    from rsoconsole.pipeline.sightings_of import read_catalogue
+
+    name, files = "catalogue", config.catalogue.tle_files
+    fetch = "fetch fresh ones from Space-Track or CelesTrak"
+    if not files:
+        return Check(
+            check=name,
+            ok=True,
+            detail="no element files: what is followed gets no name",
+            remedy=f"{fetch}, and name them in catalogue.tle_files",
+        )
+    try:
+        entries = read_catalogue(files)
+    except RsoconsoleError as error:
+        return Check(check=name, ok=False, detail=str(error), remedy=f"{fetch}, or mend the path")
+    now_utc_ns = SystemClock().now_utc_ns()
+    newest = {each.norad_id: each.epoch_utc_ns for each in sorted(entries, key=_epoch)}
+    ages_days = sorted((now_utc_ns - epoch) / NS_PER_DAY for epoch in newest.values())
+    middle_days = ages_days[len(ages_days) // 2]
+    is_fresh = middle_days <= STALE_DAYS
+    return Check(
+        check=name,
+        ok=True if is_fresh else None,
+        detail=f"{len(newest)} objects, half of their elements younger than {middle_days:.1f} d",
+        remedy="" if is_fresh else f"{fetch}: kept satellites leave their elements by then",
+    )
+
+
+def _epoch(entry: "CatalogueEntry") -> int:
+    return entry.epoch_utc_ns
 
 
 def check_site(config: Config) -> Check:

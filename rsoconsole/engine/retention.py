@@ -15,8 +15,8 @@ BYTES_BESIDE_FRAME = 100_000
 """Preview and records of one exposure."""
 WARN_BELOW_NIGHTS = 3.0
 DISK_REMEDY = (
-    "move or remove old sessions, set session.root to a larger disk, or set session.keep_frames "
-    "to detected"
+    "move or remove old sessions ('rsoconsole sessions archive', 'prune'), set session.root to a "
+    "larger disk, or set session.keep_frames to detected"
 )
 
 
