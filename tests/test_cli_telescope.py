@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+import types
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -17,13 +18,14 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.cli.demo import demo_config
-from rsoconsole.cli.demo_night import control_socket
+from rsoconsole.cli.demo_night import Night, control_socket, run_night
 from rsoconsole.cli.telescope import LATE_S
 from rsoconsole.config import Config, SessionConfig
 from rsoconsole.control import ControlServer, EngineLock, Intention, Outcome, default_socket_path
 from rsoconsole.errors import ControlError, InstrumentError
 from rsoconsole.instruments import indi_wire
 from rsoconsole.instruments.ports import StopResult
+from rsoconsole.session.writer import SessionWriter
 from tests.stub_stage import SITE
 
 STOPPED = {"stopped": True, "path": "mount", "ms": 12.5, "detail": ""}
@@ -296,3 +298,27 @@ def test_the_demo_leaves_a_running_or_hanging_engine_its_place(tmp_path):
 @pytest.mark.parametrize("option", ["--preset", "--keep-frames"])
 def test_a_choice_that_there_is_not_is_wrong_usage(option):
     assert rsoconsole("demo", option, "nonsense").exit_code == 2
+
+
+def test_a_demo_gives_way_to_an_engine_that_takes_the_usual_place_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    places: list[Path | None] = []
+
+    def run_engine(_config: Any, settings: Any, **_: Any) -> Path:
+        places.append(settings.socket)
+        if settings.socket is None:
+            raise ControlError("an engine is already running (process 1)")
+        return tmp_path / "night"
+
+    @contextlib.contextmanager
+    def observatory(*_: Any) -> Iterator[Any]:
+        yield types.SimpleNamespace(host="", port=1, mount_name="", camera_name="")
+
+    monkeypatch.setattr("rsoconsole.cli.demo_night.control_socket", lambda _: None)
+    monkeypatch.setattr("rsoconsole.engine.service.run_engine", run_engine)
+    monkeypatch.setattr("rsoconsole.simulator.launch.start_observatory", observatory)
+    SessionWriter.create(tmp_path / "night", Config(), {}).close()
+    night = Night(scenario="empty", seed=1, speed=0.0, frames=1, session=None)
+    assert run_night(Config(), night)["frames"] == 0
+    assert [None if place is None else place.name for place in places] == [None, "engine.sock"]

@@ -120,7 +120,7 @@ def test_the_papers_preset_holds_every_night_too(summary_of, scenario):
 @pytest.mark.parametrize("preset", ["tuned", "paper"])
 def test_intelsat_14_is_missed_a_handful_of_times_and_lost_at_the_end(summary_of, preset):
     summary = summary_of("intelsat-14", 1, preset)
-    lost_at_the_end, handful = 5, range(3, 8)
+    lost_at_the_end, handful = 5, range(2, 8)
     assert summary["misses"] - lost_at_the_end in handful
     assert summary["states"]["COAST"] == summary["misses"]
     assert summary["frames_hidden"] >= lost_at_the_end - 1
@@ -129,12 +129,12 @@ def test_intelsat_14_is_missed_a_handful_of_times_and_lost_at_the_end(summary_of
 @pytest.mark.nights
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("preset", ["tuned", "paper"])
-def test_clouds_take_intelsat_21_to_the_edge_of_tau_and_hide_it_once(summary_of, preset):
+def test_clouds_that_dim_intelsat_21_cost_nothing_but_the_frame_they_hide_it_in(summary_of, preset):
     summary = summary_of("intelsat-21", 1, preset)
     assert summary["frames_hidden"] == 1
-    tau = 0.10
-    assert tau < summary["confidence_min"] < 0.4
-    assert summary["misses_visible"] <= 2
+    assert summary["misses"] == 1
+    # Through two magnitudes of cloud, where an earlier network was hardly above tau.
+    assert summary["confidence_min"] > 0.5
 
 
 @pytest.mark.nights

@@ -15,7 +15,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+BESIDE = "engine.sock"
 LOOK_S = 20.0
 FORGOTTEN_S = 900.0
 """A demo whose console is gone ends after so long in which autonomy does not have the mount."""
@@ -84,19 +85,27 @@ def run_night(
                 session=night.session,
                 frames=night.frames,
                 is_armed=True,
-                socket=socket,
             )
 
-            def has_started(folder: Path) -> None:
-                if on_start is not None:
-                    on_start(folder, socket or default_socket_path())
+            def engine_at(place: Path | None) -> Path:
+                def has_started(folder: Path) -> None:
+                    if on_start is not None:
+                        on_start(folder, place or default_socket_path())
 
-            folder = run_engine(
-                config.model_copy(update={"indi": indi}),
-                settings,
-                on_cycle=on_cycle,
-                on_start=has_started,
-            )
+                return run_engine(
+                    config.model_copy(update={"indi": indi}),
+                    replace(settings, socket=place),
+                    on_cycle=on_cycle,
+                    on_start=has_started,
+                )
+
+            try:
+                folder = engine_at(socket)
+            except ControlError:
+                if socket is not None:
+                    raise
+                # Another engine has taken the usual place since it was looked at.
+                folder = engine_at(Path(scratch) / BESIDE)
         records = (record for _, _, record in SessionReader(folder).records())
         figures = summarise(records, read_truth(truth_path))
     about = {"scenario": night.scenario, "seed": night.seed, "session": str(folder)}
@@ -112,7 +121,7 @@ def control_socket(scratch: Path) -> Path | None:
         with EngineLock(default_socket_path()):
             return None
     except (ControlError, OSError):
-        return scratch / "engine.sock"
+        return scratch / BESIDE
 
 
 class NightProcess:
