@@ -83,8 +83,14 @@ class Looking:
         return dataclasses.replace(plain, measurements=(measured,))
 
 
-def test_a_satellite_on_an_inclined_orbit_is_followed_through_a_loss():
-    it = night(80, catalogue={"tle_files": [str(TLE)]})
+@pytest.fixture(scope="module")
+def whole() -> Rig:
+    """A night with a loss in it, to look at."""
+    return night(80, catalogue={"tle_files": [str(TLE)]})
+
+
+def test_a_satellite_on_an_inclined_orbit_is_followed_through_a_loss(whole):
+    it = whole
     states = [change.after for change in it.memory.of(StateChange)]
     assert states == ["SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST", "SEARCH", "ACQUIRE", "TRACK"]
     slews = it.memory.of(SlewCommand)
@@ -109,8 +115,8 @@ TRIED = (
 )
 
 
-def test_a_replay_hands_over_as_the_night_did_and_another_night_has_no_orbit_of_that_one():
-    it = night(80)
+def test_a_replay_hands_over_as_the_night_did_and_another_night_has_no_orbit_of_that_one(whole):
+    it = whole
     config = it.engine.config
     replayed = list(replay(it.memory.records, config))
     assert all(each.is_as_recorded for each in replayed)
