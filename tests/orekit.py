@@ -71,15 +71,13 @@ def _lambert(case: dict[str, Any]) -> dict[str, list[float]]:
     return {"v1_km_s": [v.getX() / 1e3, v.getY() / 1e3, v.getZ() / 1e3]}
 
 
-def _omm(case: dict[str, Any]) -> dict[str, Any]:
-    """What Orekit finds in an Orbit Mean-Elements Message; erfa lends it the leap seconds."""
+def lend_leap_seconds() -> None:
+    """Orekit brings no history of UTC: it gets erfa's."""
     import erfa
     import jpype
-    from java.io import File
     from java.util import ArrayList
-    from org.orekit.data import DataContext, DataSource
-    from org.orekit.files.ccsds.ndm import ParserBuilder
-    from org.orekit.time import DateComponents, OffsetModel, TimeScalesFactory, UTCTAIOffsetsLoader
+    from org.orekit.data import DataContext
+    from org.orekit.time import DateComponents, OffsetModel, UTCTAIOffsetsLoader
 
     @jpype.JImplements(UTCTAIOffsetsLoader)
     class LeapSeconds:
@@ -92,8 +90,19 @@ def _omm(case: dict[str, Any]) -> dict[str, Any]:
                     offsets.add(OffsetModel(day, int(row["tai_utc"])))
             return offsets
 
+    DataContext.getDefault().getTimeScales().addUTCTAIOffsetsLoader(LeapSeconds())
+
+
+def _omm(case: dict[str, Any]) -> dict[str, Any]:
+    """What Orekit finds in an Orbit Mean-Elements Message."""
+    import jpype
+    from java.io import File
+    from org.orekit.data import DataContext, DataSource
+    from org.orekit.files.ccsds.ndm import ParserBuilder
+    from org.orekit.time import TimeScalesFactory
+
     context = DataContext.getDefault()
-    context.getTimeScales().addUTCTAIOffsetsLoader(LeapSeconds())
+    lend_leap_seconds()
     # A message names the body at the centre; nobody asks it where it is.
     earth = jpype.JProxy(
         "org.orekit.bodies.CelestialBody",

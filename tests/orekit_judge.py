@@ -1,13 +1,14 @@
 """Orekit's parser of Tracking Data Messages as a process: a path a line in, a JSON object out.
 
 A process of its own, because a Java machine takes over signals and threads of whoever starts it.
-Orekit wants UTC's history: it is given astropy's table of leap seconds.
 """
 
 import json
 import os
 import sys
 from typing import Any
+
+from tests.orekit import lend_leap_seconds
 
 DEG = 57.29577951308232
 
@@ -20,25 +21,9 @@ def start() -> Any:
     import orekit_jpype
 
     orekit_jpype.initVM()
-    import erfa
-    import jpype
-    from java.util import ArrayList
-    from org.orekit.data import DataContext
     from org.orekit.files.ccsds.ndm import ParserBuilder
-    from org.orekit.time import DateComponents, OffsetModel, UTCTAIOffsetsLoader
 
-    @jpype.JImplements(UTCTAIOffsetsLoader)
-    class LeapSeconds:
-        @jpype.JOverride
-        def loadOffsets(self) -> Any:  # noqa: N802 -- Java's name
-            offsets = ArrayList()
-            for row in erfa.leap_seconds.get():
-                if row["year"] >= 1972:
-                    day = DateComponents(int(row["year"]), int(row["month"]), 1)
-                    offsets.add(OffsetModel(day, int(row["tai_utc"])))
-            return offsets
-
-    DataContext.getDefault().getTimeScales().addUTCTAIOffsetsLoader(LeapSeconds())
+    lend_leap_seconds()
     return ParserBuilder
 
 

@@ -1,5 +1,6 @@
 """What people type as a direction is understood, or refused with what may be written."""
 
+import json
 import math
 
 import pytest
@@ -180,6 +181,11 @@ MISSING_IN_TYCHO = {"Enif", "Porrima", "Sadalsuud", "Unukalhai", "Zubeneschamali
 """In the shipped cut; bright ones are in a supplement."""
 
 
+OMM = """{"OBJECT_NAME": "SES-10", "NORAD_CAT_ID": 42432, "EPOCH": "2023-03-09T12:00:00",
+ "MEAN_MOTION": 1.0027, "ECCENTRICITY": 0.0002, "INCLINATION": 0.02, "RA_OF_ASC_NODE": 90.0,
+ "ARG_OF_PERICENTER": 0.0, "MEAN_ANOMALY": 10.0, "BSTAR": 0, "MEAN_MOTION_DOT": 0}"""
+
+
 def element_file(tmp_path, *names_and_numbers):
     """Made-up geostationary element sets with right checksums."""
     from rsoconsole.orbit.elements import checksum
@@ -211,6 +217,17 @@ def test_a_satellite_is_found_by_name_number_and_beginning(tmp_path):
     assert later.caution == "elements 31 days old"
 
 
+def test_a_name_is_found_in_a_catalogue_of_messages_too(tmp_path):
+    lines = element_file(tmp_path, ("SES-10", 42432, 10.0))
+    fields = json.loads(OMM)
+    (tmp_path / "geo.json").write_text(json.dumps([fields]))
+    by_lines = understand("SES-10", SITE, NOW, Names.load([lines]))
+    by_message = understand("42432", SITE, NOW, Names.load([tmp_path / "geo.json"]))
+    assert by_message.words == by_lines.words
+    assert by_message.ra_icrs_deg == pytest.approx(by_lines.ra_icrs_deg, abs=1e-3)
+    assert by_message.dec_icrs_deg == pytest.approx(by_lines.dec_icrs_deg, abs=1e-3)
+
+
 def test_a_name_that_may_be_several_asks_for_more(tmp_path):
     path = element_file(tmp_path, ("SES-10", 42432, 10.0), ("SES-11", 42967, 60.0))
     with pytest.raises(ValueError, match="may be SES-10, SES-11: write more of it"):
@@ -220,5 +237,5 @@ def test_a_name_that_may_be_several_asks_for_more(tmp_path):
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
-    with pytest.raises(OrbitError, match=r"missing\.tle cannot be read"):
+    with pytest.raises(OrbitError, match=r"missing\.tle does not exist"):
         Names.load([tmp_path / "missing.tle"])

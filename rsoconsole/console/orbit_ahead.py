@@ -112,7 +112,7 @@ def _present_catalogue() -> tuple[tuple[Path, ...], float]:
 @lru_cache(maxsize=1)
 def _entries(files: tuple[Path, ...]) -> Sequence["CatalogueEntry"]:
     """Of files that cannot be read, none: the orbit is shown all the same."""
-    from rsoconsole.pipeline.sightings_of import read_catalogue
+    from rsoconsole.pipeline.catalogue_files import read_catalogue
 
     try:
         return read_catalogue(files)

@@ -159,7 +159,7 @@ def check_index_files(config: Config) -> Check:
 
 def check_catalogue(config: Config) -> Check:
     """The element files can be read, and are fresh enough to name geostationary satellites."""
-    from rsoconsole.pipeline.sightings_of import read_catalogue
+    from rsoconsole.pipeline.catalogue_files import read_catalogue
 
     name, files = "catalogue", config.catalogue.tle_files
     fetch = "fetch fresh ones from Space-Track or CelesTrak"

@@ -356,7 +356,7 @@ class Engine:
             "total": (ordered_s - began_s) * 1e3 + read_ms,
         }
         # The mount is on its way: nobody waits for this.
-        self.chronicle.tell(self.orbits.refine(frame.frame_id))
+        self.chronicle.tell(self.orbits.refine())
         self.guide.prepare(self.hands.now_utc_ns())
         stages["orbit"] = (time.perf_counter() - ordered_s) * 1e3
         self.chronicle.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))

@@ -16,8 +16,8 @@ from sgp4.api import Satrec, SatrecArray
 
 from rsoconsole.errors import OrbitError
 from rsoconsole.orbit.elements import ElementSet, parse_elements
-from rsoconsole.records import FloatArray
-from rsoconsole.sky.places import teme_to_gcrs_rotation
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky.places import Places, astrometric_places, teme_to_gcrs_rotation
 from rsoconsole.sky.times import IntArray, iso_to_utc_ns, jd_utc, utc_ns_to_iso
 
 _OF_TWO_LINES = {
@@ -105,6 +105,16 @@ def states_gcrs(
     r = np.einsum("nij,mnj->mni", rotation, r_teme)
     v = np.einsum("nij,mnj->mni", rotation, v_teme)
     return np.where(is_good, r, np.nan), np.where(is_good, v, np.nan)
+
+
+def places_of(entry: CatalogueEntry, site: Site, t_utc_ns: IntArray) -> Places:
+    """Where one object is seen at instants (N,), as a plate solution measures it; NaN as above."""
+
+    def position_of(at: IntArray) -> tuple[FloatArray, FloatArray]:
+        r, v = states_gcrs((entry,), at)
+        return r[0], v[0]
+
+    return astrometric_places(position_of, site, t_utc_ns)
 
 
 def _of_lines(element_set: ElementSet) -> CatalogueEntry:

@@ -4,7 +4,7 @@ Source of the format: Hoots & Roehrich 1980; alpha-5 numbers as Space-Track writ
 """
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import date
 from decimal import Decimal
@@ -54,24 +54,6 @@ def parse_elements(text: str, source: str = "element sets") -> tuple[ElementSet,
         found.append(_element_set(name, (number, line), (number_2, line_2), source))
         name = ""
     return tuple(found)
-
-
-def nearest_in_epoch(
-    element_sets: Iterable[ElementSet], norad_id: int, t_utc_ns: int
-) -> ElementSet | None:
-    """The set of one satellite whose epoch is nearest to an instant, or None without any."""
-    own = [each for each in element_sets if each.norad_id == norad_id]
-    return min(own, key=lambda each: abs(each.epoch_utc_ns - t_utc_ns), default=None)
-
-
-def nearest_of_each(element_sets: Iterable[ElementSet], t_utc_ns: int) -> tuple[ElementSet, ...]:
-    """One set for each satellite, the nearest in epoch, in order of catalogue number."""
-    best: dict[int, ElementSet] = {}
-    for each in element_sets:
-        rival = best.get(each.norad_id)
-        if rival is None or abs(each.epoch_utc_ns - t_utc_ns) < abs(rival.epoch_utc_ns - t_utc_ns):
-            best[each.norad_id] = each
-    return tuple(best[norad_id] for norad_id in sorted(best))
 
 
 def checksum(line: str) -> int:

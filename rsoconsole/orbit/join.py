@@ -127,6 +127,13 @@ def _log_odds(
     return ratio - float(np.log(population.objects))
 
 
+def probability_of(log_odds: float) -> float:
+    """Of the same; 0 where nothing could be reckoned."""
+    from scipy.special import expit
+
+    return float(np.nan_to_num(expit(log_odds)))
+
+
 def join_probabilities(first: Sequence[Alone], second: Sequence[Alone]) -> FloatArray:
     """(M, N) that tracklet m of one night and n of another are of one object.
 

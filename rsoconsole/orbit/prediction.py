@@ -61,7 +61,7 @@ def predict(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> Prediction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motion:
+class SkyMotion:
     """Place and motion at one instant, as a plate solution would measure them."""
 
     ra_icrs_deg: float
@@ -72,7 +72,7 @@ class Motion:
     """(4, 4) of east, its rate, north, its rate: arcsec and arcsec/s."""
 
 
-def predict_motion(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> Motion | None:
+def predict_motion(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> SkyMotion | None:
     """What a filter on place and rates would have to know; None where there is no place."""
     instants = t_utc_ns + _MOMENT_S * NS_PER_S * np.array([-1, 0, 1])
     ahead = predict(orbit, site, instants)
@@ -88,7 +88,7 @@ def predict_motion(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> Motion | Non
         return None
     dec_deg = float(places.dec_icrs_deg[1])
     east = float(places.ra_rate_deg_s[1]) * np.cos(np.radians(dec_deg)) * 3600.0
-    return Motion(
+    return SkyMotion(
         ra_icrs_deg=float(places.ra_icrs_deg[1]),
         dec_icrs_deg=dec_deg,
         rate_arcsec_s=(float(east), float(places.dec_rate_deg_s[1]) * 3600.0),

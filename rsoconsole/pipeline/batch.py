@@ -55,7 +55,7 @@ def process_files(
                 reduction, following, outcomes = result.reduction, result.after, result.records
                 for record in outcomes:
                     orbits.hear(record)
-                outcomes = (*outcomes, *orbits.refine(number))
+                outcomes = (*outcomes, *orbits.refine())
         except FrameError as error:
             yield path, error
             continue

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.errors import OrbitError
-from rsoconsole.orbit.elements import ElementSet, nearest_of_each, parse_elements
+from rsoconsole.orbit.catalogue import CatalogueEntry, nearest_in_epoch_of_each, places_of
+from rsoconsole.pipeline.catalogue_files import read_catalogue
 from rsoconsole.pipeline.written_angles import (
     WrittenAngle,
     is_labelled,
@@ -55,19 +55,13 @@ class Understood:
 class Names:
     """Satellites of element files and bright stars, by name."""
 
-    def __init__(self, element_sets: Sequence[ElementSet] = ()) -> None:
-        self._element_sets = tuple(element_sets)
+    def __init__(self, entries: Sequence[CatalogueEntry] = ()) -> None:
+        self._entries = tuple(entries)
 
     @classmethod
     def load(cls, files: Sequence[Path]) -> "Names":
         """From element files. Raises OrbitError naming a file that cannot be read."""
-        found: list[ElementSet] = []
-        for path in files:
-            try:
-                found.extend(parse_elements(path.read_text(encoding="utf-8"), str(path)))
-            except (OSError, UnicodeDecodeError) as error:
-                raise OrbitError(f"{path} cannot be read: {error}") from error
-        return cls(found)
+        return cls(read_catalogue(files))
 
     def find(self, text: str, site: Site, t_utc_ns: int) -> Understood:
         """The one that is meant. Raises ValueError where none is, or several are."""
@@ -75,7 +69,7 @@ class Names:
         for name, (ra, dec) in NAMED_STARS.items():
             if _plain(name) == wanted:
                 return Understood(words=f"{name}, a star", ra_icrs_deg=ra, dec_icrs_deg=dec)
-        nearest = nearest_of_each(self._element_sets, t_utc_ns)
+        nearest = nearest_in_epoch_of_each(self._entries, t_utc_ns)
         exact = [e for e in nearest if wanted in {_plain(e.name), str(e.norad_id)}]
         like = exact or [e for e in nearest if wanted and _plain(e.name).startswith(wanted)]
         if len(like) == 1:
@@ -160,10 +154,8 @@ def _hour_angle_deg(text: str) -> float:
     return wrap_180(degrees)
 
 
-def _satellite(elements: ElementSet, site: Site, t_utc_ns: int) -> Understood:
-    from rsoconsole.orbit.satellite import Satellite
-
-    places = Satellite(elements).astrometric_place(site, np.array([t_utc_ns]))
+def _satellite(elements: CatalogueEntry, site: Site, t_utc_ns: int) -> Understood:
+    places = places_of(elements, site, np.array([t_utc_ns]))
     age_days = abs(t_utc_ns - elements.epoch_utc_ns) / NS_PER_DAY
     ra, dec = float(places.ra_icrs_deg[0]), float(places.dec_icrs_deg[0])
     if not np.isfinite(ra):

@@ -9,6 +9,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import fmean
 
 from rsoconsole.config import Config
 
@@ -56,29 +57,26 @@ class Rivals:
         self.is_orbit_ahead = False
         """Whether the orbit foretells better."""
 
-    def hear(self, by_orbit: Foretold, by_filter: Foretold) -> bool:
-        """One measurement that both foretold; whether the lead has changed."""
+    def hear(self, by_orbit: Foretold, by_filter: Foretold) -> None:
+        """One measurement that both foretold."""
         self._told.append((by_orbit, by_filter))
-        before = self.is_orbit_ahead
         if len(self._told) >= _LEAST:
-            lead = _mean([theirs.score - ours.score for ours, theirs in self._told])
-            is_better = lead > (0.0 if before else _AHEAD)
+            lead = fmean(theirs.score - ours.score for ours, theirs in self._told)
+            is_better = lead > (0.0 if self.is_orbit_ahead else _AHEAD)
             self.is_orbit_ahead = is_better and self._is_believed()
-        return self.is_orbit_ahead != before
 
-    def filter_failed(self) -> bool:
-        """The orbit foretold what the filter did not; whether the lead has changed."""
+    def filter_failed(self) -> None:
+        """The orbit foretold what the filter did not."""
         self._told.clear()
-        before, self.is_orbit_ahead = self.is_orbit_ahead, True
-        return not before
+        self.is_orbit_ahead = True
 
     @property
     def words(self) -> str:
         """How both fared over the last measurements."""
         if not self._told:
-            return "what was seen fits the orbit and not the filter's prediction"
+            return "what was seen does not fit the filter"
         ours, theirs = zip(*self._told, strict=True)
-        return f"{_fared(ours)} by the orbit, {_fared(theirs)} by the filter"
+        return f"{_fared(ours)}, the filter {_fared(theirs)}"
 
     def _is_believed(self) -> bool:
         from scipy.special import chdtr
@@ -88,9 +86,5 @@ class Rivals:
 
 
 def _fared(told: Sequence[Foretold]) -> str:
-    width = _mean([each.width_arcsec for each in told])
-    return f'NIS {_mean([each.nis for each in told]):.1f} within {width:.1f}"'
-
-
-def _mean(values: Sequence[float]) -> float:
-    return math.fsum(values) / len(values) if values else math.nan
+    width = fmean(each.width_arcsec for each in told)
+    return f'NIS {fmean(each.nis for each in told):.1f} at ±{width:.1f}"'

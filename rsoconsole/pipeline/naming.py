@@ -9,7 +9,8 @@ from rsoconsole.errors import OrbitError
 from rsoconsole.orbit.catalogue import CatalogueEntry
 from rsoconsole.orbit.identify import Identification, Match, identify
 from rsoconsole.orbit.sightings import Sightings
-from rsoconsole.pipeline.sightings_of import longest_arc, read_catalogue
+from rsoconsole.pipeline.catalogue_files import read_catalogue
+from rsoconsole.pipeline.sightings_of import longest_arc
 from rsoconsole.records import CatalogueMatch, Identified, Site
 
 FIRST_AT = 3

@@ -14,6 +14,7 @@ from rsoconsole.orbit.join import (
     carried,
     common_error_arcsec,
     log_odds_of_more,
+    probability_of,
     through,
     together,
 )
@@ -175,8 +176,7 @@ def _probability(
     more = alone(arc, prior) if start is not None else None
     if start is None or more is None:
         return None
-    odds = log_odds_of_more(start, used[1:], more)
-    return float(1.0 / (1.0 + np.exp(-np.clip(odds, -700.0, 700.0))))
+    return probability_of(log_odds_of_more(start, used[1:], more))
 
 
 def _part(observed: Observed, arc: Sightings, *, is_used: bool, probability: float | None) -> Part:

@@ -14,7 +14,7 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.orbit.determine import Orbit, determine
-from rsoconsole.orbit.join import Alone, alone, log_odds_of_more, together
+from rsoconsole.orbit.join import Alone, alone, log_odds_of_more, probability_of, together
 from rsoconsole.orbit.prediction import predict
 from rsoconsole.orbit.seeds import State
 from rsoconsole.orbit.sightings import Sightings
@@ -23,6 +23,7 @@ from rsoconsole.pipeline.foretelling import Foretold, Rivals, may_guide
 from rsoconsole.pipeline.sightings_of import sightings_of
 from rsoconsole.pipeline.tracks_taken import Track, TracksTaken
 from rsoconsole.records import Measurement, OrbitEstimate, TrackState
+from rsoconsole.sky.angles import wrap_180
 from rsoconsole.tracking import lqe
 
 ASKED_AT = (6, 12, 24, 48, 96)
@@ -117,10 +118,11 @@ class OnlineOrbit:
             return False
         return may_guide(self._config) and target.rivals.is_orbit_ahead
 
-    def refine(self, frame_id: int) -> Refined | None:
+    def refine(self) -> Refined | None:
         """The orbit through all that was heard; None where nothing new was, or tells none.
 
-        Nothing is raised for what cannot be fitted.
+        It is on record as of the last frame that the track took. Nothing is raised for what
+        cannot be fitted.
         """
         tracks = self._tracks.tracks()
         if not self._config.orbit.online or not tracks or not tracks[-1].measurements:
@@ -134,15 +136,16 @@ class OnlineOrbit:
         if len(target.taken) == count + 1 and target.orbit is not None:
             foretold = self._foretold(target.orbit, target.taken[-1])
         self._ask_earlier(target)
-        target.orbit = self._determined(target)
-        if target.orbit is None:
+        seen, _ = together(target.parts)
+        orbit = target.orbit = self._determined(target, seen)
+        if orbit is None:
             return None
         was_guide = self.is_guide
         if track.last.foretold_by == "orbit":
             target.rivals.filter_failed()
         elif foretold is not None and (by_filter := self._by_filter(track)) is not None:
             target.rivals.hear(foretold.short, by_filter)
-        estimate = self._estimate(frame_id, target, foretold)
+        estimate = self._estimate(track.last.frame_id, orbit, seen, foretold)
         words, target.words = [*target.words, *_news(target, estimate, was_guide=was_guide)], []
         return Refined(estimate=estimate, words=tuple(words))
 
@@ -217,11 +220,9 @@ class OnlineOrbit:
             earlier.first = alone(parts[0], self._config.orbit.prior)
         if earlier.first is None:
             return 0.0
-        odds = log_odds_of_more(earlier.first, parts[1:], now)
-        return 0.0 if math.isnan(odds) else 1.0 / (1.0 + math.exp(-min(max(odds, -700.0), 700.0)))
+        return probability_of(log_odds_of_more(earlier.first, parts[1:], now))
 
-    def _determined(self, target: _Target) -> Orbit | None:
-        seen, _ = together(target.parts)
+    def _determined(self, target: _Target, seen: Sightings) -> Orbit | None:
         start: State | None = None
         if target.orbit is not None:
             r, v = target.orbit.states(np.array([seen.epoch_utc_ns]))
@@ -238,7 +239,7 @@ class OnlineOrbit:
         ahead = predict(orbit, self._site, np.array([measured.t_mid_utc_ns]))
         places = ahead.places
         cos_dec = math.cos(math.radians(measured.dec_icrs_deg))
-        off_ra = (measured.ra_icrs_deg - float(places.ra_icrs_deg[0]) + 180.0) % 360.0 - 180.0
+        off_ra = wrap_180(measured.ra_icrs_deg - float(places.ra_icrs_deg[0]))
         off = np.array([off_ra * cos_dec, measured.dec_icrs_deg - float(places.dec_icrs_deg[0])])
         off *= 3600.0
         ee, en, nn = ahead.cov_sky_arcsec2[0] + np.array(measured.cov_sky_arcsec2)
@@ -264,10 +265,9 @@ class OnlineOrbit:
             return None
         return Foretold(nis=track.last.nis, log_size=log_size)
 
-    def _estimate(self, frame_id: int, target: _Target, foretold: "_Told | None") -> OrbitEstimate:
-        orbit = target.orbit
-        assert orbit is not None
-        seen, _ = together(target.parts)
+    def _estimate(
+        self, frame_id: int, orbit: Orbit, seen: Sightings, foretold: "_Told | None"
+    ) -> OrbitEstimate:
         elements = elements_of(orbit.r_km, orbit.v_km_s)
         r, v = orbit.r_km, orbit.v_km_s
         return OrbitEstimate(
@@ -311,7 +311,7 @@ def _news(target: _Target, estimate: OrbitEstimate, *, was_guide: bool) -> Seque
         target.label = estimate.label
         words.append(
             f"orbit: {estimate.label}, a {estimate.a_km:.0f} ± {estimate.sigma_a_km:.0f} km,"
-            f" {estimate.observations} directions over {estimate.arc_s / 60.0:.0f} min"
+            f" {estimate.observations} in {estimate.arc_s / 60.0:.0f} min"
         )
     if estimate.is_guide != was_guide:
         who = "the orbit guides" if estimate.is_guide else "the filter guides again"

@@ -24,14 +24,12 @@ def recorded_orbit(
     ``entries``: a catalogue to name it by. Raises SessionError.
     """
     config = reader.config().model_copy(update={"orbit": OrbitConfig()})
-    online, taken = OnlineOrbit(config), TracksTaken()
+    online = OnlineOrbit(config)
     for seq, _, record in reader.records(kinds=TracksTaken.KINDS):
         if seq > until_seq:
             break
         online.hear(record)
-        taken.hear(record)
-    tracks = taken.tracks()
-    refined = online.refine(tracks[-1].last.frame_id) if tracks else None
+    refined = online.refine()
     if refined is None or online.seen is None:
         return None
     if not entries:

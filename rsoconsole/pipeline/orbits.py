@@ -39,14 +39,14 @@ class Orbits:
         self.online.forget()
         self.last = None
 
-    def refine(self, frame_id: int) -> tuple[Any, ...]:
+    def refine(self) -> tuple[Any, ...]:
         """What belongs on record behind a frame: OrbitEstimate, Identified, and words on both."""
         records: list[Any] = []
         try:
-            refined = self.online.refine(frame_id)
+            refined = self.online.refine()
             if refined is None:
                 return ()
-            self.last = refined.estimate
+            self.last, frame_id = refined.estimate, refined.estimate.frame_id
             records.append(refined.estimate)
             records += [Event(level="info", text=w, frame_id=frame_id) for w in refined.words]
             seen = self.online.seen
@@ -54,16 +54,15 @@ class Orbits:
             if name is not None:
                 records.append(name)
         except OrbitError as error:
-            records += self._complaint(frame_id, f"it has no name: {error}")
+            records += self._complaint(f"it has no name: {error}")
         except Exception as error:  # the telescope goes on without an orbit
             log.exception("the orbit could not be refined")
-            words = f"its orbit could not be refined ({error}): see the log"
-            records += self._complaint(frame_id, words)
+            records += self._complaint(f"its orbit could not be refined ({error}): see the log")
         return tuple(records)
 
-    def _complaint(self, frame_id: int, words: str) -> tuple[Event, ...]:
+    def _complaint(self, words: str) -> tuple[Event, ...]:
         """Once for each fault."""
         if words in self._faults:
             return ()
         self._faults.add(words)
-        return (Event(level="warning", text=words, frame_id=frame_id),)
+        return (Event(level="warning", text=words),)

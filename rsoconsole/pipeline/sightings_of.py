@@ -11,7 +11,6 @@ import numpy as np
 
 from rsoconsole.config import Config, LimitsConfig
 from rsoconsole.errors import OrbitError, SessionError
-from rsoconsole.orbit.catalogue import CatalogueEntry, parse_catalogue
 from rsoconsole.orbit.join import together
 from rsoconsole.orbit.sightings import Sightings, sightings
 from rsoconsole.pipeline.tracks_taken import TracksTaken
@@ -178,17 +177,3 @@ def _number(value: Any, largest: float) -> float:
     if not (math.isfinite(value) and abs(value) <= largest):
         raise ValueError(f"{value!r} is not within {largest:g} either side of 0")
     return float(value)
-
-
-def read_catalogue(files: Sequence[Path]) -> tuple[CatalogueEntry, ...]:
-    """Every element set of the files. Raises OrbitError naming a file that cannot be read."""
-    found: list[CatalogueEntry] = []
-    for path in files:
-        try:
-            text = path.read_text(encoding="utf-8")
-        except FileNotFoundError as error:
-            raise OrbitError(f"{path} does not exist: name a file of element sets") from error
-        except (OSError, UnicodeDecodeError) as error:
-            raise OrbitError(f"{path} cannot be read: {error}") from error
-        found.extend(parse_catalogue(text, str(path)))
-    return tuple(found)
