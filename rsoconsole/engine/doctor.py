@@ -8,8 +8,10 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rsoconsole import setup_check
 from rsoconsole.config import Config, SiteConfig
 from rsoconsole.engine import doctor_indi, doctor_system
 from rsoconsole.engine.retention import DISK_REMEDY, disk_outlook
@@ -59,6 +61,7 @@ class Check:
 def run_checks(config: Config) -> Iterator[Check]:
     """Every check, one after another, as each is done."""
     checks: tuple[tuple[str, Callable[[Config], Check]], ...] = (
+        ("system", lambda _: check_system()),
         ("python", check_libraries),
         ("network", check_network),
         ("index files", check_index_files),
@@ -77,6 +80,23 @@ def run_checks(config: Config) -> Iterator[Check]:
         except Exception as error:  # the doctor's own fault must not hide the other checks
             fault = f"the check itself failed: {type(error).__name__}: {error}"
             yield Check(check=name, ok=None, detail=fault, remedy="reinstall rsoconsole")
+
+
+def check_system() -> Check:
+    """The system is one that everything is published for, and can install it once more."""
+    machine = setup_check.read_machine(Path(sys.prefix))
+    python = ".".join(map(str, machine.python))
+    detail = f"{64 if machine.is_64_bit else 32}-bit {machine.machine}, Python {python}"
+    found = setup_check.faults(machine)
+    if not found:
+        return Check(check="system", ok=True, detail=detail)
+    # It runs, so only the next installation would fail.
+    return Check(
+        check="system",
+        ok=None,
+        detail=f"{detail}; rsoconsole could not be installed again: {'; '.join(found)}",
+        remedy=setup_check.APT_LINE,
+    )
 
 
 def check_libraries(_config: Config) -> Check:
@@ -104,7 +124,7 @@ def check_libraries(_config: Config) -> Check:
             check="python",
             ok=False,
             detail=f"Python {version}; {what}",
-            remedy="install again with the README's first command",
+            remedy=f"'{setup_check.APT_LINE}', and install again with the README's first command",
         )
     return Check(check="python", ok=True, detail=f"Python {version}, every library loads")
 
