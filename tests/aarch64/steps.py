@@ -61,8 +61,9 @@ def readme_block(fence: str, number: int = 0) -> str:
 def newcomer(system: System, log: Path) -> Iterator[Step]:
     """All steps on a 64-bit system, each after the last; ends with the first that fails."""
     apt_line, first_command = readme_block("bash"), readme_block("sh")
-    system.run("sudo apt-get update && sudo apt-get install git", log=log)
     yield _versions(system)
+    done = system.run("sudo apt-get update && sudo apt-get install git", log=log)
+    yield _step("git for the clone", done.status, done.seconds, "")
     _clone(system, log)
     yield refusal(system, log, apt_line)
     done = system.run(apt_line, log=log)
@@ -115,7 +116,7 @@ def _clone(system: System, log: Path, *, with_git: bool = True) -> None:
 
 def _versions(system: System) -> Step:
     done = system.run(
-        "uname -m; cat /etc/debian_version; python3 --version; ldd --version | head -1"
+        "uname -m; cat /etc/debian_version; python3 --version; getconf GNU_LIBC_VERSION"
     )
     return _step("system", done.status, done.seconds, ", ".join(done.out.strip().splitlines()))
 

@@ -138,9 +138,13 @@ def _register(emulator: str) -> None:
     """Have the kernel run this architecture's programs, also from within a chroot."""
     if not (_BINFMT / "register").exists():
         subprocess.run(["mount", "-t", "binfmt_misc", "binfmt_misc", _BINFMT], check=True)
-    if not (_BINFMT / f"qemu-{emulator}").exists():
-        rule = Path(f"/usr/lib/binfmt.d/qemu-{emulator}.conf").read_text(encoding="ascii")
-        (_BINFMT / "register").write_text(rule.strip())
+    name = f"rsoconsole-{emulator}"
+    if not (_BINFMT / name).exists():
+        rule = Path(f"/usr/lib/binfmt.d/qemu-{emulator}.conf").read_text(encoding="ascii").strip()
+        # Debian's own rule lacks C (credentials), without which sudo is nobody inside.
+        fields = [*rule.split(":")[:-1], f"{rule.rpartition(':')[2]}C"]
+        fields[1] = name
+        (_BINFMT / "register").write_text(":".join(fields))
 
 
 def _quoted(script: str) -> str:
