@@ -58,6 +58,7 @@ def run_bench(config: Config, *, json_: bool) -> None:
             f"{medium.kind}{f' {medium.device}' if medium.device else ''}"
             + _heat(before.cpu_temperature_c, after.cpu_temperature_c)
         )
+        output.say("the frame is drawn as of a 12-bit camera; 16 bits take about twice the disk")
         output.say(f"{'stage':12} {'median':>9} {'least':>9} {'largest':>9}  ms")
         for stage in result.stages:
             output.say(

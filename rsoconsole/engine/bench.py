@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor_system import free_bytes, nearest_existing
+from rsoconsole.errors import SessionError
 from rsoconsole.instruments.frame_files import frame_from_bytes
 from rsoconsole.instruments.solver import PlateSolver
 from rsoconsole.pipeline.cycle import Cycle
@@ -89,18 +90,18 @@ def measure(
     """Put a frame, as a camera gives it, through every stage again and again.
 
     At least once, however slow the machine is. ``tell`` is called with each step in words.
-    Raises FrameError, ModelError or SolverError as the engine would.
+    Raises FrameError, ModelError or SolverError as the engine would, SessionError where nothing
+    can be written.
     """
     tell("loading network, star index and catalogue")
     network = Network.load(config.detector.model, config.detector.threads)
     curve = ConfidenceCurve.from_card(network.card)
-    place = nearest_existing(config.session.root)
     with (
         PlateSolver(config.solver.index_dirs) as solver,
-        tempfile.TemporaryDirectory(dir=place, prefix=".bench-") as scratch,
+        _scratch_folder(nearest_existing(config.session.root)) as scratch,
     ):
         finder = PlateFinder(solver, config)
-        bench = _Bench(Cycle(FrameReducer(network, curve, finder, config), config), Path(scratch))
+        bench = _Bench(Cycle(FrameReducer(network, curve, finder, config), config), scratch)
         rounds: list[Times] = []
         began_s = time.monotonic()
         while len(rounds) < most_rounds:
@@ -187,6 +188,20 @@ class _Bench:
             path.unlink()
         except OSError as error:
             self.notes.append(f"the disk was not measured: {error.strerror or error}")
+
+
+@contextmanager
+def _scratch_folder(place: Path) -> Iterator[Path]:
+    """A folder on the disk that is recorded to, gone afterwards."""
+    try:
+        folder = tempfile.TemporaryDirectory(dir=place, prefix=".bench-")
+    except OSError as error:
+        raise SessionError(
+            f"nothing can be written in {place} ({error.strerror or error}): give yourself the "
+            "right to, or set session.root"
+        ) from error
+    with folder as name:
+        yield Path(name)
 
 
 def _stages(rounds: list[Times]) -> Iterator[BenchStage]:
