@@ -113,7 +113,7 @@ def test_a_disk_that_is_nearly_full_is_left_alone(
 def test_a_root_that_nothing_can_be_written_in_is_refused_with_its_remedy(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder", encoding="ascii")
     config = settings(tmp_path / "file")
-    with pytest.raises(SessionError, match="set session.root"):
+    with pytest.raises(SessionError, match=r"set session\.root"):
         measure(config, b"", budget_s=0.0)
 
 
