@@ -165,7 +165,9 @@ class DetectorConfig(_Section):
     tau: float = Field(0.10, gt=0, lt=1, description="confidence a detection must exceed")
     map_mode: Literal["fast", "paper"] = "fast"
     centroid: Literal["line", "box"] = "line"
-    threads: int = Field(2, ge=1, le=16)
+    threads: int = Field(
+        0, ge=0, le=16, description="that share a frame; 0: one a core, at most four"
+    )
     model: Path | None = Field(None, description="another network; its .json lies beside it")
 
 

@@ -112,6 +112,35 @@ def test_a_refusal_is_one_line_on_stderr_and_exit_1_in_a_shell(home):
     assert (run.returncode, run.stdout, run.stderr) == (1, "", "rsoconsole: not tonight\n")
 
 
+STATUS = {
+    "state": "TRACK",
+    "holder": "autonomy",
+    "frame": 24,
+    "is_held": False,
+    "faults": [],
+    **dict.fromkeys(("ra", "dec", "alt", "az")),
+}
+
+
+@pytest.mark.parametrize(
+    ("machine", "said"),
+    [
+        (None, ""),
+        ({"cpu_temperature_c": None, "troubles": []}, ""),
+        ({"cpu_temperature_c": 51.6, "troubles": []}, " · CPU 52 °C"),
+        (
+            {"cpu_temperature_c": 83.9, "troubles": ["under-voltage: the supply", "hot: 84 °C"]},
+            " · CPU 84 °C · MACHINE under-voltage: the supply · MACHINE hot: 84 °C",
+        ),
+    ],
+)
+def test_status_tells_the_machines_heat_and_what_is_wrong_with_it(machine, said):
+    with engine_that(lambda _: Outcome(ok=True, data={**STATUS, "machine": machine})):
+        plain, as_json = rsoconsole("status"), rsoconsole("status", "--json")
+    assert plain.stdout == f"TRACK · autonomy has the mount · frame 24{said}\n"
+    assert json.loads(as_json.stdout)["machine"] == machine
+
+
 @pytest.mark.parametrize("words", [["arm"], ["disarm"], ["set", "a.b", "1"], ["quit"], ["status"]])
 def test_without_an_engine_each_verb_says_how_to_start_one(words):
     run = rsoconsole(*words)

@@ -68,6 +68,19 @@ def test_a_limit_rings_once_and_history_never():
     assert alerts(HERE, other) == []
 
 
+def test_a_weak_supply_rings_as_a_fault_with_its_name():
+    text = "machine: under-voltage: the power supply gives too little: use another"
+    line = line_of(Event(level="alarm", text=text), 1)
+    assert line is not None
+    after = dataclasses.replace(HERE, log=(dataclasses.replace(line, seq=1),), seq=1)
+    assert alerts_between((HERE, ATTACHED), (after, ATTACHED)) == [("fault", "under-voltage")]
+    assert alerts(after, after) == []
+    over = line_of(Event(level="info", text="machine: no longer under-voltage"), 2)
+    assert over is not None
+    later = dataclasses.replace(after, log=(dataclasses.replace(over, seq=2),), seq=2)
+    assert alerts(after, later) == []
+
+
 def test_what_the_operator_has_looked_for_again_is_no_loss():
     assert SOUGHT == SOUGHT_AGAIN
     change = StateChange(

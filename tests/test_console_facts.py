@@ -96,6 +96,21 @@ def test_a_near_limit_and_what_is_not_well_are_inked():
     }
 
 
+@pytest.mark.parametrize("size", [(80, 3), (80, 8), (160, 12)])
+def test_a_weak_supply_and_a_hot_processor_are_alarms_in_words(size):
+    health = [
+        {"name": "mount", "ok": True, "text": "tracking"},
+        {"name": "clock", "ok": False, "text": "not synchronised"},
+        {"name": "power", "ok": False, "text": "UNDER-VOLTAGE"},
+        {"name": "CPU", "ok": False, "text": "84 °C, hot, throttled"},
+    ]
+    lines = fact_lines(NightView(), engine(health=health), SKY, *size)
+    told = {text.strip(): ink for line in lines for text, ink in line}
+    assert told["power UNDER-VOLTAGE"] == "alarm"
+    assert told["CPU 84 °C, hot, throttled"] == "alarm"
+    assert told.get("clock not synchronised", "warn") == "warn"
+
+
 def test_stars_that_grow_are_called_focus_or_seeing():
     def night(widths: list[float]) -> NightView:
         rows = (FrameRow(frame_id=n, fwhm_px=width) for n, width in enumerate(widths))

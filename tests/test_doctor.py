@@ -100,7 +100,11 @@ def test_every_check_reports_and_what_is_not_well_has_a_remedy(
         "INDI server",
         "mount site",
         "clock",
+        "time source",
+        "temperature",
+        "power",
         "disk",
+        "recording medium",
         "sessions folder",
         "terminal",
     ]

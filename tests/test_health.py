@@ -8,6 +8,10 @@ from rsoconsole.config import Config
 from rsoconsole.engine import health
 from rsoconsole.engine.doctor_system import ClockReading
 from rsoconsole.engine.health import HealthMeter
+from rsoconsole.engine.machine import MachineReading, troubles_of
+from rsoconsole.engine.machine_watch import MachineState
+from rsoconsole.engine.medium import Medium
+from rsoconsole.engine.time_source import TimeSource
 from rsoconsole.instruments.ports import MountReport
 from tests.makers import NS, T0_UTC_NS
 
@@ -41,12 +45,20 @@ def report(age_s: float = 1.0, **other: bool) -> MountReport:
     )
 
 
-def read(folder: Path, of: MountReport | None, thermal: str | None = None) -> dict[str, tuple]:
-    place = folder / "temp"
-    if thermal is not None:
-        place.write_text(thermal, encoding="ascii")
-    meter = HealthMeter(Config, StandingClock(), folder, place)
+def read(folder: Path, of: MountReport | None, **machine: object) -> dict[str, tuple]:
+    state = seen(**machine) if machine else None
+    meter = HealthMeter(Config, StandingClock(), folder, lambda: state)
     return {each.name: (each.ok, each.text) for each in meter.read(of)}
+
+
+def seen(**machine: object) -> MachineState:
+    reading = MachineReading(model="Raspberry Pi 4 Model B Rev 1.4", **machine)
+    return MachineState(
+        reading=reading,
+        troubles=troubles_of(reading),
+        medium=Medium(kind="SD card"),
+        time_source=TimeSource(kind="NTP", detail="", rtc=None),
+    )
 
 
 @pytest.mark.parametrize(
@@ -86,11 +98,27 @@ def test_the_disk_is_told_in_hours_of_exposures(tmp_path, monkeypatch, free, ok)
     assert text.startswith(f"{free / 1e9:.0f} GB, ")
 
 
-def test_a_hot_processor_is_told_and_an_unknown_one_is_left_out(tmp_path):
-    assert read(tmp_path, None, "52312\n")["CPU"] == (True, "52 °C")
-    assert read(tmp_path, None, "84000\n")["CPU"] == (False, "84 °C")
-    assert "CPU" not in read(tmp_path / "elsewhere", None)
-    assert read(tmp_path, None, "no number")["disk"]
+@pytest.mark.parametrize(
+    ("machine", "said"),
+    [
+        ({"cpu_temperature_c": 52.3}, {"CPU": (True, "52 °C")}),
+        ({"cpu_temperature_c": 84.0}, {"CPU": (False, "84 °C, hot")}),
+        (
+            {"cpu_temperature_c": 84.0, "is_throttled": True},
+            {"CPU": (False, "84 °C, hot, throttled")},
+        ),
+        ({"is_throttled": True}, {"CPU": (False, "throttled")}),
+        ({"is_throttled": False, "is_under_voltage": False}, {}),
+        ({"is_under_voltage": True}, {"power": (False, "UNDER-VOLTAGE")}),
+    ],
+)
+def test_the_machine_is_told_by_what_was_seen_of_it(tmp_path, machine, said):
+    told = read(tmp_path, None, **machine)
+    assert {name: told[name] for name in told if name in {"CPU", "power"}} == said
+
+
+def test_a_machine_that_tells_nothing_is_left_out(tmp_path):
+    assert set(read(tmp_path, None)) == {"mount", "clock", "disk"}
 
 
 def test_what_was_read_is_told_again_for_a_while(tmp_path, monkeypatch):

@@ -22,11 +22,27 @@ def register(app: typer.Typer) -> None:
     app.add_typer(index_app, name="index")
 
 
-def doctor(config: ConfigOption = None, json_: JsonOption = False) -> None:
-    """Is this machine ready? Model, index files, INDI server, clock, disk, terminal.
+def doctor(
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+    bench: Annotated[
+        bool, typer.Option("--bench", help="Measure this machine instead; half a minute.")
+    ] = False,
+) -> None:
+    """Is this machine ready? Model, index files, INDI server, clock, power, disk, terminal.
 
-    Exit 1 when a check fails. Example: rsoconsole doctor --json
+    Exit 1 when a check fails. With --bench a drawn frame goes through every stage of a night, and
+    the times say which exposure and cadence this machine holds; exit 1 when not the configured
+    ones. What the camera's own transfer takes is not in it. Its --json: one object of kind
+    "machine", one of kind "stage" for each (stage, median_ms, least_ms, largest_ms, repeats), one
+    of kind "verdict" (is_held, shortest_cadence_s, night_mb and so on, ok).
+    Example: rsoconsole doctor --json
     """
+    if bench:
+        from rsoconsole.cli.bench import run_bench
+
+        run_bench(load_config(config), json_=json_)
+        return
     from rsoconsole.engine.doctor import run_checks
 
     failed = 0

@@ -108,6 +108,10 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
         words.append(output.direction_text(data["ra"], data["dec"]))
     if data["alt"] is not None:
         words.append(f"alt {data['alt']:.1f} az {data['az']:.1f}")
+    machine = data.get("machine") or {}
+    if machine.get("cpu_temperature_c") is not None:
+        words.append(f"CPU {machine['cpu_temperature_c']:.0f} °C")
+    words.extend(f"MACHINE {trouble}" for trouble in machine.get("troubles", ()))
     words.extend(f"FAULT {fault}" for fault in data["faults"])
     output.say(" · ".join(words))
 

@@ -6,6 +6,8 @@ from rsoconsole.console.night import NightView
 
 FOLLOWING = {"TRACK", "COAST"}
 LIMIT, SOUGHT, REJECTED = "ALARM: limit:", "looked for again", ": rejected"
+MACHINE = "ALARM: machine: "
+"""Under-voltage, or a processor that is slowed down."""
 LOOK_BACK_LINES = 6
 OSC, ST = "\x1b]", "\x1b\\"
 
@@ -31,6 +33,11 @@ def alerts_between(
     new_lines = [line for line in night_now.log if line.seq > night.seq]
     if any(line.text.startswith(LIMIT) for line in new_lines if line.level == "alarm"):
         found.append(("limit", "the mount has met a limit"))
+    found += [
+        ("fault", line.text.removeprefix(MACHINE).partition(":")[0])
+        for line in new_lines
+        if line.level == "alarm" and line.text.startswith(MACHINE)
+    ]
     if now == "FAULT" and was != "FAULT":
         found.append(("fault", "the engine is in FAULT"))
     else:

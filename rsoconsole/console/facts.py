@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.engine_view import EngineView, HealthView
 from rsoconsole.console.night import NightView, predicted_sigma_arcsec
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.words import (
@@ -47,6 +47,8 @@ STAGES = {
 """What of a cycle is shown, and under which short name."""
 SOLVER_FRAMES = 10
 FOCUS_WINDOW, FOCUS_FRAMES = 300, 5
+MACHINE = {"power", "CPU"}
+"""What of the health is an alarm where it is not well."""
 FOCUS_WORSE = 1.15
 """Stars so much wider than they were at best are said to drift."""
 
@@ -215,7 +217,7 @@ def _cycle_items(night: NightView, engine: EngineView) -> list[Item]:
 
 
 def _health_items(night: NightView, engine: EngineView) -> list[Item]:
-    """Focus, then machine and instruments; what is not well is inked."""
+    """Alarms, focus, then machine and instruments; what is not well is inked."""
     items = [*_focus_items(night), *_solver_items(night)]
     detect_ms = None if night.timing is None else night.timing.stage_ms.get("detect")
     if detect_ms is not None:
@@ -225,8 +227,16 @@ def _health_items(night: NightView, engine: EngineView) -> list[Item]:
     if engine.is_attached:
         lent = engine.temporary.items()
         items += [(f"{name} for {n} more frame{'s' if n > 1 else ''}", "warn") for name, n in lent]
-        items += [(f"{each.name} {each.text}", "" if each.ok else "warn") for each in engine.health]
-    return items
+        items += [(f"{each.name} {each.text}", _health_ink(each)) for each in engine.health]
+    # What has no room is left out: never an alarm before what is well.
+    return sorted(items, key=lambda item: item[1] != "alarm")
+
+
+def _health_ink(each: HealthView) -> Ink:
+    """A weak supply or a processor that is slowed down spoils what is on record meanwhile."""
+    if each.ok:
+        return ""
+    return "alarm" if each.name in MACHINE else "warn"
 
 
 def _solver_items(night: NightView) -> list[Item]:

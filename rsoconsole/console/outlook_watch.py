@@ -1,4 +1,4 @@
-"""Reckons what the next hours bring, on a thread of its own: a Pi takes half a second for it."""
+"""Computes what the next hours bring, on a thread of its own: no key waits for it."""
 
 import logging
 import time

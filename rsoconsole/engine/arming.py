@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from rsoconsole.config import Config
 from rsoconsole.engine import doctor, doctor_system
+from rsoconsole.engine.doctor_check import Check
 from rsoconsole.engine.doctor_system import ClockReading
 from rsoconsole.engine.night import darkness_words, dome_fault, sun_fault, weather_fault
 from rsoconsole.engine.retention import DISK_REMEDY, bytes_until_dawn
@@ -66,8 +67,8 @@ class ArmingFacts:
     free_bytes: int | None
     disk_fault: str
     """Why nothing can be written; empty when it can."""
-    network: doctor.Check
-    index: doctor.Check
+    network: Check
+    index: Check
 
 
 def gather_facts(instruments: Instruments, config: Config, session_folder: Path) -> ArmingFacts:
@@ -278,7 +279,7 @@ def _disk(facts: ArmingFacts, config: Config) -> ArmingCheck:
     return ArmingCheck(name="disk", ok=False, detail=detail, remedy=DISK_REMEDY)
 
 
-def _of_doctor(name: str, found: doctor.Check) -> ArmingCheck:
+def _of_doctor(name: str, found: Check) -> ArmingCheck:
     is_well = found.ok is True
     return ArmingCheck(
         name=name, ok=is_well, detail=found.detail, remedy="" if is_well else found.remedy
@@ -304,6 +305,6 @@ def _ask(question: Callable[[], Answer]) -> tuple[Answer | None, str]:
         return None, f"{type(error).__name__}: {error}"
 
 
-def _verdict(check: Callable[[Config], doctor.Check], config: Config) -> doctor.Check:
+def _verdict(check: Callable[[Config], Check], config: Config) -> Check:
     found, fault = _ask(lambda: check(config))
-    return found or doctor.Check(check="", ok=None, detail=fault, remedy="reinstall rsoconsole")
+    return found or Check(check="", ok=None, detail=fault, remedy="reinstall rsoconsole")

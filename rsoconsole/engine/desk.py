@@ -13,6 +13,7 @@ from rsoconsole.engine.arming import arming_checks, gather_facts, refusal_text
 from rsoconsole.engine.health import HealthMeter
 from rsoconsole.engine.intentions import Intentions, OvertakenError, Wish, action_record, changed
 from rsoconsole.engine.loop import Engine
+from rsoconsole.engine.machine_watch import MachineState
 from rsoconsole.engine.seats import Seats, name_of
 from rsoconsole.engine.seek import check_seek
 from rsoconsole.engine.states import Stopped
@@ -44,8 +45,13 @@ class Desk:
         session: Path,
         record_faults: Callable[[], tuple[str, ...]] = tuple,
         flush: Callable[[float], bool] = lambda _timeout_s: True,
+        *,
+        machine: Callable[[], MachineState | None] = lambda: None,
     ) -> None:
-        """``flush``: wait until the disk has what was put on record, at most so many seconds."""
+        """``flush``: wait until the disk has what was put on record, at most so many seconds.
+
+        ``machine``: what was last seen of the machine itself.
+        """
         self._engine = engine
         self._instruments = engine.hands.instruments
         self._intentions = intentions
@@ -53,7 +59,8 @@ class Desk:
         self._record_faults = record_faults
         self._flush = flush
         self._seats = Seats()
-        self._health = HealthMeter(lambda: engine.config, self._instruments.clock, session)
+        self._machine = machine
+        self._health = HealthMeter(lambda: engine.config, self._instruments.clock, session, machine)
 
     def handle(self, intention: Intention) -> Outcome:
         """What came of it; a refusal says why."""
@@ -119,6 +126,8 @@ class Desk:
         data["health"] = [
             dataclasses.asdict(each) for each in self._health.read(report, self._engine.clock_set)
         ]
+        machine = self._machine()
+        data["machine"] = None if machine is None else machine.as_status()
         data["alt"] = data["az"] = None
         seat = self._seats.view()
         data["seat"] = None if seat.holder is None else name_of(seat.holder)

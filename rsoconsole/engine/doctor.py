@@ -7,13 +7,13 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsoconsole import setup_check
 from rsoconsole.config import Config, SiteConfig
-from rsoconsole.engine import doctor_indi, doctor_system
+from rsoconsole.engine import doctor_indi, doctor_machine, doctor_system
+from rsoconsole.engine.doctor_check import Check
 from rsoconsole.engine.retention import DISK_REMEDY, disk_outlook
 from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.instruments.clock import SystemClock
@@ -46,18 +46,6 @@ for name in sys.argv[1:]:
 """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Check:
-    """What one check found."""
-
-    check: str
-    ok: bool | None
-    """None when it cannot be told."""
-    detail: str
-    remedy: str = ""
-    """What to do; empty when all is well."""
-
-
 def run_checks(config: Config) -> Iterator[Check]:
     """Every check, one after another, as each is done."""
     checks: tuple[tuple[str, Callable[[Config], Check]], ...] = (
@@ -70,7 +58,11 @@ def run_checks(config: Config) -> Iterator[Check]:
         ("INDI server", check_indi_server),
         ("mount site", check_mount_site),
         ("clock", lambda _: check_clock()),
+        ("time source", lambda _: doctor_machine.check_time_source()),
+        ("temperature", lambda _: doctor_machine.check_temperature()),
+        ("power", lambda _: doctor_machine.check_power()),
         ("disk", check_disk),
+        ("recording medium", doctor_machine.check_medium),
         ("sessions folder", check_sessions_folder),
         ("terminal", lambda _: check_terminal()),
     )

@@ -65,12 +65,12 @@ def read_clock() -> ClockReading:
 
 def free_bytes(folder: Path) -> int:
     """Free disk where the folder is or would be. Raises OSError."""
-    return shutil.disk_usage(_nearest_existing(folder)).free
+    return shutil.disk_usage(nearest_existing(folder)).free
 
 
 def write_fault(folder: Path) -> str | None:
     """Why nothing can be written in the folder; None when it can, or could once it is made."""
-    nearest = _nearest_existing(folder)
+    nearest = nearest_existing(folder)
     if not nearest.is_dir():
         return f"{nearest} is no folder"
     if nearest != folder:
@@ -111,7 +111,8 @@ def colours_of(environ: Mapping[str, str]) -> int:
     return 256 if "256" in term or "direct" in term else 16
 
 
-def _nearest_existing(folder: Path) -> Path:
+def nearest_existing(folder: Path) -> Path:
+    """The folder, or the nearest above it that there is."""
     nearest = folder.absolute()
     while not nearest.exists() and nearest != nearest.parent:
         nearest = nearest.parent

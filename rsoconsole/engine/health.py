@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor_system import free_bytes, read_clock
+from rsoconsole.engine.machine_watch import MachineState
 from rsoconsole.engine.retention import session_bytes
 from rsoconsole.instruments.ports import Clock, MountReport
 
@@ -14,12 +15,9 @@ HOLDS_S = 5.0
 """How long a reading is told again before it is taken anew."""
 SILENT_S = 10.0
 """A mount that has not reported for so long does not answer."""
-HOT_C = 80.0
-"""A Raspberry Pi slows itself down from here on."""
 LOW_HOURS = 4.0
 SAID_S = 900.0
 """For so long it is said that somebody has set the clock."""
-_THERMAL = Path("/sys/class/thermal/thermal_zone0/temp")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,12 +33,17 @@ class HealthMeter:
     """Reads at most every few seconds; from any thread."""
 
     def __init__(
-        self, config: Callable[[], Config], clock: Clock, folder: Path, thermal: Path = _THERMAL
+        self,
+        config: Callable[[], Config],
+        clock: Clock,
+        folder: Path,
+        machine: Callable[[], MachineState | None] = lambda: None,
     ) -> None:
+        """``machine``: what was last seen of the machine itself; None: not looked at."""
         self._config = config
         self._clock = clock
         self._folder = folder
-        self._thermal = thermal
+        self._machine = machine
         self._read_s = -HOLDS_S
         self._readings: tuple[Health, ...] = ()
 
@@ -63,9 +66,9 @@ class HealthMeter:
         now_s = time.monotonic()
         if now_s - self._read_s >= HOLDS_S:
             self._read_s = now_s
-            found = (self._read_clock(), self._read_disk(), self._read_temperature())
+            found = (self._read_clock(), self._read_disk())
             self._readings = tuple(each for each in found if each is not None)
-        return (self._mount(report), *self._readings)
+        return (self._mount(report), *self._readings, *machine_health(self._machine()))
 
     def _mount(self, report: MountReport | None) -> Health:
         if report is None:
@@ -96,9 +99,20 @@ class HealthMeter:
         text = f"{free / 1e9:.0f} GB, {min(hours, 999.0):.0f} h"
         return Health(name="disk", ok=hours >= LOW_HOURS, text=text)
 
-    def _read_temperature(self) -> Health | None:
-        try:
-            celsius = int(self._thermal.read_text(encoding="ascii")) / 1000.0
-        except (OSError, ValueError):
-            return None
-        return Health(name="CPU", ok=celsius < HOT_C, text=f"{celsius:.0f} °C")
+
+def machine_health(state: MachineState | None) -> tuple[Health, ...]:
+    """Power, where it is too weak, and the processor's heat; nothing of a silent machine."""
+    if state is None:
+        return ()
+    found = []
+    names = {trouble.name for trouble in state.troubles}
+    if "power" in names:
+        found.append(Health(name="power", ok=False, text="UNDER-VOLTAGE"))
+    words: list[str] = []
+    if state.reading.cpu_temperature_c is not None:
+        words.append(f"{state.reading.cpu_temperature_c:.0f} °C")
+    words += [word for word in ("hot", "throttled") if word in names]
+    if words:
+        is_well = not names & {"hot", "throttled"}
+        found.append(Health(name="CPU", ok=is_well, text=", ".join(words)))
+    return tuple(found)

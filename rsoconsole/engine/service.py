@@ -23,6 +23,7 @@ from rsoconsole.engine.doctor_system import read_clock
 from rsoconsole.engine.hands import Hands
 from rsoconsole.engine.intentions import Intentions
 from rsoconsole.engine.loop import Engine
+from rsoconsole.engine.machine_watch import MachineWatch
 from rsoconsole.engine.notify import notify
 from rsoconsole.engine.retention import disk_outlook
 from rsoconsole.errors import ConfigError, InstrumentError, SessionError
@@ -111,8 +112,18 @@ def run_engine(
         if site_fault is not None:
             engine.chronicle.say("warning", site_fault)
         _say_outlook(engine, config, folder, now_ns)
+        machine = MachineWatch(folder, engine.chronicle.say)
+        stack.callback(machine.close)
+        machine.start()
         if settings.listens:
-            desk = Desk(engine, intentions, folder, lambda: writer.faults, writer.flush)
+            desk = Desk(
+                engine,
+                intentions,
+                folder,
+                lambda: writer.faults,
+                writer.flush,
+                machine=lambda: machine.state,
+            )
             stack.enter_context(
                 ControlServer(path, desk.handle, lock=lock, stamp=lambda: intentions.stops)
             )

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias, TypeVar
 
 from rsoconsole.errors import BatchError
+from rsoconsole.vision.cores import available_cores
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -57,13 +58,6 @@ def crew_for(
     if is_serial or tasks <= 1 or (workers is None and count <= 1):
         return Crew(kind="serial", workers=1)
     return Crew(kind="dask" if has_dask and is_dask_wanted else "processes", workers=count)
-
-
-def available_cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def share_out(

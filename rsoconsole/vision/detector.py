@@ -18,6 +18,7 @@ from rsoconsole.vision.background import Background, local_background
 from rsoconsole.vision.bins import bin_frame
 from rsoconsole.vision.candidates import Measurements, at_box_centre, distinct, from_box, runs_alike
 from rsoconsole.vision.confidence import ConfidenceCurve
+from rsoconsole.vision.cores import threads_for
 from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map, map_noise
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.stars import STAR_BLOCK_PX, StarList, find_stars
@@ -58,7 +59,7 @@ class StreakDetector:
         self._network = network
         self._settings = settings
         self._curve = curve
-        self._workers = Workers(settings.threads)
+        self._workers = Workers(threads_for(settings.threads))
 
     def detect(self, frame: Frame, tau: float | None = None) -> Detections:
         """Streaks of ``frame`` with a confidence above ``tau`` (None: the configured one)."""

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from rsoconsole.errors import ModelError
 from rsoconsole.resources import model_resource
+from rsoconsole.vision.cores import threads_for
 from rsoconsole.vision.maps import (
     MAP_KIND,
     NETWORK_HEIGHT_CELLS,
@@ -164,8 +165,10 @@ class Network:
         self._offset = float(card["calibration"]["offset"])
 
     @classmethod
-    def load(cls, path: Path | None = None, threads: int = 2) -> "Network":
+    def load(cls, path: Path | None = None, threads: int = 0) -> "Network":
         """The network at ``path`` (None: the shipped one), checked against the .json beside it.
+
+        ``threads`` 0: by the cores there are (``cores.threads_for``); the answer is the same.
 
         Raises ModelError when a file is missing, damaged, or not a network of this form.
         """
@@ -184,7 +187,7 @@ class Network:
                 f"(SHA-256 {digest[:12]}... instead of {card['sha256'][:12]}...): {_REINSTALL}"
             )
         with _quiet_stderr():
-            interpreter = _interpreter(content, threads, model)
+            interpreter = _interpreter(content, threads_for(threads), model)
         _check_form(interpreter, model)
         return cls(interpreter, card)
 

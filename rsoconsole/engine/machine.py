@@ -1,0 +1,180 @@
+"""How the machine itself is: heat, power, throttling. Read from the kernel's own files.
+
+A Raspberry Pi tells under-voltage by the driver ``rpi_volt`` of its hardware monitor (kernel
+documentation, hwmon/raspberrypi-hwmon), and throttling by its firmware's word GET_THROTTLED, which
+``vcgencmd`` asks for; kernels before 6.12 have that word in a file of their own as well. What a
+machine does not tell is None, never a guess.
+"""
+
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path("/")
+"""Where ``proc`` and ``sys`` are; tests put their own here."""
+PI_HOT_C, HOT_C = 80.0, 95.0
+"""A Raspberry Pi slows itself down from 80 degrees on; other machines are built for more."""
+FIRMWARE_TIMEOUT_S = 3.0
+UNDER_VOLTAGE, CAPPED, THROTTLED, SOFT_LIMIT = 1 << 0, 1 << 1, 1 << 2, 1 << 3
+EARLIER = 16
+"""So many bits above each of these stands whether it has been so before."""
+_THROTTLED_FILE = "sys/devices/platform/soc/soc:firmware/get_throttled"
+_CPU_ZONES = ("cpu", "soc", "pkg")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineReading:
+    """What the machine tells of itself; None: it does not."""
+
+    model: str | None = None
+    """Of the board, from its device tree."""
+    cpu_temperature_c: float | None = None
+    cpu_frequency_mhz: float | None = None
+    cpu_frequency_max_mhz: float | None = None
+    is_under_voltage: bool | None = None
+    is_throttled: bool | None = None
+    """The processor is slowed down by force: for heat, or because its supply is too weak."""
+    has_been_under_voltage: bool | None = None
+    has_been_throttled: bool | None = None
+
+    @property
+    def is_pi(self) -> bool:
+        """Whether the board says that it is a Raspberry Pi."""
+        return self.model is not None and self.model.startswith("Raspberry Pi")
+
+    @property
+    def hot_c(self) -> float:
+        """From here on it slows itself down."""
+        return PI_HOT_C if self.is_pi else HOT_C
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trouble:
+    """One thing that is not well with the machine."""
+
+    name: str
+    """power, throttled or hot."""
+    words: str
+    remedy: str
+
+
+POWER_REMEDY = (
+    "use the supply made for this model and a short, thick cable; camera and disk on a powered hub"
+)
+HEAT_REMEDY = "a heat sink or a fan, air around the case, shade by day"
+
+
+def read_machine(root: Path | None = None) -> MachineReading:
+    """One reading; raises nothing."""
+    place = ROOT if root is None else root
+    alarm, word = _supply_alarm(place), _throttled_word(place)
+    return MachineReading(
+        model=board_model(place),
+        cpu_temperature_c=_temperature_c(place),
+        cpu_frequency_mhz=_megahertz(place, "scaling_cur_freq"),
+        cpu_frequency_max_mhz=_megahertz(place, "cpuinfo_max_freq"),
+        is_under_voltage=_either(alarm, _has(word, UNDER_VOLTAGE)),
+        is_throttled=_has(word, CAPPED | THROTTLED | SOFT_LIMIT),
+        has_been_under_voltage=_either(alarm, _has(word, UNDER_VOLTAGE << EARLIER)),
+        has_been_throttled=_has(word, (CAPPED | THROTTLED | SOFT_LIMIT) << EARLIER),
+    )
+
+
+def troubles_of(reading: MachineReading) -> tuple[Trouble, ...]:
+    """What is not well, worst first; empty where nothing is or nothing is told."""
+    found = []
+    if reading.is_under_voltage:
+        found.append(
+            Trouble(
+                name="power",
+                words="under-voltage: the power supply gives too little",
+                remedy=POWER_REMEDY,
+            )
+        )
+    degrees = reading.cpu_temperature_c
+    at = "" if degrees is None else f" at {degrees:.0f} °C"
+    if reading.is_throttled:
+        remedy = POWER_REMEDY if reading.is_under_voltage else HEAT_REMEDY
+        words = f"throttled: the processor is slowed down{at}"
+        found.append(Trouble(name="throttled", words=words, remedy=remedy))
+    if degrees is not None and degrees >= reading.hot_c:
+        words = f"hot: {degrees:.0f} °C, it slows itself down from {reading.hot_c:.0f} on"
+        found.append(Trouble(name="hot", words=words, remedy=HEAT_REMEDY))
+    return tuple(found)
+
+
+def board_model(root: Path | None = None) -> str | None:
+    """What the device tree calls the board; None where there is none, as on a PC."""
+    text = text_of((ROOT if root is None else root) / "proc/device-tree/model")
+    return None if text is None else text.replace("\0", "").strip() or None
+
+
+def text_of(path: Path) -> str | None:
+    """A small file's text without its line's end; None where it cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return None
+
+
+def _temperature_c(root: Path) -> float | None:
+    """Of the processor's thermal zone; of the first there is where none is called so."""
+    found: list[tuple[bool, float]] = []
+    for zone in sorted(root.glob("sys/class/thermal/thermal_zone*")):
+        thousandths, kind = _whole(zone / "temp"), text_of(zone / "type") or ""
+        if thousandths is not None and -50_000 <= thousandths <= 150_000:
+            is_cpu = any(name in kind.lower() for name in _CPU_ZONES)
+            found.append((is_cpu, thousandths / 1000.0))
+    return max(found, key=lambda each: each[0])[1] if found else None
+
+
+def _supply_alarm(root: Path) -> bool | None:
+    for monitor in sorted(root.glob("sys/class/hwmon/hwmon*")):
+        if text_of(monitor / "name") == "rpi_volt":
+            alarm = _whole(monitor / "in0_lcrit_alarm")
+            return None if alarm is None else alarm != 0
+    return None
+
+
+def _throttled_word(root: Path) -> int | None:
+    """The firmware's word; by its own program first: the kernel's file complains when read."""
+    program = shutil.which("vcgencmd") if root == Path("/") else None
+    told = None if program is None else _ask(program, "get_throttled")
+    if told is None:
+        told = text_of(root / _THROTTLED_FILE)
+    try:
+        return None if told is None else int(told.removeprefix("throttled="), 16)
+    except ValueError:
+        return None
+
+
+def _ask(*words: str) -> str | None:
+    try:
+        done = subprocess.run(
+            words, capture_output=True, text=True, timeout=FIRMWARE_TIMEOUT_S, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()
+
+
+def _megahertz(root: Path, name: str) -> float | None:
+    kilohertz = _whole(root / "sys/devices/system/cpu/cpu0/cpufreq" / name)
+    return None if kilohertz is None else kilohertz / 1000.0
+
+
+def _whole(path: Path) -> int | None:
+    text = text_of(path)
+    try:
+        return None if text is None else int(text)
+    except ValueError:
+        return None
+
+
+def _has(word: int | None, bits: int) -> bool | None:
+    return None if word is None else bool(word & bits)
+
+
+def _either(one: bool | None, other: bool | None) -> bool | None:
+    return None if one is None and other is None else bool(one or other)
