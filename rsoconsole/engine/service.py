@@ -29,6 +29,7 @@ from rsoconsole.engine.retention import disk_outlook
 from rsoconsole.errors import ConfigError, InstrumentError, SessionError
 from rsoconsole.instruments.connect import connect_instruments
 from rsoconsole.instruments.ports import Instruments, MountPort
+from rsoconsole.instruments.process_memory import return_what_is_freed
 from rsoconsole.pipeline.open import open_reducer
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.session.store import cut_off_session, new_session_folder
@@ -68,6 +69,7 @@ def run_engine(
     SIGTERM and SIGINT are a safe stop: the mount stops, the session is closed. Raises
     InstrumentError, ModelError, SolverError, SessionError or ControlError before it starts.
     """
+    return_what_is_freed()
     intentions = Intentions()
     with contextlib.ExitStack() as stack:
         # Let go of last of all: a second SIGTERM must not cut the first one's safe end short.

@@ -64,10 +64,20 @@ class IndiCamera:
     def start_exposure(self, exposure_s: float, frame_id: int) -> None:
         """Open the shutter; returns once the camera has taken the order."""
         self._outcome, self._awaited = None, frame_id
-        self.process.request("expose", _ORDER_S, exposure_s=exposure_s, frame_id=frame_id)
+        self.process.request(
+            "expose",
+            _ORDER_S,
+            exposure_s=exposure_s,
+            frame_id=frame_id,
+            slot=self._ring.free_slot(),
+        )
 
     def wait_frame(self, timeout_s: float) -> Frame:
-        """The frame of the exposure under way, within ``timeout_s`` of wall time."""
+        """The frame of the exposure under way, within ``timeout_s`` of wall time.
+
+        Its pixels are not to be changed: they lie where the camera's process has written them,
+        and hold that place as long as anybody holds them.
+        """
         if self._awaited is None:
             raise InstrumentError("no exposure is under way: start one first")
         try:
@@ -86,7 +96,7 @@ class IndiCamera:
         assert outcome is not None
         if outcome["event"] == "failed":
             raise InstrumentError(f"the camera gave no usable frame: {outcome['reason']}")
-        pixels = self._ring.copy(outcome["slot"], outcome["dtype"], tuple(outcome["shape"]))
+        pixels = self._ring.take(outcome["slot"], outcome["dtype"], tuple(outcome["shape"]))
         facts = {field: outcome[field] for field in _FRAME_FIELDS}
         # JSON knows no tuples.
         facts["header"] = {

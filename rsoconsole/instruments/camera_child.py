@@ -1,6 +1,8 @@
 """The camera's process: takes FITS BLOBs from INDI and lays their pixels into shared memory.
 
-Run as ``python -m rsoconsole.instruments.camera_child``.
+Run as ``python -m rsoconsole.instruments.camera_child``. A plain FITS file of 16 bits a pixel is
+read where libindi has decoded it, straight into the slot that the parent has named with its order;
+whatever takes longer to understand is copied and understood on a thread of its own.
 """
 
 import os
@@ -10,10 +12,15 @@ import sys
 import threading
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.frame_files import frame_from_bytes
 from rsoconsole.instruments.frame_ring import FrameRing
 from rsoconsole.instruments.indi_child import IndiClient, Mouth, Vector, run_child
+from rsoconsole.instruments.plain_fits import read_plain
+from rsoconsole.instruments.process_memory import return_free_pages, return_what_is_freed
 
 _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
@@ -30,7 +37,9 @@ class CameraChild:
         self._client: IndiClient | None = None
         self._ring: FrameRing | None = None
         self._frame_id = 0
-        self._blobs: queue.SimpleQueue[tuple[int, bytes, float]] = queue.SimpleQueue()
+        self._slot: int | None = None
+        """Where the frame of the exposure under way goes; None once it has come."""
+        self._blobs: queue.SimpleQueue[tuple[int, int, bytes, float]] = queue.SimpleQueue()
         threading.Thread(target=self._unpack_all, daemon=True, name="frames").start()
 
     def start(self, order: dict[str, Any]) -> dict[str, Any]:
@@ -54,7 +63,7 @@ class CameraChild:
     def expose(self, order: dict[str, Any]) -> dict[str, Any]:
         """Open the shutter; answers when the camera has taken the order."""
         client = self._ready()
-        self._frame_id = int(order["frame_id"])
+        self._frame_id, self._slot = int(order["frame_id"]), int(order["slot"])
         before = client.send_numbers(_EXPOSURE, {"CCD_EXPOSURE_VALUE": float(order["exposure_s"])})
         answer = client.wait(_EXPOSURE, lambda v: v.state != "Idle", _ACK_S, before)
         if answer is None:
@@ -65,12 +74,14 @@ class CameraChild:
             raise InstrumentError(
                 f"the camera refused the exposure: {client.last_message or 'no reason given'}"
             )
+        # libindi has read the last frame as text: there is time now to give that memory back.
+        return_free_pages()
         return {}
 
     def abort(self, _order: dict[str, Any]) -> dict[str, Any]:
         """Give up the exposure under way."""
         client = self._ready()
-        self._frame_id = 0
+        self._frame_id, self._slot = 0, None
         exposure = client.get(_EXPOSURE)
         before = client.send_switch("CCD_ABORT_EXPOSURE", "ABORT")
         answer = client.wait("CCD_ABORT_EXPOSURE", lambda _: True, _ACK_S, before)
@@ -80,9 +91,8 @@ class CameraChild:
         return {"aborted": answer is not None}
 
     def _on_vector(self, vector: Vector) -> None:
-        if vector.name == _IMAGE and _IMAGE in vector.values:
-            _format, content = vector.values[_IMAGE]
-            self._blobs.put((self._frame_id, bytes(content), vector.arrived_monotonic_s))
+        if vector.name == _IMAGE and _IMAGE in vector.blobs:
+            self._receive(vector.blobs[_IMAGE], vector.arrived_monotonic_s)
         elif vector.name == _EXPOSURE and vector.state == "Alert" and self._client is not None:
             self._mouth.say(
                 {
@@ -96,18 +106,39 @@ class CameraChild:
         print(text, file=sys.stderr, flush=True)
         self._mouth.say({"event": "message", "text": _STAMP.sub("", text)})
 
+    def _receive(self, content: memoryview, arrived_s: float) -> None:
+        frame_id, slot = self._frame_id, self._slot
+        self._slot = None
+        if slot is None:
+            print("a frame that nobody waits for is dropped", file=sys.stderr, flush=True)
+        elif read_plain(content) is None:
+            self._blobs.put((frame_id, slot, bytes(content), arrived_s))
+        else:
+            self._take(frame_id, slot, content, arrived_s)
+
     def _unpack_all(self) -> None:
         while True:
-            frame_id, content, arrived_s = self._blobs.get()
-            try:
-                self._unpack(frame_id, content, arrived_s)
-            except Exception as error:
-                self._mouth.say({"event": "failed", "frame_id": frame_id, "reason": str(error)})
+            self._take(*self._blobs.get())
 
-    def _unpack(self, frame_id: int, content: bytes, arrived_s: float) -> None:
-        assert self._ring is not None
-        frame = frame_from_bytes(content, frame_id, f"frame_{frame_id:06d}.fits")
-        slot = self._ring.put(frame.pixels)
+    def _take(
+        self, frame_id: int, slot: int, content: bytes | memoryview, arrived_s: float
+    ) -> None:
+        """Understand a frame, lay its pixels into their slot and tell the parent."""
+        ring = self._ring
+        assert ring is not None
+        is_plain = isinstance(content, memoryview)
+
+        def room(shape: tuple[int, ...]) -> npt.NDArray[np.uint16] | None:
+            return ring.room(slot, shape, np.uint16) if is_plain else None
+
+        try:
+            frame = frame_from_bytes(content, frame_id, f"frame_{frame_id:06d}.fits", room=room)
+            pixels = ring.room(slot, frame.pixels.shape, frame.pixels.dtype)
+            if frame_id == self._frame_id and not np.may_share_memory(pixels, frame.pixels):
+                pixels[...] = frame.pixels
+        except Exception as error:
+            self._mouth.say({"event": "failed", "frame_id": frame_id, "reason": str(error)})
+            return
         self._mouth.say(
             {
                 "event": "frame",
@@ -135,6 +166,7 @@ class CameraChild:
 
 def main() -> None:
     """Obey until the parent goes away."""
+    return_what_is_freed()
     mouth = Mouth()
     child = CameraChild(mouth)
     try:

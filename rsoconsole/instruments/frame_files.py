@@ -9,16 +9,19 @@ import gzip
 import math
 import warnings
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.errors import FrameError
 from rsoconsole.instruments.frame_header import NOTES_KEY, exposure_s, pointing_deg, scale, start
+from rsoconsole.instruments.plain_fits import Content, read_plain
 from rsoconsole.records import Frame, PixelArray
+
+Room: TypeAlias = Callable[[tuple[int, ...]], npt.NDArray[np.uint16] | None]
 
 MIN_SIDE_PX = 64
 MAX_NONFINITE_FRACTION = 0.0
@@ -58,15 +61,20 @@ def read_frame(
 
 
 def frame_from_bytes(
-    content: bytes,
+    content: Content,
     frame_id: int,
     name: str,
     *,
     allow_8bit: bool = False,
     expected_size: tuple[int, int] | None = None,
     max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
+    room: Room = lambda _: None,
 ) -> Frame:
-    """The same as ``read_frame`` for a file that is already in memory (a camera's BLOB)."""
+    """The same as ``read_frame`` for a file that is already in memory (a camera's BLOB).
+
+    ``room`` may give an array (height, width) into which pixels of 16 bits are written; else, and
+    for all other pixels, a fresh one is made.
+    """
     content = _decompress(content, name)
     if content[:9] == b"SIMPLE  =":
         raw, header = _fits_image(content, name)
@@ -76,7 +84,7 @@ def frame_from_bytes(
         raise FrameError(f"{name} is neither FITS, TIFF nor PNG: convert it to FITS")
     _check_shape(raw, name, expected_size)
     notes: list[str] = []
-    pixels = _to_pixels(raw, header, name, allow_8bit)
+    pixels = _to_pixels(raw, header, name, allow_8bit, room)
     if pixels.dtype == np.float32:
         note = _fill_nonfinite(pixels, name, max_nonfinite_fraction)
         notes += [note] if note else []
@@ -111,7 +119,7 @@ def _read_bytes(path: Path) -> bytes:
     return content
 
 
-def _decompress(content: bytes, name: str) -> bytes:
+def _decompress(content: Content, name: str) -> Content:
     try:
         if content[:3] == b"BZh":
             return bz2.decompress(content)
@@ -122,8 +130,12 @@ def _decompress(content: bytes, name: str) -> bytes:
     return content
 
 
-def _fits_image(content: bytes, name: str) -> tuple[npt.NDArray[Any], dict[str, Any]]:
+def _fits_image(content: Content, name: str) -> tuple[npt.NDArray[Any], dict[str, Any]]:
     """The first two-dimensional image, unscaled where it is 16-bit, and its merged header."""
+    return read_plain(content) or _fits_image_by_astropy(bytes(content), name)
+
+
+def _fits_image_by_astropy(content: bytes, name: str) -> tuple[npt.NDArray[Any], dict[str, Any]]:
     from astropy.io import fits
 
     truncated = FrameError(f"{name} is truncated: copy it again or leave it out")
@@ -191,7 +203,7 @@ def _merged_header(primary: Any, own: Any) -> dict[str, Any]:
     return merged
 
 
-def _plain_image(content: bytes, name: str) -> npt.NDArray[Any]:
+def _plain_image(content: Content, name: str) -> npt.NDArray[Any]:
     import cv2
 
     level = cv2.utils.logging.getLogLevel()
@@ -223,9 +235,13 @@ def _check_shape(raw: npt.NDArray[Any], name: str, expected: tuple[int, int] | N
 
 
 def _to_pixels(
-    raw: npt.NDArray[Any], header: Mapping[str, Any], name: str, allow_8bit: bool
+    raw: npt.NDArray[Any],
+    header: Mapping[str, Any],
+    name: str,
+    allow_8bit: bool,
+    room: Room,
 ) -> PixelArray:
-    """uint16 where the file holds that, else float32; always a fresh array in native order."""
+    """uint16 where the file holds that, else float32; never the file's own memory."""
     bzero, bscale = float(header.get("BZERO", 0.0)), float(header.get("BSCALE", 1.0))
     if raw.dtype.itemsize == 1:
         if not allow_8bit:
@@ -238,8 +254,9 @@ def _to_pixels(
         return raw.astype(np.uint16)
     if raw.dtype.kind == "i" and raw.dtype.itemsize == 2 and (bzero, bscale) == (32768.0, 1.0):
         # FITS has no unsigned 16-bit type: flipping the sign bit adds 32768.
-        unsigned: npt.NDArray[np.uint16]
-        unsigned = raw.view(raw.dtype.str.replace("i", "u")).astype(np.uint16)
+        given = room(raw.shape)
+        unsigned = np.empty(raw.shape, np.uint16) if given is None else given
+        unsigned[...] = raw.view(raw.dtype.str.replace("i", "u"))
         unsigned ^= np.uint16(0x8000)
         return unsigned
     shift_bits = _shift_bits(raw, bzero, bscale)

@@ -1,14 +1,20 @@
 """Shared memory for frames: three slots, so that no frame ever goes through a pipe.
 
 The memory has no name, only a descriptor that the child inherits: it cannot be left behind,
-whoever dies how.
+whoever dies how. The parent names the slot for each frame that it orders, and the child writes
+there and nowhere else. So a frame need not be copied out of the ring: its slot is lent to whoever
+holds the frame, and none is ordered into it until the last holder has let go.
 """
 
+import contextlib
 import mmap
 import os
 import tempfile
+import weakref
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from rsoconsole.records import PixelArray
 
@@ -24,7 +30,7 @@ class FrameRing:
         self.descriptor = descriptor
         self.slot_bytes = slot_bytes
         self._memory = mmap.mmap(descriptor, SLOTS * slot_bytes)
-        self._next = 0
+        self._lent: set[int] = set()
 
     @classmethod
     def create(cls, frame_bytes: int) -> "FrameRing":
@@ -38,31 +44,47 @@ class FrameRing:
         os.ftruncate(descriptor, SLOTS * slot_bytes)
         return cls(descriptor, slot_bytes)
 
-    def put(self, pixels: PixelArray) -> int:
-        """Copy pixels into the next slot and return its number. Raises ValueError when too big."""
-        if pixels.nbytes > self.slot_bytes:
+    def free_slot(self) -> int:
+        """A slot that nobody's frame lies in; the same again and again while frames are let go.
+
+        So a night of one frame at a time touches the memory of one slot.
+        """
+        return next(slot for slot in range(SLOTS) if slot not in self._lent)
+
+    def room(self, slot: int, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+        """A slot's memory as an array to be written. Raises ValueError when it is too small."""
+        if int(np.prod(shape)) * np.dtype(dtype).itemsize > self.slot_bytes:
             raise ValueError(
-                f"a frame of {pixels.shape[1]} x {pixels.shape[0]} pixels is larger than the "
+                f"a frame of {shape[1]} x {shape[0]} pixels is larger than the "
                 "configured sensor: set optics.width_px and optics.height_px"
             )
-        slot = self._next
-        self._next = (slot + 1) % SLOTS
-        self._view(slot, pixels.dtype.str, pixels.shape)[:] = pixels
-        return slot
+        return self._view(slot, dtype, shape)
 
-    def copy(self, slot: int, dtype: str, shape: tuple[int, ...]) -> PixelArray:
-        """The caller's own copy of what lies in a slot."""
-        return self._view(slot, dtype, shape).copy()
+    def take(self, slot: int, dtype: npt.DTypeLike, shape: tuple[int, ...]) -> PixelArray:
+        """What lies in a slot, not to be changed; the slot is lent as long as anybody holds it.
+
+        A copy where lending would leave no slot for the next frame.
+        """
+        if len(self._lent) >= SLOTS - 1:
+            return self._view(slot, dtype, shape).copy()
+        pixels = self._view(slot, dtype, shape)
+        whole = pixels.base
+        assert whole is not None
+        # Every view of the pixels, and of those, keeps the whole alive, not the pixels.
+        self._lent.add(slot)
+        weakref.finalize(whole, self._lent.discard, slot).atexit = False
+        pixels.flags.writeable = False
+        return pixels
 
     def close(self) -> None:
-        """Give the memory back; it is gone when the other process has, too."""
-        self._memory.close()
+        """Give the memory back; it is gone when the other process and every frame has, too."""
+        with contextlib.suppress(BufferError):
+            self._memory.close()
         os.close(self.descriptor)
 
-    def _view(self, slot: int, dtype: str, shape: tuple[int, ...]) -> PixelArray:
+    def _view(self, slot: int, dtype: npt.DTypeLike, shape: tuple[int, ...]) -> npt.NDArray[Any]:
         count = int(np.prod(shape))
         flat = np.frombuffer(
             self._memory, dtype=np.dtype(dtype), count=count, offset=slot * self.slot_bytes
         )
-        view: PixelArray = flat.reshape(shape)
-        return view
+        return flat.reshape(shape)

@@ -4,6 +4,7 @@ Runs only in a child process. PyIndi's callbacks come on a thread of its own and
 one would abort the process, so each is guarded and does no more than copy values out.
 """
 
+import ctypes
 import json
 import os
 import queue
@@ -14,13 +15,15 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 import PyIndi
 
 from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.instruments.indi_process import END, SERVER_LOST
+from rsoconsole.instruments.process_memory import forget_contents
 
 _STATES = {
     PyIndi.IPS_IDLE: "Idle",
@@ -46,6 +49,8 @@ class Vector:
     """Told to whoever asks what there is, however old the values are by then."""
     arrived_monotonic_s: float
     """When libindi handed it over; time.monotonic(), the same in all processes of a machine."""
+    blobs: Mapping[str, memoryview] = field(default_factory=dict)
+    """Contents of a BLOB vector, in libindi's own memory: there only while ``on_vector`` runs."""
 
 
 class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
@@ -57,7 +62,10 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
         on_vector: Callable[[Vector], None],
         on_message: Callable[[str], None] | None = None,
     ) -> None:
-        """``on_vector`` and ``on_message`` are called on PyIndi's thread and must return soon."""
+        """``on_vector`` and ``on_message`` are called on PyIndi's thread and must return soon.
+
+        Nothing of a BLOB is kept beyond the call: ``on_vector`` takes what it wants of it.
+        """
         super().__init__()
         self.device = device
         self._on_vector = on_vector
@@ -184,9 +192,13 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
             return
         vector = self._vector(prop, arrived_s, is_definition)
         with self._changed:
-            self._vectors[vector.name] = vector
+            self._vectors[vector.name] = replace(vector, blobs={})
         # The parent hears of a change before the order that brought it about is answered.
-        self._on_vector(vector)
+        try:
+            self._on_vector(vector)
+        finally:
+            for content in vector.blobs.values():
+                _let_go(content)
         with self._changed:
             self._told = vector.serial
             self._changed.notify_all()
@@ -194,6 +206,7 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
     def _vector(self, prop: Any, arrived_s: float, is_definition: bool) -> Vector:
         kind = prop.getType()
         values: dict[str, Any] = {}
+        blobs: dict[str, memoryview] = {}
         if kind == PyIndi.INDI_NUMBER:
             values = {each.getName(): each.getValue() for each in PyIndi.PropertyNumber(prop)}
         elif kind == PyIndi.INDI_SWITCH:
@@ -204,8 +217,8 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
         elif kind == PyIndi.INDI_TEXT:
             values = {each.getName(): each.getText() for each in PyIndi.PropertyText(prop)}
         elif kind == PyIndi.INDI_BLOB:
-            values = {
-                each.getName(): (each.getFormat(), each.getblobdata())
+            blobs = {
+                each.getName(): _in_place(each)
                 for each in PyIndi.PropertyBlob(prop)
                 if each.getBlobLen() > 0
             }
@@ -218,6 +231,7 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
             serial=self._serial,
             is_definition=is_definition,
             arrived_monotonic_s=arrived_s,
+            blobs=blobs,
         )
 
     def _hear(self, device: Any, number: int) -> None:
@@ -232,6 +246,21 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
             work(*arguments)
         except Exception:
             traceback.print_exc()
+
+
+def _in_place(blob: Any) -> memoryview:
+    """A BLOB's bytes where libindi has decoded them; read only."""
+    memory = (ctypes.c_ubyte * int(blob.getBlobLen())).from_address(int(blob.getBlob()))
+    return memoryview(memory).cast("B").toreadonly()
+
+
+def _let_go(content: memoryview) -> None:
+    """Give the system the pages of a BLOB that has been handed on.
+
+    libindi keeps the memory of each camera's last frame until the next one comes.
+    """
+    address = np.frombuffer(content, np.uint8).ctypes.data
+    forget_contents(address, content.nbytes)
 
 
 class Mouth:

@@ -1,0 +1,44 @@
+"""A process that takes one small frame by INDI and says what its mirror keeps of it, as JSON."""
+
+import json
+import os
+import sys
+import threading
+from typing import Any
+
+from rsoconsole.instruments.indi_child import IndiClient, Vector
+
+
+def main(host: str, port: int, device: str) -> None:
+    """Expose for a moment; what was seen of the BLOB, during the call and after it."""
+    import PyIndi
+
+    has_come = threading.Event()
+    seen: dict[str, Any] = {}
+
+    def hear(vector: Vector) -> None:
+        if vector.blobs and "content" not in seen:
+            content = vector.blobs["CCD1"]
+            seen["content"] = content
+            seen["start"], seen["bytes"] = bytes(content[:6]).decode(), content.nbytes
+            seen["middle"] = sum(content[len(content) // 2 : len(content) // 2 + 100])
+            has_come.set()
+
+    client = IndiClient(device, hear)
+    client.open(host, port, ("CCD_EXPOSURE", "CCD1"))
+    client.setBLOBMode(PyIndi.B_ALSO, device, "CCD1")
+    before = client.send_numbers("CCD_EXPOSURE", {"CCD_EXPOSURE_VALUE": 0.1})
+    seen["has_come"] = has_come.wait(60.0)
+    # Told only once the call is over.
+    vector = client.wait("CCD1", lambda v: v.state == "Ok", 10.0, before)
+    assert vector is not None
+    content = seen.pop("content")
+    seen["kept"] = len(vector.blobs) + len(vector.values)
+    seen["middle_after"] = sum(content[len(content) // 2 : len(content) // 2 + 100])
+    print(json.dumps(seen), flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]), sys.argv[3])
+    sys.stdout.flush()
+    os._exit(0)
