@@ -4,7 +4,7 @@ from collections import deque
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.config import IndiConfig, OpticsConfig
+from rsoconsole.config import IndiConfig, OpticsConfig, WaitsConfig
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.frame_ring import FrameRing
 from rsoconsole.instruments.indi_process import IndiProcess
@@ -17,7 +17,6 @@ That clock is one for all processes of a machine. libindi has by then read the w
 decoded its base64; the bytes are not yet unpacked. No FITS keyword: sessions do not keep it.
 """
 _MAX_MESSAGES = 100
-_ORDER_S = 12.0
 _BYTES_PER_PIXEL = 4
 _FRAME_FIELDS = (
     "frame_id",
@@ -35,8 +34,16 @@ _FRAME_FIELDS = (
 class IndiCamera:
     """A camera behind INDI; one exposure at a time."""
 
-    def __init__(self, config: IndiConfig, optics: OpticsConfig, log_path: Path) -> None:
-        """Describe the camera; ``start`` connects."""
+    def __init__(
+        self,
+        config: IndiConfig,
+        optics: OpticsConfig,
+        log_path: Path,
+        waits: WaitsConfig | None = None,
+    ) -> None:
+        """Describe the camera; ``start`` connects. ``waits`` None: as by default."""
+        waits = waits or WaitsConfig()
+        self._order_s = waits.order_s
         # Room for float32, though cameras give uint16: untouched pages cost nothing.
         self._ring = FrameRing.create(optics.width_px * optics.height_px * _BYTES_PER_PIXEL)
         self._awaited: int | None = None
@@ -49,12 +56,17 @@ class IndiCamera:
                 "host": config.host,
                 "port": config.port,
                 "device": config.camera,
+                "setting": "indi.camera",
+                "device_s": waits.device_s,
+                "quiet_s": waits.quiet_s,
+                "answer_s": waits.answer_s,
                 "ring": self._ring.descriptor,
                 "slot_bytes": self._ring.slot_bytes,
             },
             log_path=log_path,
             on_event=self._on_event,
             descriptors=(self._ring.descriptor,),
+            start_s=waits.connected_s,
         )
 
     def start(self) -> None:
@@ -64,7 +76,7 @@ class IndiCamera:
     def start_exposure(self, exposure_s: float, frame_id: int) -> None:
         """Open the shutter; returns once the camera has taken the order."""
         self._outcome, self._awaited = None, frame_id
-        self.process.request("expose", _ORDER_S, exposure_s=exposure_s, frame_id=frame_id)
+        self.process.request("expose", self._order_s, exposure_s=exposure_s, frame_id=frame_id)
 
     def wait_frame(self, timeout_s: float) -> Frame:
         """The frame of the exposure under way, within ``timeout_s`` of wall time."""
@@ -99,7 +111,7 @@ class IndiCamera:
     def abort(self) -> None:
         """Give up the exposure under way; its frame never comes."""
         self._awaited = None
-        self.process.request("abort", _ORDER_S)
+        self.process.request("abort", self._order_s)
 
     def take_messages(self) -> tuple[str, ...]:
         """What the camera's driver has said since this was last asked, at most the last 100.
