@@ -16,7 +16,8 @@ from rsoconsole.session.reader import SessionReader
 if TYPE_CHECKING:
     from rsoconsole.console.app import StopDirectly
 
-ATTACH_S = 2.0
+ATTACH_S = 10.0
+"""An engine that answers is attached to at once; one on a busy machine may take this long."""
 
 
 def run_console(

@@ -91,8 +91,8 @@ class IndiCamera:
         if not has_come:
             self.process.restart()
             raise InstrumentError(
-                f"camera gave no frame in {timeout_s:.0f} s: check its USB power; "
-                "its connection has been started afresh"
+                f"camera gave no frame in {timeout_s:.0f} s: check its USB power, on a slow "
+                "machine raise exposure.frame_timeout_s; its connection has been made again"
             )
         outcome = self._outcome
         assert outcome is not None

@@ -21,7 +21,6 @@ from typing import Any
 import PyIndi
 
 from rsoconsole.errors import InstrumentError, RsoconsoleError
-from rsoconsole.instruments.devices_there import DevicesThere
 from rsoconsole.instruments.indi_process import END, SERVER_LOST, WAITING
 
 _STATES = {
@@ -135,6 +134,11 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
         """Wait until the server announces the device. Raises InstrumentError."""
         words = f"{order['setting'].partition('.')[2]} '{self.device}'"
         mouth.say({"event": WAITING, "what": words})
+        if self.wait("CONNECTION", lambda _: True, _LOOK_S) is not None:
+            return
+        # Only now: a process that starts in no time needs none of it.
+        from rsoconsole.instruments.devices_there import DevicesThere
+
         told: tuple[str, ...] = ()
         with contextlib.closing(DevicesThere(self.device, order)) as there:
             while self.wait("CONNECTION", lambda _: True, _LOOK_S) is None:

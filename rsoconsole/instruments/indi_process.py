@@ -16,7 +16,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.config import WaitsConfig
 from rsoconsole.errors import InstrumentError
 from rsoconsole.waits import LongWait
 
@@ -24,7 +23,11 @@ log = logging.getLogger(__name__)
 
 SERVER_LOST = 3
 """Exit status of a child whose INDI server went away."""
+_START_S = 150.0
+"""Unless told otherwise: the configuration's ``waits`` know better."""
 _END_S = 3.0
+_LEAVE_S = 10.0
+"""A mount's process stops the mount before it goes, which takes its time on a slow machine."""
 _STATUS_S = 1.0
 _TELL_S = 0.1
 _HUNG_S = 3.0
@@ -52,7 +55,7 @@ class IndiProcess:
         log_path: Path,
         on_event: Callable[[dict[str, Any]], None],
         descriptors: tuple[int, ...] = (),
-        start_s: float = WaitsConfig().connected_s,
+        start_s: float = _START_S,
     ) -> None:
         """Describe the child (``python -m module``); ``start`` makes it and waits ``start_s``.
 
@@ -224,7 +227,7 @@ class IndiProcess:
             self._is_closed = True
             if self._process is not None:
                 self.tell(END)
-                self._end(self._process)
+                self._end(self._process, _LEAVE_S)
 
     def _ask(
         self,
@@ -333,12 +336,12 @@ class IndiProcess:
         except Exception:  # what one message breaks must not silence all later ones
             log.exception("the %s said something that cannot be used: %s", self.name, message)
 
-    def _end(self, process: "subprocess.Popen[bytes]") -> None:
+    def _end(self, process: "subprocess.Popen[bytes]", patience_s: float = _END_S) -> None:
         with contextlib.suppress(OSError, ValueError):
             assert process.stdin is not None
             process.stdin.close()
         try:
-            process.wait(_END_S)
+            process.wait(patience_s)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
