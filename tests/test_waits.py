@@ -3,6 +3,8 @@
 import asyncio
 import contextlib
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -12,7 +14,9 @@ import pytest
 
 from rsoconsole import waits
 from rsoconsole.config import IndiConfig, WaitsConfig
-from rsoconsole.errors import InstrumentError
+from rsoconsole.control import ControlClient
+from rsoconsole.control.place import EngineLock
+from rsoconsole.errors import ControlError, InstrumentError
 from rsoconsole.instruments.devices_there import DevicesThere
 from rsoconsole.instruments.indi_process import IndiProcess
 from rsoconsole.instruments.mount import IndiMount
@@ -283,3 +287,34 @@ def test_time_that_cannot_be_caught_up_is_late_by_the_wall(pauses):
     wall.s += 1000.0
     advance(clock, 100.0 + MOST_BEHIND_S)
     assert wall.s > 1000.0 + 100.0
+
+
+# ---- an engine that is only starting ---------------------------------------------------------
+
+
+HOLD = """
+import sys, pathlib
+from rsoconsole.control.place import EngineLock
+with EngineLock(pathlib.Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_an_engine_that_does_not_listen_yet_is_not_taken_for_none(tmp_path: Path):
+    path = tmp_path / "engine.sock"
+    client = ControlClient(path)
+    with pytest.raises(ControlError, match="no engine is running"):
+        client.send("status")
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as engine:
+        assert engine.stdout is not None
+        assert engine.stdout.readline() == b"held\n"
+        with pytest.raises(ControlError, match=rf"is starting \(process {engine.pid}\)"):
+            client.send("status")
+        with pytest.raises(ControlError, match="already running"), EngineLock(path):
+            pass
+        engine.communicate()
+    with pytest.raises(ControlError, match="no engine is running"):
+        client.send("status")
