@@ -69,7 +69,8 @@ def remove_socket(address: Path) -> None:
 def engine_pid(socket_path: Path) -> int | None:
     """The process that holds the engine's lock, listening or not yet; None where none does.
 
-    None also where the system does not tell. Only asks: a lock taken for the asking would turn an engine away that starts just now.
+    None also where the system does not tell. Only asks: a lock taken for the asking would turn
+    away an engine that starts just now.
     """
     if sys.platform != "linux":
         return None
