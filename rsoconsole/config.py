@@ -83,6 +83,40 @@ class IndiConfig(_Section):
     )
 
 
+class WaitsConfig(_Section):
+    """How long what is slow to start is waited for, by the wall clock; never longer than needed."""
+
+    process_s: float = Field(
+        60.0, gt=0, le=3600, description="for a process of the program's own to start"
+    )
+    device_s: float = Field(
+        45.0,
+        gt=0,
+        le=3600,
+        description="for the INDI server to announce a device, and again for its properties",
+    )
+    quiet_s: float = Field(
+        15.0,
+        gt=0,
+        le=3600,
+        description="a server that has announced other devices and then nothing new for so long"
+        " does not have the one asked for",
+    )
+    answer_s: float = Field(
+        15.0, gt=0, le=50, description="for a device to take an order; STOP has its own limits"
+    )
+
+    @property
+    def connected_s(self) -> float:
+        """At most, from the start of a device's process until the device is ready."""
+        return self.process_s + 2.0 * self.device_s
+
+    @property
+    def order_s(self) -> float:
+        """At most, for an order of several steps."""
+        return 3.0 * self.answer_s + 5.0
+
+
 class ExposureConfig(_Section):
     """One exposure and the pause to the next."""
 
@@ -322,6 +356,7 @@ class Config(_Section):
     site: SiteConfig = SiteConfig()
     optics: OpticsConfig = OpticsConfig()
     indi: IndiConfig = IndiConfig()
+    waits: WaitsConfig = WaitsConfig()
     exposure: ExposureConfig = ExposureConfig()
     mount: MountConfig = MountConfig()
     limits: LimitsConfig = LimitsConfig()

@@ -16,6 +16,9 @@ def say(message: Any) -> None:
 def obey(order: dict[str, Any]) -> None:
     """Carry out one order."""
     verb, number = order["verb"], order["id"]
+    if "awaits" in order:
+        say({"event": "waiting", "what": order["awaits"]})
+        return
     if verb == "die":
         os._exit(7)
     if verb == "break off":

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine import doctor, doctor_indi, doctor_system
+from rsoconsole.engine import doctor, doctor_system
 from rsoconsole.engine.doctor_system import ClockReading, Terminal, colours_of
 from rsoconsole.engine.retention import disk_outlook
 from rsoconsole.instruments.clock import SystemClock
@@ -23,6 +23,9 @@ SITE_WORDS = b"""
 <defNumber name="LAT">29.19</defNumber><defNumber name="LONG">278.95</defNumber>
 <defNumber name="ELEV">10</defNumber></defNumberVector>
 """
+
+
+SHORT = {"quiet_s": 0.3}
 
 
 def config_with(**sections: dict[str, object]) -> Config:
@@ -156,8 +159,9 @@ def test_an_indi_server_with_the_devices_is_well(indi_server: int) -> None:
 def test_an_indi_server_without_the_camera_is_not(
     indi_server: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(doctor_indi, "INDI_TIMEOUT_S", 0.5)
-    check = doctor.check_indi_server(config_with(indi={"port": indi_server, "camera": "CCD"}))
+    check = doctor.check_indi_server(
+        config_with(indi={"port": indi_server, "camera": "CCD"}, waits=SHORT)
+    )
     assert check.ok is False
     assert "has no CCD" in check.detail
     assert "indi.camera" in check.remedy
@@ -166,8 +170,9 @@ def test_an_indi_server_without_the_camera_is_not(
 def test_weather_and_dome_must_be_there_where_they_are_configured(
     indi_server: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(doctor_indi, "INDI_TIMEOUT_S", 0.5)
-    config = config_with(indi={"port": indi_server, "weather": "Vane", "dome": "CCD Simulator"})
+    config = config_with(
+        indi={"port": indi_server, "weather": "Vane", "dome": "CCD Simulator"}, waits=SHORT
+    )
     check = doctor.check_indi_server(config)
     assert check.ok is False
     assert "has no Vane" in check.detail
@@ -196,9 +201,8 @@ def test_the_mounts_site_is_held_against_the_configured_one(
 def test_a_mount_that_does_not_tell_its_site_is_no_failure(
     indi_server: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(doctor_indi, "INDI_TIMEOUT_S", 0.2)
     mute = doctor.check_mount_site(
-        config_with(indi={"port": indi_server, "mount": "CCD Simulator"})
+        config_with(indi={"port": indi_server, "mount": "CCD Simulator"}, waits=SHORT)
     )
     assert mute.ok is None
     assert "connected" in mute.detail

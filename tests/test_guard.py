@@ -162,7 +162,7 @@ def test_a_device_that_is_not_there_is_silent(observatory):
     with closing(guarding(observatory.port, weather="Weather Station")) as guard:
         # Nothing is waited for: as good as started and heard of nobody.
         guard._thread.start()
-        assert comes_true(lambda: "has no device 'Weather Station'" in guard.look().detail)
+        assert comes_true(lambda: "announced no device 'Weather Station'" in guard.look().detail)
         assert guard.look().weather == "silent"
 
 

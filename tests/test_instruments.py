@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsoconsole.config import Config
+from rsoconsole.config import Config, WaitsConfig
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.camera import ARRIVED_KEY, IndiCamera
-from rsoconsole.instruments.clock import SystemClock
+from rsoconsole.instruments.clock import SimulatedClock, SystemClock
 from rsoconsole.instruments.connect import connect_instruments
 from rsoconsole.instruments.indi_wire import IndiVector, IndiWire, stop_mount
-from rsoconsole.instruments.mount import IndiMount
 from rsoconsole.instruments.ports import Instruments
 from rsoconsole.records import Site
 from rsoconsole.simulator.launch import Observatory, start_observatory
@@ -147,11 +146,11 @@ def test_the_system_clock_is_woken_too():
     assert clock.wait_until(clock.now_utc_ns() + 1000)
 
 
-def test_without_a_simulated_clock_the_error_names_the_setting(tmp_path):
+def test_without_a_simulated_clock_the_error_names_the_setting():
     with socket.create_server(("127.0.0.1", 0)) as deaf:
-        config = Config.model_validate({"indi": {"port": deaf.getsockname()[1]}})
-        with pytest.raises(InstrumentError, match=r"indi\.mount"):
-            IndiMount(config.indi, tmp_path / "mount.log").start()
+        waits = WaitsConfig(device_s=0.2)
+        with pytest.raises(InstrumentError, match=r"indi\.simulated"):
+            SimulatedClock(*deaf.getsockname(), waits)
 
 
 # ---- mount ---------------------------------------------------------------------------------

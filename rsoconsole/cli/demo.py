@@ -15,6 +15,7 @@ from rsoconsole.config import Config, SessionConfig, load_config
 from rsoconsole.errors import ConfigError
 from rsoconsole.instruments.past_engine import stop_past_engine
 from rsoconsole.records import Site
+from rsoconsole.waits import told_to
 
 Preset: TypeAlias = Literal["tuned", "paper"]
 KeepFrames: TypeAlias = Literal["all", "detected", "none"]
@@ -98,7 +99,8 @@ def demo(
     if is_seen and not lines:
         _watch_night(config, night)
         return
-    found = run_night(config, night) if headless or json_ else _print_night(config, night)
+    with told_to(output.complain):
+        found = run_night(config, night) if headless or json_ else _print_night(config, night)
     if json_:
         output.emit_json(found)
     else:
@@ -110,7 +112,7 @@ def _watch_night(config: Config, night: Night) -> None:
     from rsoconsole.console import run_console
 
     output.say("starting the simulated observatory and the engine ...")
-    process = NightProcess(config, night)
+    process = NightProcess(config, night, on_wait=output.say)
     at = _socket_words(process.socket)
     if at:
         output.say(_beside_words(process.socket))

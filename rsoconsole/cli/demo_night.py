@@ -23,6 +23,7 @@ import platformdirs
 
 from rsoconsole.config import APP, Config
 from rsoconsole.errors import ControlError, InstrumentError, RsoconsoleError
+from rsoconsole.waits import told_to
 
 if TYPE_CHECKING:
     from rsoconsole.engine.loop import Engine
@@ -127,8 +128,13 @@ def control_socket(scratch: Path) -> Path | None:
 class NightProcess:
     """A night in a process of its own; it outlives whoever started it."""
 
-    def __init__(self, config: Config, night: Night) -> None:
-        """Start it and wait until its engine listens. Raises InstrumentError with its words."""
+    def __init__(
+        self, config: Config, night: Night, on_wait: Callable[[str], None] = log.info
+    ) -> None:
+        """Start it and wait until its engine listens. Raises InstrumentError with its words.
+
+        ``on_wait`` is told what is waited for where that takes long.
+        """
         log_path = platformdirs.user_log_path(APP) / "demo.log"
         log_path.parent.mkdir(parents=True, exist_ok=True)
         with log_path.open("ab") as log:
@@ -150,6 +156,9 @@ class NightProcess:
             self._process.stdin.write(json.dumps(order, default=str).encode() + b"\n")
             self._process.stdin.close()
         started = self._line()
+        while "waiting" in started:
+            on_wait(started["waiting"])
+            started = self._line()
         if "socket" not in started:
             said = started.get("error", f"it said nothing; {log_path} may tell more")
             raise InstrumentError(f"the demo's engine did not start: {said}")
@@ -208,7 +217,11 @@ def main() -> int:
         with contextlib.suppress(OSError, ValueError):
             print(json.dumps(message), flush=True)
 
+    waits = contextlib.ExitStack()
+    waits.enter_context(told_to(lambda words: tell({"waiting": words})))
+
     def has_started(folder: Path, path: Path) -> None:
+        waits.close()
         tell({"session": str(folder), "socket": str(path)})
         forgotten = threading.Thread(
             target=end_when_forgotten, args=(path, order["starter"]), daemon=True

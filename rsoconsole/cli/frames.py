@@ -203,7 +203,7 @@ def solve(
     if (ra is None) != (dec is None):
         raise typer.BadParameter("--ra and --dec go together")
     settings = load_config(config)
-    with PlateSolver(settings.solver.index_dirs) as solver:
+    with PlateSolver(settings.solver.index_dirs, start_s=settings.waits.process_s) as solver:
         finder = PlateFinder(solver, settings)
 
         def work(path: Path, number: int) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import typer
 from rsoconsole.cli import output
 from rsoconsole.config import IndiConfig, MountConfig, load_config
 from rsoconsole.errors import ConfigError, ControlError, InstrumentError
+from rsoconsole.waits import told_to
 
 log = logging.getLogger(__name__)
 
@@ -75,17 +76,18 @@ def engine(
     from rsoconsole.engine.service import RunSettings, run_engine
 
     waits = "" if arm else "; it waits for 'rsoconsole arm'"
-    run_engine(
-        load_config(config),
-        RunSettings(
-            title="night",
-            session=session,
-            frames=frames,
-            is_armed=arm,
-            lifted=frozenset(override or ()),
-        ),
-        on_start=lambda folder: output.complain(f"engine runs; session {folder}{waits}"),
-    )
+    with told_to(output.complain):
+        run_engine(
+            load_config(config),
+            RunSettings(
+                title="night",
+                session=session,
+                frames=frames,
+                is_armed=arm,
+                lifted=frozenset(override or ()),
+            ),
+            on_start=lambda folder: output.complain(f"engine runs; session {folder}{waits}"),
+        )
 
 
 def status(socket: SocketOption = None, json_: JsonOption = False) -> None:

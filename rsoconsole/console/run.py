@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsoconsole.config import Graphics, default_config_path, load_config
-from rsoconsole.control import ControlClient
+from rsoconsole.control import ControlClient, default_socket_path
+from rsoconsole.control.place import engine_pid
 from rsoconsole.errors import ControlError, RsoconsoleError
 from rsoconsole.session.reader import SessionReader
 
 if TYPE_CHECKING:
     from rsoconsole.console.app import StopDirectly
 
-ATTACH_S = 2.0
+ATTACH_S = 10.0
+"""An engine that answers is attached to at once; one on a busy machine may take this long."""
 
 
 def run_console(
@@ -155,7 +157,8 @@ def _expect_engine(socket: Path | None) -> None:
     try:
         outcome = ControlClient(socket, by="console").send("status", timeout_s=ATTACH_S)
     except ControlError as error:
-        if isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError):
+        is_absent = isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError)
+        if is_absent and engine_pid(socket or default_socket_path()) is None:
             raise ControlError(
                 "no engine is running: start one with 'rsoconsole engine', or 'rsoconsole demo' "
                 "for a simulated night; --session DIR shows a recorded one"

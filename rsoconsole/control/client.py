@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import Any, Protocol
 
-from rsoconsole.control.place import address_of, default_socket_path
+from rsoconsole.control.place import address_of, default_socket_path, engine_pid
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, read_outcome, receive_line
 from rsoconsole.errors import ControlError
 
@@ -60,6 +60,12 @@ class ControlClient:
                     wire.sendall(line)
                 reply = receive_line(wire, deadline)
         except (FileNotFoundError, ConnectionRefusedError) as error:
+            pid = engine_pid(self._path)
+            if pid is not None:
+                raise ControlError(
+                    f"the engine is starting (process {pid}) and does not listen yet: try again "
+                    "in a moment; 'rsoconsole stop' works without it"
+                ) from error
             raise ControlError("no engine is running: 'rsoconsole engine' starts one") from error
         except TimeoutError as error:
             raise ControlError(

@@ -4,6 +4,8 @@ import fcntl
 import hashlib
 import os
 import stat
+import struct
+import sys
 import tempfile
 import threading
 from pathlib import Path
@@ -13,6 +15,9 @@ from rsoconsole.errors import ControlError
 
 MAX_ADDRESS_BYTES = 100
 """Linux takes 107 bytes in ``sun_path``, macOS 103."""
+
+_FLOCK = "hhqqi"
+"""struct flock of 64-bit Linux: type, whence, start, length, process."""
 
 _held: set[Path] = set()
 _held_guard = threading.Lock()
@@ -59,6 +64,33 @@ def remove_socket(address: Path) -> None:
     if not stat.S_ISSOCK(mode):
         raise ControlError(f"{address} is not a socket")
     address.unlink(missing_ok=True)
+
+
+def engine_pid(socket_path: Path) -> int | None:
+    """The process that holds the engine's lock, listening or not yet; None where none does.
+
+    None also where the system does not tell. Only asks: a lock taken for the asking would turn
+    away an engine that starts just now.
+    """
+    if sys.platform != "linux":
+        return None
+    path = address_of(socket_path).with_suffix(".lock")
+    with _held_guard:
+        # To close any descriptor of it would let go of this process's own lock.
+        if path in _held:
+            return os.getpid()
+        try:
+            descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        except OSError:
+            return None
+        try:
+            question = struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
+            kind, *_, pid = struct.unpack(_FLOCK, fcntl.fcntl(descriptor, fcntl.F_GETLK, question))
+        except OSError:
+            return None
+        finally:
+            os.close(descriptor)
+    return None if kind == fcntl.F_UNLCK else int(pid)
 
 
 class EngineLock:

@@ -226,7 +226,7 @@ def check_indi_server(config: Config) -> Check:
     settings = {name: getattr(indi, name) for name in ("mount", "camera", "weather", "dome")}
     wanted = {device for device in settings.values() if device is not None}
     try:
-        missing = wanted - doctor_indi.devices_there(indi.host, indi.port, wanted)
+        found = doctor_indi.devices_there(indi.host, indi.port, wanted, config.waits.quiet_s)
     except OSError as error:
         return Check(
             check="INDI server",
@@ -235,12 +235,13 @@ def check_indi_server(config: Config) -> Check:
             remedy="start indiserver with your mount's and camera's drivers, or set indi.host and "
             "indi.port; 'rsoconsole demo' brings its own",
         )
-    if missing:
+    if missing := wanted - found:
         names = [f"indi.{name}" for name, device in settings.items() if device in missing]
         return Check(
             check="INDI server",
             ok=False,
-            detail=f"{address} answers but has no {' and no '.join(sorted(missing))}",
+            detail=f"{address} answers but has no {' and no '.join(sorted(missing))}"
+            + (f" (it has: {', '.join(sorted(found))})" if found else " nor any other device yet"),
             remedy=f"start the driver, or set {' and '.join(names)} to its device's name",
         )
     there = ", ".join(device for device in settings.values() if device is not None)
@@ -251,7 +252,7 @@ def check_mount_site(config: Config) -> Check:
     """The mount believes to stand where the configuration says: its limits depend on it."""
     name, indi = "mount site", config.indi
     try:
-        told = doctor_indi.told_site(indi.host, indi.port, indi.mount)
+        told = doctor_indi.told_site(indi.host, indi.port, indi.mount, config.waits.quiet_s)
     except InstrumentError as error:
         return Check(check=name, ok=None, detail=str(error))
     if told is None:

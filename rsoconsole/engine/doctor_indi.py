@@ -1,22 +1,27 @@
 """What an INDI server says, asked by plain TCP: which devices it has, where the mount stands."""
 
+import html
+import re
 import socket
 import time
 
 from rsoconsole.instruments.indi_wire import IndiWire
 from rsoconsole.records import Site
 
-INDI_TIMEOUT_S = 3.0
+_DEVICE = re.compile(rb"""device=(?:"([^"]+)"|'([^']+)')""")
 
 
-def devices_there(host: str, port: int, wanted: set[str]) -> set[str]:
-    """Those of the wanted devices that the server speaks of. Raises OSError."""
-    deadline = time.monotonic() + INDI_TIMEOUT_S
+def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set[str]:
+    """The devices that the server announces, until those wanted are there.
+
+    Ends also when it has announced nothing new for ``quiet_s``. Raises OSError.
+    """
     heard = b""
     found: set[str] = set()
-    with socket.create_connection((host, port), timeout=INDI_TIMEOUT_S) as wire:
+    news_s = time.monotonic()
+    with socket.create_connection((host, port), timeout=quiet_s) as wire:
         wire.sendall(b'<getProperties version="1.7"/>\n')
-        while found < wanted and (left_s := deadline - time.monotonic()) > 0:
+        while not wanted <= found and (left_s := news_s + quiet_s - time.monotonic()) > 0:
             wire.settimeout(left_s)
             try:
                 chunk = wire.recv(65536)
@@ -25,18 +30,25 @@ def devices_there(host: str, port: int, wanted: set[str]) -> set[str]:
             if not chunk:
                 break
             heard += chunk
-            found = {d for d in wanted if any(f"device={q}{d}{q}".encode() in heard for q in "\"'")}
+            names = found | {html.unescape((a or b).decode()) for a, b in _DEVICE.findall(heard)}
+            if names != found:
+                found, news_s = names, time.monotonic()
+            # The beginning of the next name may be in this one's end.
+            heard = heard[heard.rfind(b"<") :]
     return found
 
 
-def told_site(host: str, port: int, mount: str) -> Site | None:
-    """The site that the mount tells; None when it does not. Raises InstrumentError."""
-    wire = IndiWire(host, port, INDI_TIMEOUT_S)
+def told_site(host: str, port: int, mount: str, quiet_s: float) -> Site | None:
+    """The site that the mount tells; None when it does not in ``quiet_s``.
+
+    Raises InstrumentError.
+    """
+    wire = IndiWire(host, port, quiet_s)
     try:
         wire.ask(mount, "GEOGRAPHIC_COORD")
         told = wire.wait(
             lambda vector: vector.device == mount and vector.name == "GEOGRAPHIC_COORD",
-            INDI_TIMEOUT_S,
+            quiet_s,
         )
     finally:
         wire.close()

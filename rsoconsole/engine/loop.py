@@ -55,6 +55,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
+from rsoconsole.tracking import lqe
 from rsoconsole.tracking.follow import Following
 
 log = logging.getLogger(__name__)
@@ -356,6 +357,7 @@ class Engine:
             "total": (ordered_s - began_s) * 1e3 + read_ms,
         }
         # The mount is on its way: nobody waits for this.
+        lqe.make_ready()
         self.chronicle.tell(self.orbits.refine())
         self.guide.prepare(self.hands.now_utc_ns())
         stages["orbit"] = (time.perf_counter() - ordered_s) * 1e3

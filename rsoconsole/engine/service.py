@@ -34,9 +34,12 @@ from rsoconsole.pipeline.open import open_reducer
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.session.store import cut_off_session, new_session_folder
 from rsoconsole.session.writer import SessionWriter
+from rsoconsole.waits import told_to
 
 log = logging.getLogger(__name__)
 
+START_AGAIN_US = 60_000_000
+"""How much longer the service manager is to wait for an engine that says what it waits for."""
 VERSIONS_OF = ("rsoconsole", "ai-edge-litert", "astrometry", "numpy", "pyindi-client")
 
 
@@ -72,6 +75,8 @@ def run_engine(
     return_what_is_freed()
     intentions = Intentions()
     with contextlib.ExitStack() as stack:
+        starting = stack.enter_context(contextlib.ExitStack())
+        starting.enter_context(told_to(_tell_service_manager))
         # Let go of last of all: a second SIGTERM must not cut the first one's safe end short.
         heed_signals = stack.enter_context(_signals(intentions))
         path = settings.socket or default_socket_path()
@@ -130,6 +135,7 @@ def run_engine(
                 ControlServer(path, desk.handle, lock=lock, stamp=lambda: intentions.stops)
             )
         heed_signals()
+        starting.close()
         notify("READY=1")
         stack.callback(notify, "STOPPING=1")
         if on_start is not None:
@@ -138,6 +144,11 @@ def run_engine(
             _arm(engine, settings, folder)
         engine.run(settings.frames)
     return folder
+
+
+def _tell_service_manager(words: str) -> None:
+    """A slow start is none that hangs."""
+    notify(f"STATUS={words}\nEXTEND_TIMEOUT_USEC={START_AGAIN_US}")
 
 
 def _arm(engine: Engine, settings: RunSettings, folder: Path) -> None:

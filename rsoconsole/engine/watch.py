@@ -32,7 +32,8 @@ AHEAD_S = 6 * 3600.0
 FORECAST_HOLDS_NS = 300 * NS
 MOVED_DEG = 0.05
 LOOP_SILENCE_S = 180.0
-"""No camera, solver or mount keeps the loop waiting for so long: beyond it, the loop hangs."""
+"""No camera, solver or mount keeps the loop waiting for so long, as long as their own time limits
+are the usual ones: beyond it, the loop hangs."""
 LIFTS: dict[str, LimitName] = {"sun": "twilight"}
 """Which limit an override of the arming checklist lifts."""
 ALL_BUT_SUN: tuple[LimitName, ...] = ("altitude", "horizon", "hour angle", "pier", "twilight")
@@ -142,7 +143,8 @@ class Watch:
 
     def _look_at_the_loop(self) -> None:
         silent_s = time.monotonic() - self._loop_heard_s
-        if silent_s < max(LOOP_SILENCE_S, 2.0 * self._config.exposure.frame_timeout_s):
+        frame_s, again_s = self._config.exposure.frame_timeout_s, self._config.waits.connected_s
+        if silent_s < max(LOOP_SILENCE_S, 2.0 * frame_s, frame_s + again_s):
             notify("WATCHDOG=1")
             self._told.pop("loop", None)
             return

@@ -4,7 +4,7 @@ from collections import deque
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.config import IndiConfig, OpticsConfig
+from rsoconsole.config import IndiConfig, OpticsConfig, WaitsConfig
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.frame_ring import FrameRing
 from rsoconsole.instruments.indi_process import IndiProcess
@@ -17,7 +17,6 @@ That clock is one for all processes of a machine. libindi has by then read the w
 decoded its base64; the bytes are not yet unpacked. No FITS keyword: sessions do not keep it.
 """
 _MAX_MESSAGES = 100
-_ORDER_S = 12.0
 _BYTES_PER_PIXEL = 4
 _FRAME_FIELDS = (
     "frame_id",
@@ -35,8 +34,16 @@ _FRAME_FIELDS = (
 class IndiCamera:
     """A camera behind INDI; one exposure at a time."""
 
-    def __init__(self, config: IndiConfig, optics: OpticsConfig, log_path: Path) -> None:
-        """Describe the camera; ``start`` connects."""
+    def __init__(
+        self,
+        config: IndiConfig,
+        optics: OpticsConfig,
+        log_path: Path,
+        waits: WaitsConfig | None = None,
+    ) -> None:
+        """Describe the camera; ``start`` connects. ``waits`` None: as by default."""
+        waits = waits or WaitsConfig()
+        self._order_s = waits.order_s
         # Room for float32, though cameras give uint16: untouched pages cost nothing.
         self._ring = FrameRing.create(optics.width_px * optics.height_px * _BYTES_PER_PIXEL)
         self._awaited: int | None = None
@@ -49,12 +56,17 @@ class IndiCamera:
                 "host": config.host,
                 "port": config.port,
                 "device": config.camera,
+                "setting": "indi.camera",
+                "device_s": waits.device_s,
+                "quiet_s": waits.quiet_s,
+                "answer_s": waits.answer_s,
                 "ring": self._ring.descriptor,
                 "slot_bytes": self._ring.slot_bytes,
             },
             log_path=log_path,
             on_event=self._on_event,
             descriptors=(self._ring.descriptor,),
+            start_s=waits.connected_s,
         )
 
     def start(self) -> None:
@@ -66,7 +78,7 @@ class IndiCamera:
         self._outcome, self._awaited = None, frame_id
         self.process.request(
             "expose",
-            _ORDER_S,
+            self._order_s,
             exposure_s=exposure_s,
             frame_id=frame_id,
             slot=self._ring.free_slot(),
@@ -89,8 +101,8 @@ class IndiCamera:
         if not has_come:
             self.process.restart()
             raise InstrumentError(
-                f"camera gave no frame in {timeout_s:.0f} s: check its USB power; "
-                "its connection has been started afresh"
+                f"camera gave no frame in {timeout_s:.0f} s: check its USB power, on a slow "
+                "machine raise exposure.frame_timeout_s; its connection has been made again"
             )
         outcome = self._outcome
         assert outcome is not None
@@ -109,7 +121,7 @@ class IndiCamera:
     def abort(self) -> None:
         """Give up the exposure under way; its frame never comes."""
         self._awaited = None
-        self.process.request("abort", _ORDER_S)
+        self.process.request("abort", self._order_s)
 
     def take_messages(self) -> tuple[str, ...]:
         """What the camera's driver has said since this was last asked, at most the last 100.

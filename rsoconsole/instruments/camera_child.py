@@ -24,7 +24,6 @@ from rsoconsole.instruments.process_memory import return_free_pages, return_what
 
 _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
-_ACK_S = 5.0
 _STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+: ")
 """What libindi puts before a driver's words."""
 
@@ -40,6 +39,7 @@ class CameraChild:
         self._slot: int | None = None
         """Where the frame of the exposure under way goes; None once it has come."""
         self._blobs: queue.SimpleQueue[tuple[int, int, bytes, float]] = queue.SimpleQueue()
+        self._answer_s = 0.0
         threading.Thread(target=self._unpack_all, daemon=True, name="frames").start()
 
     def start(self, order: dict[str, Any]) -> dict[str, Any]:
@@ -48,11 +48,12 @@ class CameraChild:
 
         self._ring = FrameRing(order["ring"], order["slot_bytes"])
         client = IndiClient(order["device"], self._on_vector, self._on_message)
-        client.open(order["host"], order["port"], (_EXPOSURE, _IMAGE))
+        self._answer_s = float(order["answer_s"])
+        client.open(order, (_EXPOSURE, _IMAGE), self._mouth)
         client.setBLOBMode(PyIndi.B_ALSO, order["device"], _IMAGE)
         if client.get("UPLOAD_MODE") is not None:
             before = client.send_switch("UPLOAD_MODE", "UPLOAD_CLIENT")
-            client.wait("UPLOAD_MODE", lambda _: True, _ACK_S, before)
+            client.wait("UPLOAD_MODE", lambda _: True, self._answer_s, before)
         self._client = client
         exposure = client.get(_EXPOSURE)
         if exposure is not None and exposure.state == "Busy":
@@ -65,10 +66,11 @@ class CameraChild:
         client = self._ready()
         self._frame_id, self._slot = int(order["frame_id"]), int(order["slot"])
         before = client.send_numbers(_EXPOSURE, {"CCD_EXPOSURE_VALUE": float(order["exposure_s"])})
-        answer = client.wait(_EXPOSURE, lambda v: v.state != "Idle", _ACK_S, before)
+        answer = client.wait(_EXPOSURE, lambda v: v.state != "Idle", self._answer_s, before)
         if answer is None:
             raise InstrumentError(
-                f"the camera did not start an exposure in {_ACK_S:.0f} s: check its USB power"
+                f"the camera did not start an exposure in {self._answer_s:.0f} s: "
+                "check its USB power"
             )
         if answer.state == "Alert":
             raise InstrumentError(
@@ -84,10 +86,10 @@ class CameraChild:
         self._frame_id, self._slot = 0, None
         exposure = client.get(_EXPOSURE)
         before = client.send_switch("CCD_ABORT_EXPOSURE", "ABORT")
-        answer = client.wait("CCD_ABORT_EXPOSURE", lambda _: True, _ACK_S, before)
+        answer = client.wait("CCD_ABORT_EXPOSURE", lambda _: True, self._answer_s, before)
         if exposure is not None and exposure.state == "Busy":
             # Or the end of this exposure would pass for the answer to the next order.
-            client.wait(_EXPOSURE, lambda v: v.state != "Busy", _ACK_S, before)
+            client.wait(_EXPOSURE, lambda v: v.state != "Busy", self._answer_s, before)
         return {"aborted": answer is not None}
 
     def _on_vector(self, vector: Vector) -> None:

@@ -4,12 +4,15 @@ import threading
 import time
 from collections.abc import Callable
 
+from rsoconsole.config import WaitsConfig
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.indi_wire import IndiVector, IndiWire
+from rsoconsole.waits import LongWait
 
 CLOCK_DEVICE = "Simulated Clock"
 _NS = 1_000_000_000
 _WAKE_EVERY_S = 0.05
+_LOOK_S = 0.5
 LEAST_STEP_S = 0.2
 
 
@@ -64,19 +67,23 @@ class SimulatedClock:
 
     is_simulated = True
 
-    def __init__(self, host: str, port: int, *, silence_timeout_s: float = 20.0) -> None:
-        """Connect. Raises InstrumentError when the server has no simulated clock."""
-        self._silence_timeout_s = silence_timeout_s
+    def __init__(self, host: str, port: int, waits: WaitsConfig | None = None) -> None:
+        """Connect. ``waits`` None: as by default.
+
+        Raises InstrumentError when the server has no simulated clock.
+        """
+        waits = waits or WaitsConfig()
+        self._silence_timeout_s = waits.device_s
         self._wire = IndiWire(host, port)
         self._wake = threading.Event()
         self._tag = 0
         self._wire.ask(CLOCK_DEVICE)
-        first = self._wire.wait(lambda vector: vector.name == "SIM_CLOCK", 5.0)
+        first = self._first_word(waits.device_s)
         if first is None:
             self._wire.close()
             raise InstrumentError(
-                f"the INDI server at {host}:{port} has no simulated clock: "
-                "set indi.simulated = false, or start 'rsoconsole demo'"
+                f"the INDI server at {host}:{port} announced no simulated clock within "
+                f"{waits.device_s:.0f} s: if it is a real one set indi.simulated = false"
             )
         self._now_utc_ns = int(first.values["UTC_NS"])
         speed = float(first.values["SPEED"])
@@ -123,6 +130,16 @@ class SimulatedClock:
     def close(self) -> None:
         """Hang up; the observatory's time stands still from now on."""
         self._wire.close()
+
+    def _first_word(self, timeout_s: float) -> IndiVector | None:
+        wait = LongWait("the simulated observatory's clock")
+        while wait.waited_s < timeout_s:
+            wait.look()
+            left_s = min(_LOOK_S, timeout_s - wait.waited_s)
+            first = self._wire.wait(lambda vector: vector.name == "SIM_CLOCK", left_s)
+            if first is not None:
+                return first
+        return None
 
     def _answer(self, tag: str, timeout_s: float) -> IndiVector | None:
         deadline_s = time.monotonic() + timeout_s

@@ -29,9 +29,9 @@ def connect_instruments(
     """
     folder = log_dir or platformdirs.user_log_path(APP)
     with ExitStack() as release:
-        mount = IndiMount(config.indi, folder / "mount.log", config.mount)
+        mount = IndiMount(config.indi, folder / "mount.log", config.mount, config.waits)
         release.callback(mount.close)
-        camera = IndiCamera(config.indi, config.optics, folder / "camera.log")
+        camera = IndiCamera(config.indi, config.optics, folder / "camera.log", config.waits)
         release.callback(camera.close)
         with ThreadPoolExecutor(2) as both:
             starts = [both.submit(mount.start), both.submit(camera.start)]
@@ -39,13 +39,13 @@ def connect_instruments(
             start.result()
         if clock is None:
             own = (
-                SimulatedClock(config.indi.host, config.indi.port)
+                SimulatedClock(config.indi.host, config.indi.port, config.waits)
                 if config.indi.simulated
                 else SystemClock()
             )
             release.callback(own.close)
             clock = own
-        guard = open_guard(config.indi, release)
+        guard = open_guard(config.indi, release, config.waits)
         yield Instruments(
             clock=clock,
             mount=mount,

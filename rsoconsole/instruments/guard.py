@@ -5,10 +5,11 @@ import threading
 import time
 from typing import Literal
 
-from rsoconsole.config import IndiConfig
+from rsoconsole.config import IndiConfig, WaitsConfig
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.indi_wire import IndiVector, IndiWire
 from rsoconsole.instruments.ports import SkyReport
+from rsoconsole.waits import LongWait
 
 Weather = Literal["ok", "warning", "alert", "silent"]
 Dome = Literal["open", "closed", "moving", "silent"]
@@ -17,7 +18,7 @@ SILENCE_S = 60.0
 _ASK_EVERY_S = 15.0
 _HEAR_S = 0.5
 _CONNECT_S = 2.0
-_FIRST_WORD_S = 3.0
+_LOOK_S = 0.5
 _WEATHER: dict[str, Weather] = {"Ok": "ok", "Busy": "warning", "Alert": "alert"}
 
 
@@ -28,8 +29,15 @@ class IndiGuard:
     it has said nothing for a minute although it is asked four times in that.
     """
 
-    def __init__(self, config: IndiConfig, *, silence_s: float = SILENCE_S) -> None:
-        """Describe what is to be watched; ``start`` begins."""
+    def __init__(
+        self,
+        config: IndiConfig,
+        *,
+        silence_s: float = SILENCE_S,
+        first_word_s: float = WaitsConfig().quiet_s,
+    ) -> None:
+        """Describe what is to be watched; ``start`` begins, and waits that long for a word."""
+        self._first_word_s = first_word_s
         self._config, self._silence_s = config, silence_s
         self._ask_every_s = min(_ASK_EVERY_S, silence_s / 4)
         self._told: dict[tuple[str, str], IndiVector] = {}
@@ -41,10 +49,13 @@ class IndiGuard:
         self._thread = threading.Thread(target=self._run, daemon=True, name="guard")
 
     def start(self) -> None:
-        """Begin to watch; waits up to 3 s for a first word of every device."""
+        """Begin to watch; waits a while for a first word of every device."""
         self._thread.start()
+        wait = LongWait(f"a first word of {' and '.join(self._devices)}")
         with self._changed:
-            self._changed.wait_for(lambda: not self._is_any_silent(), _FIRST_WORD_S)
+            while self._is_any_silent() and wait.waited_s < self._first_word_s:
+                wait.look()
+                self._changed.wait(_LOOK_S)
 
     def look(self) -> SkyReport:
         """The latest word, at once; never raises."""
@@ -103,7 +114,7 @@ class IndiGuard:
         heard_s = self._heard_s.get(device)
         where = f"the INDI server at {self._config.host}:{self._config.port}"
         if heard_s is None:
-            return self._trouble or f"{where} has no device '{device}'"
+            return self._trouble or f"{where} has announced no device '{device}' yet"
         connection = self._told.get((device, "CONNECTION"))
         if connection is not None and connection.values.get("CONNECT") != "On":
             return f"{device} is there but not connected"
@@ -169,11 +180,13 @@ class IndiGuard:
             self._trouble = trouble
 
 
-def open_guard(config: IndiConfig, release: contextlib.ExitStack) -> IndiGuard | None:
+def open_guard(
+    config: IndiConfig, release: contextlib.ExitStack, waits: WaitsConfig
+) -> IndiGuard | None:
     """A guard at work, closed with ``release``; None where nothing is configured to watch."""
     if not (config.weather or config.dome):
         return None
-    guard = IndiGuard(config)
+    guard = IndiGuard(config, first_word_s=waits.quiet_s)
     release.callback(guard.close)
     guard.start()
     return guard

@@ -4,6 +4,7 @@ Runs only in a child process. PyIndi's callbacks come on a thread of its own and
 one would abort the process, so each is guarded and does no more than copy values out.
 """
 
+import contextlib
 import ctypes
 import json
 import os
@@ -22,7 +23,7 @@ import numpy as np
 import PyIndi
 
 from rsoconsole.errors import InstrumentError, RsoconsoleError
-from rsoconsole.instruments.indi_process import END, SERVER_LOST
+from rsoconsole.instruments.indi_process import END, SERVER_LOST, WAITING
 from rsoconsole.instruments.process_memory import forget_contents
 
 _STATES = {
@@ -31,7 +32,7 @@ _STATES = {
     PyIndi.IPS_BUSY: "Busy",
     PyIndi.IPS_ALERT: "Alert",
 }
-_DEVICE_S = 3.0
+_LOOK_S = 0.5
 _UNREAD_LINES = 2000
 
 
@@ -109,29 +110,52 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
 
     # For the child's own threads.
 
-    def open(self, host: str, port: int, needed: tuple[str, ...], timeout_s: float = 15.0) -> None:
-        """Connect to the server and the device, and wait until ``needed`` are defined."""
+    def open(self, order: Mapping[str, Any], needed: tuple[str, ...], mouth: "Mouth") -> None:
+        """Connect to the server and the device, and wait until ``needed`` are defined.
+
+        ``order`` is the parent's: host, port, setting, and how long to wait.
+        Raises InstrumentError.
+        """
+        host, port = order["host"], order["port"]
         self.setServer(host, port)
         self.watchDevice(self.device)
+        mouth.say({"event": WAITING, "what": f"the INDI server at {host}:{port} to answer"})
         if not self.connectServer():
             raise InstrumentError(f"no INDI server answers at {host}:{port}: start indiserver")
         self._ready = True
-        deadline_s = time.monotonic() + timeout_s
-        if self.wait("CONNECTION", lambda _: True, _DEVICE_S) is None:
-            raise InstrumentError(
-                f"the INDI server at {host}:{port} has no device '{self.device}': "
-                "set indi.mount and indi.camera to what 'indi_getprop' lists"
-            )
+        self._await_device(order, mouth)
         if not self._vectors["CONNECTION"].values.get("CONNECT"):
             self.has_connected_device = True
             self.connectDevice(self.device)
+        device_s = float(order["device_s"])
+        deadline_s = time.monotonic() + device_s
         for name in needed:
+            mouth.say({"event": WAITING, "what": f"{self.device} to offer {name}"})
             left_s = max(0.1, deadline_s - time.monotonic())
             if self.wait(name, lambda _: True, left_s) is None:
                 raise InstrumentError(
-                    f"{self.device} is there but does not offer {name}: "
+                    f"{self.device} is there but has not offered {name} in {device_s:.0f} s: "
                     f"is it connected and powered? {self.last_message}".rstrip()
                 )
+
+    def _await_device(self, order: Mapping[str, Any], mouth: "Mouth") -> None:
+        """Wait until the server announces the device. Raises InstrumentError."""
+        words = f"{order['setting'].partition('.')[2]} '{self.device}'"
+        mouth.say({"event": WAITING, "what": words})
+        if self.wait("CONNECTION", lambda _: True, _LOOK_S) is not None:
+            return
+        # Only now: a process that starts in no time needs none of it.
+        from rsoconsole.instruments.devices_there import DevicesThere
+
+        told: tuple[str, ...] = ()
+        with contextlib.closing(DevicesThere(self.device, order)) as there:
+            while self.wait("CONNECTION", lambda _: True, _LOOK_S) is None:
+                there.look()
+                if there.others != told:
+                    told = there.others
+                    has = ", ".join(told)
+                    what = f"{words}; the INDI server has announced {has} until now"
+                    mouth.say({"event": WAITING, "what": what})
 
     def get(self, name: str) -> Vector | None:
         """A property as last heard of."""

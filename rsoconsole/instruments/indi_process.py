@@ -17,17 +17,24 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.errors import InstrumentError
+from rsoconsole.waits import LongWait
 
 log = logging.getLogger(__name__)
 
 SERVER_LOST = 3
 """Exit status of a child whose INDI server went away."""
-_START_S = 20.0
+_START_S = 150.0
+"""Unless told otherwise: the configuration's ``waits`` know better."""
 _END_S = 3.0
+_LEAVE_S = 10.0
+"""A mount's process stops the mount before it goes, which takes its time on a slow machine."""
 _STATUS_S = 1.0
 _TELL_S = 0.1
 _HUNG_S = 3.0
+_LOOK_S = 0.5
 ARE_YOU_THERE = "are you there"
+WAITING = "waiting"
+"""The event by which a child says what it waits for at its start."""
 END = "end"
 """The order with which a parent takes its leave; one that merely goes away gives none."""
 
@@ -48,11 +55,14 @@ class IndiProcess:
         log_path: Path,
         on_event: Callable[[dict[str, Any]], None],
         descriptors: tuple[int, ...] = (),
+        start_s: float = _START_S,
     ) -> None:
-        """Describe the child (``python -m module``); ``start`` makes it.
+        """Describe the child (``python -m module``); ``start`` makes it and waits ``start_s``.
 
         ``on_event`` gets every line that answers no request, on the reader's thread.
         """
+        self._start_s = start_s
+        self._awaits = ""
         self.name, self._module, self._settings = name, module, dict(settings)
         self._log_path, self._on_event, self._descriptors = log_path, on_event, descriptors
         self._process: subprocess.Popen[bytes] | None = None
@@ -97,13 +107,26 @@ class IndiProcess:
                 target=self._read, args=(process,), daemon=True, name=f"{self.name} reader"
             ).start()
             try:
-                self._ask(process, "start", _START_S, self._settings)
+                self._await_start(process)
             except InstrumentError:
                 self._end(process)
                 raise
             if dead is not None:
                 words = "the %s's process had ended (status %s): another one is at work"
                 log.warning(words, self.name, dead.returncode)
+
+    def _await_start(self, process: "subprocess.Popen[bytes]") -> None:
+        self._awaits = f"the {self.name}'s process to start"
+        number = self._send(process, "start", self._settings)
+        wait = LongWait(self._awaits)
+        answer = self._await_answer(process, number, time.monotonic() + self._start_s, wait)
+        if answer is None:
+            raise InstrumentError(
+                f"waited {wait.waited_s:.0f} s for {self._awaits}: on a machine that slow raise "
+                f"waits.process_s or waits.device_s; {self._log_path} may tell more"
+            )
+        if "error" in answer:
+            raise InstrumentError(str(answer["error"]))
 
     def restart(self) -> None:
         """A fresh child in place of this one, dead or alive. Raises InstrumentError."""
@@ -195,7 +218,7 @@ class IndiProcess:
                 left_s = deadline_s - time.monotonic()
                 if left_s <= 0:
                     return False
-                self._changed.wait(min(left_s, 0.5))
+                self._changed.wait(min(left_s, _LOOK_S))
         return True
 
     def close(self) -> None:
@@ -204,7 +227,7 @@ class IndiProcess:
             self._is_closed = True
             if self._process is not None:
                 self.tell(END)
-                self._end(self._process)
+                self._end(self._process, _LEAVE_S)
 
     def _ask(
         self,
@@ -213,6 +236,21 @@ class IndiProcess:
         timeout_s: float,
         arguments: Mapping[str, Any],
     ) -> dict[str, Any]:
+        number = self._send(process, verb, arguments)
+        answer = self._await_answer(process, number, time.monotonic() + timeout_s)
+        if answer is None:
+            raise _LateError(
+                f"the {self.name} did not answer '{verb}' in {timeout_s:.1f} s: "
+                f"see {self._log_path}"
+            )
+        if "error" in answer:
+            raise InstrumentError(str(answer["error"]))
+        return answer
+
+    def _send(
+        self, process: "subprocess.Popen[bytes]", verb: str, arguments: Mapping[str, Any]
+    ) -> int:
+        """The number of the request."""
         with self._writing:
             self._next_id += 1
             number = self._next_id
@@ -225,20 +263,19 @@ class IndiProcess:
             except (OSError, ValueError) as error:
                 self._open.discard(number)
                 raise self._died(process) from error
-        answer = self._await_answer(process, number, time.monotonic() + timeout_s)
-        if answer is None:
-            raise _LateError(
-                f"the {self.name} did not answer '{verb}' in {timeout_s:.1f} s: "
-                f"see {self._log_path}"
-            )
-        if "error" in answer:
-            raise InstrumentError(str(answer["error"]))
-        return answer
+        return number
 
     def _await_answer(
-        self, process: "subprocess.Popen[bytes]", number: int, deadline_s: float
+        self,
+        process: "subprocess.Popen[bytes]",
+        number: int,
+        deadline_s: float,
+        wait: LongWait | None = None,
     ) -> dict[str, Any] | None:
-        """The answer, None when it is late. Raises InstrumentError when the child dies first."""
+        """The answer, None when it is late. Raises InstrumentError when the child dies first.
+
+        ``wait`` says what for, as the child itself tells it.
+        """
         with self._changed:
             try:
                 while number not in self._answers:
@@ -247,7 +284,10 @@ class IndiProcess:
                         raise self._died(process)
                     if left_s <= 0:
                         return None
-                    self._changed.wait(min(left_s, 0.5))
+                    if wait is not None:
+                        wait.what = self._awaits
+                        wait.look()
+                    self._changed.wait(min(left_s, _LOOK_S))
                 return self._answers[number]
             finally:
                 self._open.discard(number)
@@ -282,7 +322,9 @@ class IndiProcess:
             log.warning("the %s said %r: %s", self.name, line[:200], error)
             return
         with self._changed:
-            if "id" not in message:
+            if message.get("event") == WAITING:
+                self._awaits = str(message["what"])
+            elif "id" not in message:
                 self._tell(message)
             elif message["id"] in self._open:
                 self._answers[message["id"]] = message
@@ -294,12 +336,12 @@ class IndiProcess:
         except Exception:  # what one message breaks must not silence all later ones
             log.exception("the %s said something that cannot be used: %s", self.name, message)
 
-    def _end(self, process: "subprocess.Popen[bytes]") -> None:
+    def _end(self, process: "subprocess.Popen[bytes]", patience_s: float = _END_S) -> None:
         with contextlib.suppress(OSError, ValueError):
             assert process.stdin is not None
             process.stdin.close()
         try:
-            process.wait(_END_S)
+            process.wait(patience_s)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

@@ -72,6 +72,10 @@ class IndiWire:
         which = f" name={quoteattr(name)}" if name else ""
         self._send(f'<getProperties version="1.7" device={quoteattr(device)}{which}/>')
 
+    def ask_all(self) -> None:
+        """Ask for the definitions of all properties of all devices."""
+        self._send('<getProperties version="1.7"/>')
+
     def new(self, kind: str, device: str, name: str, values: Mapping[str, str]) -> None:
         """Ask for new values: ``kind`` is Number, Switch or Text."""
         one = _MEMBER[kind]

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.config import IndiConfig, MountConfig
+from rsoconsole.config import IndiConfig, MountConfig, WaitsConfig
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.indi_process import IndiProcess
 from rsoconsole.instruments.indi_wire import stop_mount
@@ -18,7 +18,6 @@ from rsoconsole.sky.angles import separation_deg
 
 log = logging.getLogger(__name__)
 
-_ORDER_S = 12.0
 _MAX_MESSAGES = 100
 _ABORT_ANSWER_S = 0.1
 _KM_PER_DEG = 111.19
@@ -30,9 +29,15 @@ class IndiMount:
     """A mount behind INDI; safe for several threads."""
 
     def __init__(
-        self, config: IndiConfig, log_path: Path, mount: MountConfig | None = None
+        self,
+        config: IndiConfig,
+        log_path: Path,
+        mount: MountConfig | None = None,
+        waits: WaitsConfig | None = None,
     ) -> None:
-        """Describe the mount; ``start`` connects. ``mount`` None: all as by default."""
+        """Describe the mount; ``start`` connects. ``mount``, ``waits`` None: as by default."""
+        waits = waits or WaitsConfig()
+        self._order_s = waits.order_s
         self._config, self._mount = config, mount or MountConfig()
         self._latest: MountReport | None = None
         self._tracks_after_stop: bool | None = None
@@ -44,12 +49,17 @@ class IndiMount:
                 "host": config.host,
                 "port": config.port,
                 "device": config.mount,
+                "setting": "indi.mount",
+                "device_s": waits.device_s,
+                "quiet_s": waits.quiet_s,
+                "answer_s": waits.answer_s,
                 "simulated": config.simulated,
                 "after_stop": self._mount.after_stop,
                 "lease_s": self._mount.lease_s,
             },
             log_path=log_path,
             on_event=self._on_event,
+            start_s=waits.connected_s,
         )
 
     def start(self) -> None:
@@ -60,7 +70,7 @@ class IndiMount:
         """Go there and track; returns once the mount has taken the order."""
         self.process.request(
             "slew",
-            _ORDER_S,
+            self._order_s,
             ra_icrs_deg=ra_icrs_deg,
             dec_icrs_deg=dec_icrs_deg,
             now_utc_ns=now_utc_ns,
@@ -126,21 +136,21 @@ class IndiMount:
 
     def park(self) -> None:
         """Order the mount to its park position."""
-        self.process.request("park", _ORDER_S)
+        self.process.request("park", self._order_s)
 
     def unpark(self) -> None:
         """Release a parked mount."""
-        self.process.request("unpark", _ORDER_S)
+        self.process.request("unpark", self._order_s)
 
     def set_tracking(self, is_on: bool) -> None:
         """Sidereal tracking on or off."""
-        self.process.request("set_tracking", _ORDER_S, is_on=is_on)
+        self.process.request("set_tracking", self._order_s, is_on=is_on)
 
     def set_site(self, site: Site) -> None:
         """Tell the mount where it stands."""
         self.process.request(
             "set_site",
-            _ORDER_S,
+            self._order_s,
             latitude_deg=site.latitude_deg,
             longitude_deg=site.longitude_deg,
             elevation_m=site.elevation_m,
@@ -148,7 +158,7 @@ class IndiMount:
 
     def check_site(self, site: Site) -> SiteCheck:
         """Compare the mount's site with the configured one."""
-        told = self.process.request("site", _ORDER_S)["site"]
+        told = self.process.request("site", self._order_s)["site"]
         if told is None:
             return SiteCheck(
                 is_consistent=True,
@@ -178,7 +188,7 @@ class IndiMount:
 
     def utc_offset_s(self) -> float | None:
         """The mount's own clock minus the engine's; None when it does not tell the time."""
-        offset = self.process.request("utc_offset", _ORDER_S)["offset_s"]
+        offset = self.process.request("utc_offset", self._order_s)["offset_s"]
         return None if offset is None else float(offset)
 
     def take_messages(self) -> tuple[str, ...]:

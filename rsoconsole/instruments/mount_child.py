@@ -28,7 +28,6 @@ from rsoconsole.sky.frames import icrs_to_jnow
 
 _TELLING = (COORDINATES, PARK, TRACKING, SIDE)
 _ABORT = "TELESCOPE_ABORT_MOTION"
-_ACK_S = 5.0
 _STOP_S = 2.0
 _REPEAT_ABORT_S = 0.5
 _TRACKING_S = 1.0
@@ -42,6 +41,7 @@ class MountChild:
     def __init__(self, mouth: Mouth) -> None:
         self._mouth = mouth
         self._is_simulated = False
+        self._answer_s = 0.0
         self._after_stop: AfterStop = "track"
         self._client: IndiClient | None = None
         self._mirror: MountMirror | None = None
@@ -52,7 +52,8 @@ class MountChild:
         self._is_simulated = bool(order["simulated"])
         self._after_stop = order["after_stop"]
         client = IndiClient(order["device"], self._on_vector)
-        client.open(order["host"], order["port"], (COORDINATES, "ON_COORD_SET"))
+        self._answer_s = float(order["answer_s"])
+        client.open(order, (COORDINATES, "ON_COORD_SET"), self._mouth)
         self._client, self._mirror = client, MountMirror(client, self._is_simulated)
         self._watch = MountWatch(
             lease=Lease(float(order["lease_s"])),
@@ -65,7 +66,7 @@ class MountChild:
         self._watch.start()
         if self._is_simulated:
             before = client.send_switch("SIM_REPORT", "NOW")
-            self._expect(client.wait(COORDINATES, lambda _: True, _ACK_S, before), "report")
+            self._expect(client.wait(COORDINATES, lambda _: True, self._answer_s, before), "report")
         return {}
 
     def on_order(self) -> None:
@@ -106,10 +107,10 @@ class MountChild:
             )
             return bool(distance_deg < _ARRIVED_ALREADY_DEG)
 
-        answer = client.wait(COORDINATES, is_answer, _ACK_S, before)
+        answer = client.wait(COORDINATES, is_answer, self._answer_s, before)
         if answer is None:
             raise InstrumentError(
-                f"the mount did not start to slew in {_ACK_S:.0f} s: "
+                f"the mount did not start to slew in {self._answer_s:.0f} s: "
                 f"look at its driver's log. {client.last_message}".rstrip()
             )
         if answer.state == "Alert":
@@ -128,7 +129,7 @@ class MountChild:
         if mirror.is_parked or mirror.is_parking:
             return {}
         before = client.send_switch(PARK, "PARK")
-        answer = self._expect(client.wait(PARK, lambda _: True, _ACK_S, before), "park")
+        answer = self._expect(client.wait(PARK, lambda _: True, self._answer_s, before), "park")
         self._await_report(answer.serial)
         return {}
 
@@ -140,7 +141,10 @@ class MountChild:
         if mirror.is_parked:
             before = client.send_switch(PARK, "UNPARK")
             released = client.wait(
-                PARK, lambda v: v.state == "Alert" or not v.values.get("PARK"), _ACK_S, before
+                PARK,
+                lambda v: v.state == "Alert" or not v.values.get("PARK"),
+                self._answer_s,
+                before,
             )
             self._await_report(self._expect(released, "unpark").serial)
         return {}
@@ -177,7 +181,9 @@ class MountChild:
             )
             return vector.state == "Alert" or bool(told_deg < _SAME_SITE_DEG)
 
-        self._expect(client.wait("GEOGRAPHIC_COORD", is_answer, _ACK_S, before), "take its site")
+        self._expect(
+            client.wait("GEOGRAPHIC_COORD", is_answer, self._answer_s, before), "take its site"
+        )
         return {}
 
     def site(self, _order: dict[str, Any]) -> dict[str, Any]:
@@ -189,7 +195,7 @@ class MountChild:
         client, mirror = self._ready()
         if self._is_simulated:
             before = client.send_switch("SIM_REPORT", "NOW")
-            client.wait(TIME, lambda _: True, _ACK_S, before)
+            client.wait(TIME, lambda _: True, self._answer_s, before)
         return {"offset_s": mirror.utc_offset_s()}
 
     def report(self, _order: dict[str, Any]) -> dict[str, Any]:
@@ -282,18 +288,21 @@ class MountChild:
     def _switch(self, name: str, member: str) -> Vector:
         client, _ = self._ready()
         before = client.send_switch(name, member)
-        return self._expect(client.wait(name, lambda _: True, _ACK_S, before), f"set {name}")
+        return self._expect(
+            client.wait(name, lambda _: True, self._answer_s, before), f"set {name}"
+        )
 
     def _await_report(self, answered: int) -> None:
         """The simulated mount reports behind every answer: wait, so that nobody sees it older."""
         if self._is_simulated:
-            self._ready()[0].wait(COORDINATES, lambda _: True, _ACK_S, answered)
+            self._ready()[0].wait(COORDINATES, lambda _: True, self._answer_s, answered)
 
     def _expect(self, answer: Vector | None, what: str) -> Vector:
         words = self._ready()[0].last_message
         if answer is None:
             raise InstrumentError(
-                f"the mount did not {what} in {_ACK_S:.0f} s: look at its driver's log. {words}"
+                f"the mount did not {what} in {self._answer_s:.0f} s: "
+                f"look at its driver's log. {words}"
             )
         if answer.state == "Alert":
             raise InstrumentError(f"the mount refused to {what}: {words or 'no reason given'}")

@@ -15,6 +15,7 @@ from types import TracebackType
 
 import numpy as np
 
+from rsoconsole.config import WaitsConfig
 from rsoconsole.errors import FrameError, SolverError
 from rsoconsole.instruments.index_files import (
     IndexFile,
@@ -76,12 +77,17 @@ class PlateSolver:
     """Solves frames one after another; a context manager that owns the solver process."""
 
     def __init__(
-        self, index_dirs: Sequence[Path] = (), *, catalogue: StarCatalogue | None = None
+        self,
+        index_dirs: Sequence[Path] = (),
+        *,
+        catalogue: StarCatalogue | None = None,
+        start_s: float = WaitsConfig().process_s,
     ) -> None:
         """``index_dirs`` come before the usual folders (``index_files.search_dirs``).
 
         ``catalogue`` holds the stars plates are fitted to where it covers the field; None: the
-        shipped one. Raises SolverError when there is no usable index file at all.
+        shipped one. ``start_s``: how long its process is waited for. Raises SolverError when there
+        is no usable index file at all.
         """
         self._files = list_index_files(search_dirs(tuple(index_dirs)))
         if not any(file.is_healthy for file in self._files):
@@ -91,7 +97,7 @@ class PlateSolver:
         self._wide: StarCatalogue | None = None
         self._field_stars: FloatArray = np.empty((0, 3))
         self._request_ids = itertools.count(1)
-        self._child = SolverChild()
+        self._child = SolverChild(start_s)
         self._child.start()
 
     def __enter__(self) -> "PlateSolver":

@@ -9,8 +9,10 @@ import threading
 import time
 from multiprocessing.connection import Connection
 
+from rsoconsole.config import WaitsConfig
 from rsoconsole.errors import SolverError
 from rsoconsole.instruments.solver_process import MatchReply, MatchRequest, Ready
+from rsoconsole.waits import LongWait
 
 log = logging.getLogger(__name__)
 
@@ -19,7 +21,7 @@ _CODE = (
     "from rsoconsole.instruments.solver_process import main; main(int(sys.argv[1]))"
 )
 _GRACE_S = 1.0
-_START_S = 60.0
+_LOOK_S = 0.5
 
 
 class SolverDied(Exception):  # noqa: N818 - an outcome the solver turns into a value
@@ -33,7 +35,9 @@ class SolverTimeout(Exception):  # noqa: N818 - an outcome the solver turns into
 class SolverChild:
     """One solver process at a time; thread-safe; replaced whenever it dies or overruns."""
 
-    def __init__(self) -> None:
+    def __init__(self, start_s: float = WaitsConfig().process_s) -> None:
+        """``start_s``: how long a process is waited for until it can search."""
+        self._start_s = start_s
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
@@ -87,9 +91,15 @@ class SolverChild:
         raise SolverError("the solver process dies as soon as it starts: reinstall rsoconsole")
 
     def _await_ready(self, connection: Connection) -> None:
-        if not connection.poll(_START_S):
-            self._kill(0.0)
-            raise SolverError(f"the solver process was not ready in {_START_S:g} s: try again")
+        wait = LongWait("the plate solver's process to start")
+        while not connection.poll(_LOOK_S):
+            wait.look()
+            if wait.waited_s >= self._start_s:
+                self._kill(0.0)
+                raise SolverError(
+                    f"the plate solver's process was not ready in {self._start_s:g} s: on a "
+                    "machine that slow raise waits.process_s"
+                )
         word = connection.recv()
         if not isinstance(word, Ready) or word.error:
             self._kill(0.0)

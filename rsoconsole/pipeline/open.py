@@ -19,7 +19,7 @@ def open_reducer(config: Config) -> Iterator[tuple[FrameReducer, str]]:
     """
     network = Network.load(config.detector.model, config.detector.threads)
     curve = ConfidenceCurve.from_card(network.card)
-    with PlateSolver(config.solver.index_dirs) as solver:
+    with PlateSolver(config.solver.index_dirs, start_s=config.waits.process_s) as solver:
         yield (
             FrameReducer(network, curve, PlateFinder(solver, config), config),
             str(network.card["sha256"]),

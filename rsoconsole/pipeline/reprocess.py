@@ -275,7 +275,7 @@ class Reprocessor:
     def _plate(self, config: Config) -> Plate:
         try:
             if self._solver is None:
-                self._solver = PlateSolver(config.solver.index_dirs)
+                self._solver = PlateSolver(config.solver.index_dirs, start_s=config.waits.process_s)
         except RsoconsoleError as error:
             log.warning("%s", error)
             missing = NotSolved(frame_id=self._frame.frame_id, reason=str(error), ms=0.0)

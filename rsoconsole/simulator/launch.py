@@ -2,10 +2,10 @@
 
 import json
 import math
+import select
 import subprocess
 import sys
 import tempfile
-import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -13,13 +13,16 @@ from types import TracebackType
 from typing import IO, Any, Self
 
 from rsoconsole.errors import InstrumentError
+from rsoconsole.waits import LongWait
 
 HOST = "127.0.0.1"
 MOUNT_NAME = "Telescope Simulator"
 CAMERA_NAME = "CCD Simulator"
 WEATHER_NAME = "Weather Simulator"
 DOME_NAME = "Dome Simulator"
-_START_S = 60.0
+START_S = 180.0
+"""Ends as soon as it listens; so much only on a machine that is held up."""
+_LOOK_S = 0.5
 
 
 class Observatory:
@@ -114,13 +117,13 @@ def _first_line(process: "subprocess.Popen[bytes]", settings: dict[str, Any]) ->
     with suppress(OSError):
         process.stdin.write(json.dumps(settings).encode() + b"\n")
         process.stdin.flush()
-    # A process that hangs at its start must not hang us: its end makes readline return.
-    deadline = threading.Timer(_START_S, process.kill)
-    deadline.start()
-    try:
-        line = process.stdout.readline()
-    finally:
-        deadline.cancel()
+    wait = LongWait("the simulated observatory to start")
+    while not select.select([process.stdout], [], [], _LOOK_S)[0]:
+        wait.look()
+        if wait.waited_s >= START_S:
+            process.kill()
+            return {"error": f"it did not listen within {START_S:.0f} s: try again"}
+    line = process.stdout.readline()
     answer: dict[str, Any] = json.loads(line) if line.strip() else {}
     return answer
 

@@ -2,24 +2,36 @@
 
 import asyncio
 import math
+import time
 from collections.abc import Awaitable, Callable
 
 NS = 1_000_000_000
 US = 1_000
 REPORT_EVERY_NS = 1 * NS
 _LONGEST_STEP_S = 0.1
+CATCH_UP = 4.0
+"""How many times faster paced time passes while it is behind the wall's."""
+MOST_BEHIND_S = 60.0
+"""Wall seconds that are caught up; what lies further back (a machine that slept) is given up."""
 
 
 class VirtualClock:
     """The observatory's time, in UTC ns, always whole microseconds (INDI's finest stamp).
 
-    ``speed`` is virtual seconds a wall second; 0 or infinity: at once.
+    ``speed`` is virtual seconds a wall second; 0 or infinity: at once. A paced clock keeps to the
+    wall's: while nobody asks for time it stands, and catches up afterwards, as fast as
+    ``CATCH_UP`` allows.
     """
 
-    def __init__(self, t_start_utc_ns: int, speed: float) -> None:
+    def __init__(
+        self, t_start_utc_ns: int, speed: float, wall_s: Callable[[], float] = time.monotonic
+    ) -> None:
         self._now_utc_ns = t_start_utc_ns // US * US
         self.speed = 0.0 if math.isinf(speed) else max(0.0, speed)
         self._interrupted = asyncio.Event()
+        self._wall_s = wall_s
+        self._on_schedule_s: float | None = None
+        """When, by the wall, the present instant was due; None before the first advance."""
 
     @property
     def now_utc_ns(self) -> int:
@@ -52,9 +64,14 @@ class VirtualClock:
         if self.speed <= 1.0 / _LONGEST_STEP_S:
             t_next_utc_ns = min(t_next_utc_ns, next_report_utc_ns)
         wall_s = (t_next_utc_ns - self._now_utc_ns) / NS / self.speed
+        now_s = self._wall_s()
+        due_s = now_s if self._on_schedule_s is None else self._on_schedule_s
+        due_s = max(due_s, now_s - MOST_BEHIND_S)
+        pause_s = max(due_s + wall_s - now_s, wall_s / CATCH_UP)
         try:
-            await asyncio.wait_for(self._interrupted.wait(), wall_s)
+            await asyncio.wait_for(self._interrupted.wait(), pause_s)
         except TimeoutError:
             self._now_utc_ns = t_next_utc_ns
+            self._on_schedule_s = due_s + wall_s
             if t_next_utc_ns >= next_report_utc_ns and t_next_utc_ns < t_end_utc_ns:
                 await on_report()

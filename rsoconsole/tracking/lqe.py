@@ -312,6 +312,12 @@ _own = threading.local()
 """Each thread's filter: making one takes as long as a step with it."""
 
 
+def make_ready() -> None:
+    """Load what the first prediction needs, where somebody has the time: the night's first slew
+    to a satellite would wait for it otherwise."""
+    import filterpy.kalman  # noqa: F401 - loaded now
+
+
 def _kalman(state: TrackState) -> Any:
     # filterpy pulls in scipy, most of a second: only who filters pays for it.
     from filterpy.kalman import KalmanFilter
