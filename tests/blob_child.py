@@ -4,9 +4,20 @@ import json
 import os
 import sys
 import threading
+from collections.abc import Mapping
 from typing import Any
 
-from rsoconsole.instruments.indi_child import IndiClient, Vector
+from rsoconsole.instruments.indi_child import IndiClient, Mouth, Vector
+
+
+class Silent(Mouth):
+    """Tells nobody what is waited for."""
+
+    def __init__(self) -> None:
+        """Leave stdout as it is: the answer goes there."""
+
+    def say(self, message: Mapping[str, Any]) -> None:
+        """Nobody listens."""
 
 
 def main(host: str, port: int, device: str) -> None:
@@ -25,7 +36,14 @@ def main(host: str, port: int, device: str) -> None:
             has_come.set()
 
     client = IndiClient(device, hear)
-    client.open(host, port, ("CCD_EXPOSURE", "CCD1"))
+    order = {
+        "host": host,
+        "port": port,
+        "setting": "indi.camera",
+        "device_s": 60.0,
+        "quiet_s": 20.0,
+    }
+    client.open(order, ("CCD_EXPOSURE", "CCD1"), Silent())
     client.setBLOBMode(PyIndi.B_ALSO, device, "CCD1")
     before = client.send_numbers("CCD_EXPOSURE", {"CCD_EXPOSURE_VALUE": 0.1})
     seen["has_come"] = has_come.wait(60.0)
