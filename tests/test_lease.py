@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.config import Config
+from rsoconsole.config import Config, WaitsConfig
 from rsoconsole.instruments.clock import SimulatedClock
 from rsoconsole.instruments.indi_wire import IndiVector, IndiWire
 from rsoconsole.instruments.mount import IndiMount
@@ -255,6 +255,8 @@ class Child:
             host=observatory.host,
             port=observatory.port,
             device=observatory.mount_name,
+            setting="indi.mount",
+            **WaitsConfig().model_dump(include={"device_s", "quiet_s", "answer_s"}),
             simulated=True,
             after_stop="track",
             lease_s=10.0,
