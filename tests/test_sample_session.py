@@ -58,10 +58,10 @@ def test_the_kept_frame_shows_what_was_recorded_of_it(reader: SessionReader):
     )
 
 
-def test_its_track_is_followed_again_bit_for_bit(reader: SessionReader):
+def test_its_track_is_followed_again_on_any_processor(reader: SessionReader):
     records = [record for _, _, record in reader.records()]
     frames = list(replay(records, reader.config()))
     assert len(frames) == 22
-    assert all(frame.is_as_recorded for frame in frames)
+    assert all(frame.is_alike for frame in frames)
     assert frames[-1].after.state == "TRACK"
     assert sum(isinstance(r, Measurement) for r in records) >= 18

@@ -47,7 +47,7 @@ def answer_lines(session: str, answer: "Answer") -> Iterator[str]:
         yield f"  {kept} frame{'' if kept == 1 else 's'} reduced anew{rest}"
     if not answer.is_reproduced:
         yield (
-            "  the recorded settings do not give the recorded track bit for bit: another version"
+            "  the recorded settings do not give the recorded track: another version"
             " recorded it, or the session was cut off"
         )
     yield from figures_lines(answer.recorded, answer.what_if)

@@ -14,6 +14,7 @@ from typing import Any, Literal, TypeAlias
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.pipeline.absence import StarHistory
+from rsoconsole.pipeline.alike import are_alike
 from rsoconsole.pipeline.fold import Shown, fold, looked_at
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.otherwise import at_instant, at_tau
@@ -68,6 +69,11 @@ class ReplayedFrame:
     def is_as_recorded(self) -> bool:
         """Whether both are the same, bit for bit; a session that was cut off may lack its end."""
         return self.records == self.recorded
+
+    @property
+    def is_alike(self) -> bool:
+        """Whether both are the same but for the rounding of another processor."""
+        return are_alike(self.records, self.recorded)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,7 +273,7 @@ class Walk:
         yield self._compared(_replayed(done, recorded))
 
     def _compared(self, frame: ReplayedFrame) -> ReplayedFrame:
-        if not frame.is_as_recorded:
+        if not frame.is_alike:
             self.is_another_night, self.orbit = True, None
         return frame
 

@@ -2,7 +2,7 @@
 
 What was recorded stays, in its order; what the fold had made of it is replaced by what it makes of
 it now. A log retold with nothing tried is the log itself, and a retold log replayed with the
-configuration that was tried gives its own records again, bit for bit.
+configuration that was tried gives its own records again (on another processor: to the last digits).
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rsoconsole.config import Config
+from rsoconsole.pipeline.alike import are_alike
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.replay import (
@@ -169,8 +170,8 @@ class _Telling:
         if isinstance(closed, ReplayedFrame):
             self.frames.append(closed)
             folded = closed.records
-        is_same = inputs == tuple(r for _, r, part in held if part == "input") and folded == tuple(
-            r for _, r, part in held if part == "folded"
+        is_same = inputs == tuple(r for _, r, part in held if part == "input") and are_alike(
+            folded, tuple(r for _, r, part in held if part == "folded")
         )
         self._is_another_night = self._is_another_night or not is_same
         if is_same and not self._is_another_night:

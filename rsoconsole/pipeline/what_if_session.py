@@ -38,7 +38,7 @@ class WhatIf:
     recorded: TrackFigures
     what_if: TrackFigures
     is_reproduced: bool
-    """Whether the recorded settings give the recorded track again, bit for bit."""
+    """Whether the recorded settings give the recorded track again, but for rounding."""
     config: Config
     """The session's, with what was tried."""
     frames: tuple[ReplayedFrame, ...]
@@ -83,7 +83,7 @@ def what_if_session(
         before={name: _value(config, name) for name in tried},
         recorded=figures_of(recorded),
         what_if=figures_of(retold.frames),
-        is_reproduced=all(each.is_as_recorded for each in recorded),
+        is_reproduced=all(each.is_alike for each in recorded),
         config=retold.config,
         frames=retold.frames,
         log=retold.log,

@@ -22,7 +22,10 @@ _INSIDE_CERTIFICATES = "/etc/ssl/certs/of-the-host.crt"
 _ENTER = """
 set -e
 root=$0
-mount --rbind /proc "$root/proc"; mount --rbind /sys "$root/sys"; mount --rbind /dev "$root/dev"
+mount --rbind /proc "$root/proc"
+# Else programs in there read what processor the host has.
+mount --bind "$root/etc/cpuinfo" "$root/proc/cpuinfo"
+mount --rbind /sys "$root/sys"; mount --rbind /dev "$root/dev"
 mkdir -p "$root/home/owner/.cache/pip"; mount --bind "$1" "$root/home/owner/.cache/pip"
 shift
 exec chroot "$root" "$@"
@@ -78,6 +81,7 @@ class System:
         subprocess.run(["cp", "-a", "--reflink=auto", base, self.root], check=True)
         shutil.copy("/etc/resolv.conf", self.root / "etc" / "resolv.conf")
         shutil.copy(_CERTIFICATES, self.root / _INSIDE_CERTIFICATES.lstrip("/"))
+        (self.root / "etc" / "cpuinfo").write_text(_cpuinfo(os.cpu_count() or 1))
         self.wheels.mkdir(exist_ok=True)
         owner = (self.root / "home" / USER).stat()
         os.chown(self.wheels, owner.st_uid, owner.st_gid)
@@ -111,6 +115,21 @@ class System:
         return Done(
             status=done.returncode, seconds=seconds, out=done.stdout, error=done.stderr.strip()
         )
+
+
+def _cpuinfo(cores: int) -> str:
+    """``/proc/cpuinfo`` of a Cortex-A72 r0p3 as Linux prints it."""
+    lines = (
+        "BogoMIPS\t: 108.00",
+        "Features\t: fp asimd evtstrm crc32 cpuid",
+        "CPU implementer\t: 0x41",
+        "CPU architecture: 8",
+        "CPU variant\t: 0x0",
+        "CPU part\t: 0xd08",
+        "CPU revision\t: 3",
+    )
+    each = ("\n".join((f"processor\t: {core}", *lines, "", "")) for core in range(cores))
+    return "".join(each)
 
 
 def _bootstrap(kind: Kind, base: Path) -> None:
