@@ -59,9 +59,9 @@ def doctor(
             )
             continue
         mark = {True: "ok  ", False: "FAIL", None: "?   "}[check.ok]
-        output.say(f"{mark} {check.check:12} {check.detail}")
+        output.say(f"{mark} {check.check:16} {check.detail}")
         if not check.ok and check.remedy:
-            output.say(f"     {'':12} {check.remedy}")
+            output.say(f"     {'':16} {check.remedy}")
     if failed:
         output.complain(f"rsoconsole: {failed} check(s) failed; each says what to do")
         raise typer.Exit(1)

@@ -99,7 +99,7 @@ def troubles_of(reading: MachineReading) -> tuple[Trouble, ...]:
         words = f"throttled: the processor is slowed down{at}"
         found.append(Trouble(name="throttled", words=words, remedy=remedy))
     if degrees is not None and degrees >= reading.hot_c:
-        words = f"hot: {degrees:.0f} °C, it slows itself down from {reading.hot_c:.0f} on"
+        words = f"hot: {degrees:.0f} °C, it slows itself down from {reading.hot_c:.0f} °C on"
         found.append(Trouble(name="hot", words=words, remedy=HEAT_REMEDY))
     return tuple(found)
 
