@@ -1,0 +1,156 @@
+"""Which nights there are, by group: the words for ``rsoconsole demo`` and the world around it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rsoconsole.simulator.scenarios import elements_path
+
+ELEMENTS = Path(__file__).resolve().parents[3] / "shared" / "data" / "tles"
+"""Element files that the project did not make; groups that need them are left out without."""
+FRAMES = 40
+SCATTERS_S = (0.015, 0.05, 0.1, 0.2, 0.5, 1.0)
+_MIX, _GEO = "mix_20230622.tle", "geo_all_20230622.tle"
+_BELT = (36097, 42432, 38749, 39078, 35942, 40874)
+"""Geostationary satellites of the shipped elements that stand high above the paper's site."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One night."""
+
+    group: str
+    name: str
+    words: tuple[str, ...]
+    """What follows ``rsoconsole demo --headless --json``, but for the world."""
+    world: str = ""
+    """Text of a world file; empty: the world as the demo has it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Group:
+    """Nights that share one line of the table."""
+
+    name: str
+    title: str
+    cases: Callable[[Sequence[int]], list[Case]]
+    """From the seeds that are asked for."""
+    seeds: tuple[int, ...]
+    """When none are asked for."""
+    needs_elements: bool = True
+
+
+def _world(seeds: Sequence[int]) -> list[Case]:
+    return [
+        Case(
+            group="worlds",
+            name=f"world-{seed:03d}",
+            words=(
+                *("--target", str(_BELT[seed % len(_BELT)]), "--tle", str(elements_path())),
+                *("--world", "random", "--seed", str(seed), "--frames", str(FRAMES)),
+            ),
+        )
+        for seed in seeds
+    ]
+
+
+def _shutter(seeds: Sequence[int]) -> list[Case]:
+    return [
+        Case(
+            group="shutter",
+            name=f"scatter-{scatter_s:g}-seed-{seed}",
+            words=("--scenario", "intelsat-14", "--seed", str(seed), "--frames", str(FRAMES)),
+            world=f"[shutter]\nscatter_s = {scatter_s}\n",
+        )
+        for scatter_s in SCATTERS_S
+        for seed in seeds
+    ]
+
+
+def _objects(
+    group: str, file: str, norad_ids: Sequence[int], *more: str, frames: int = FRAMES
+) -> Callable[[Sequence[int]], list[Case]]:
+    """A night for each object and seed."""
+
+    def cases(seeds: Sequence[int]) -> list[Case]:
+        return [
+            Case(
+                group=group,
+                name=f"{norad_id}-seed-{seed}",
+                words=(
+                    *("--target", str(norad_id), "--tle", str(ELEMENTS / file), *more),
+                    *("--seed", str(seed), "--frames", str(frames)),
+                ),
+            )
+            for norad_id in norad_ids
+            for seed in seeds
+        ]
+
+    return cases
+
+
+def _astra(seeds: Sequence[int]) -> list[Case]:
+    together = (word for norad in (29055, 31306, 33436, 37775) for word in ("--target", str(norad)))
+    words = (*together, "--tle", str(ELEMENTS / _GEO), "--site", "45,10,200")
+    return [
+        Case(
+            group="astra",
+            name=f"seed-{seed}",
+            words=(*words, "--seed", str(seed), "--frames", str(FRAMES)),
+        )
+        for seed in seeds
+    ]
+
+
+_GPS = (26407, 43873, 23833, 27663, 28874, 34661, 39533, 41019)
+_GALILEO = (37846, 40545, 41859, 43058)
+_MOLNIYA = (7276, 8601, 11896, 13890, 17328, 21426)
+_TRANSFER = (862, 23866, 27684, 33156, 39021)
+_INCLINED = (634, 36395, 36828, 37158, 42965)
+_LOW = (25544, 45085, 44713, 46039, 12, 4420, 8294, 11681, 22220, 38341)
+
+GROUPS = {
+    group.name: group
+    for group in (
+        Group(
+            name="worlds",
+            title="random worlds, a geostationary satellite",
+            cases=_world,
+            seeds=tuple(range(1, 101)),
+            needs_elements=False,
+        ),
+        Group(
+            name="shutter",
+            title="shutter scattered by 0.015 to 1 s",
+            cases=_shutter,
+            seeds=(1, 2),
+            needs_elements=False,
+        ),
+        Group(name="gps", title="GPS", cases=_objects("gps", _MIX, _GPS), seeds=(1,)),
+        Group(
+            name="galileo", title="Galileo", cases=_objects("galileo", _MIX, _GALILEO), seeds=(1,)
+        ),
+        Group(
+            name="molniya", title="Molniya", cases=_objects("molniya", _MIX, _MOLNIYA), seeds=(1,)
+        ),
+        Group(
+            name="transfer",
+            title="transfer orbits",
+            cases=_objects("transfer", _MIX, _TRANSFER),
+            seeds=(1,),
+        ),
+        Group(
+            name="inclined",
+            title="inclined geosynchronous",
+            cases=_objects("inclined", _GEO, _INCLINED),
+            seeds=(1,),
+        ),
+        Group(name="astra", title="Astra 19.2 E, four together", cases=_astra, seeds=(1, 2)),
+        Group(
+            name="low",
+            title="ten passes of low satellites",
+            cases=_objects("low", _MIX, _LOW),
+            seeds=(1,),
+        ),
+    )
+}

@@ -1,0 +1,61 @@
+"""The figures of every group, as one table."""
+
+import statistics
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from tests.campaign.cases import GROUPS
+
+HEADING = (
+    "| nights | n | visible frames | detected | in TRACK | identified | measured rms "
+    "| predicted rms | false |\n|---|---|---|---|---|---|---|---|---|\n"
+)
+
+
+def row(title: str, found: Sequence[Mapping[str, Any]]) -> str:
+    """One line: sums over all objects of all nights; rms figures are medians over the objects."""
+    nights = [night for night in found if "error" not in night]
+    objects = [each for night in nights for each in night["objects"] if each["visible_frames"]]
+    visible = sum(each["visible_frames"] for each in objects)
+    failed = len(found) - len(nights)
+    named = [each["identified"] for each in objects if each["identified"] is not None]
+    cells = [
+        title,
+        f"{len(nights)}" + (f" ({failed} failed)" if failed else ""),
+        str(visible),
+        _share(sum(each["detections"] for each in objects), visible),
+        _share(sum(each["track_frames"] for each in objects), visible),
+        f"{sum(map(bool, named))} of {len(objects)}",
+        _median(each["measured_rms_arcsec"] for each in objects),
+        _median(each["prediction_rms_arcsec"] for each in objects),
+        str(sum(each["false_measurements"] for each in objects)),
+    ]
+    return "| " + " | ".join(cells) + " |\n"
+
+
+def table(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
+    """All groups that have an answer; the shutter's by its scatter."""
+    lines = [HEADING]
+    for name, group in GROUPS.items():
+        answers = found.get(name, {})
+        if not answers:
+            continue
+        if name == "shutter":
+            scatters = dict.fromkeys(case.rpartition("-seed-")[0] for case in answers)
+            for scatter in scatters:
+                some = [each for case, each in answers.items() if case.startswith(f"{scatter}-")]
+                lines.append(
+                    row(f"shutter scattered by {scatter.removeprefix('scatter-')} s", some)
+                )
+            continue
+        lines.append(row(group.title, list(answers.values())))
+    return "".join(lines)
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{100.0 * part / whole:.0f} %" if whole else "-"
+
+
+def _median(values: Any) -> str:
+    known = [value for value in values if value is not None]
+    return f'{statistics.median(known):.2f}"' if known else "-"

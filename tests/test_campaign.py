@@ -1,0 +1,83 @@
+"""A campaign's answers are kept, added up rightly, and not asked for twice."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.campaign import runner
+from tests.campaign.__main__ import PAGE, seeds_of
+from tests.campaign.cases import GROUPS, Case
+from tests.campaign.table import row, table
+
+
+def test_seeds_are_read_as_people_write_them() -> None:
+    assert seeds_of("1-3,7") == [1, 2, 3, 7]
+    with pytest.raises(ValueError, match="invalid literal"):
+        seeds_of("one")
+
+
+def night(**changes: Any) -> dict[str, Any]:
+    each = {
+        "norad": 36097,
+        "name": "INTELSAT 14",
+        "detections": 9,
+        "visible_frames": 10,
+        "track_frames": 5,
+        "measured_rms_arcsec": 0.5,
+        "prediction_rms_arcsec": 1.0,
+        "identified": True,
+        "false_measurements": 1,
+    }
+    return {"objects": [each | changes]}
+
+
+def test_a_row_adds_up_over_objects_and_nights() -> None:
+    found = [
+        night(),
+        night(detections=3, identified=False),
+        night(visible_frames=0),
+        {"error": "x"},
+    ]
+    cells = [cell.strip() for cell in row("title", found).split("|")[1:-1]]
+    assert cells == ["title", "3 (1 failed)", "20", "60 %", "50 %", "1 of 2", '0.50"', '1.00"', "2"]
+
+
+def test_a_night_without_anything_visible_gives_no_share() -> None:
+    cells = row("title", [night(visible_frames=0)]).split("|")
+    assert [cell.strip() for cell in cells[3:6]] == ["0", "-", "-"]
+
+
+def test_the_shutters_nights_are_told_by_their_scatter() -> None:
+    text = table({"shutter": {"scatter-0.2-seed-1": night(), "scatter-1-seed-1": night()}})
+    assert "shutter scattered by 0.2 s | 1 |" in text
+    assert "shutter scattered by 1 s | 1 |" in text
+
+
+def test_what_is_done_is_not_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def run(case: Case) -> dict[str, Any]:
+        asked.append(case.name)
+        return night()
+
+    monkeypatch.setattr(runner, "run", run)
+    cases = GROUPS["shutter"].cases((1,))
+    for case in cases[:2]:
+        list(runner.run_missing([case], tmp_path, 1))
+    assert {case.name for case, _ in runner.run_missing(cases, tmp_path, 2)} == {
+        case.name for case in cases[2:]
+    }
+    assert sorted(asked) == sorted(case.name for case in cases)
+    assert runner.answers(cases, tmp_path).keys() == {case.name for case in cases}
+
+
+def test_names_within_a_group_are_its_own() -> None:
+    for group in GROUPS.values():
+        names = [case.name for case in group.cases(group.seeds)]
+        assert len(names) == len(set(names)), group.name
+
+
+def test_the_page_has_a_place_for_the_table() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    assert page.index("<!-- table: begin -->\n") < page.index("<!-- table: end -->")
