@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
+from rsoconsole.config_file import config_to_toml
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.indi_wire import IndiWire
 from rsoconsole.instruments.mount import IndiMount
@@ -34,7 +35,7 @@ from rsoconsole.sky.sun import sun_icrs
 from rsoconsole.sky.times import gmst_deg
 from tests.ccd_law import CcdLaw
 from tests.gsc_sky import Sky, write_command
-from tests.whole_engine import COMMAND, _toml
+from tests.whole_engine import COMMAND
 
 PORT = 7624
 MOUNT, CAMERA = "Telescope Simulator", "CCD Simulator"
@@ -223,8 +224,7 @@ def point(sky: Sky, config: Config, folder: Path) -> None:
 def run_engine(config: Config, wanted: dict[str, Any], folder: Path) -> int:
     """``rsoconsole engine``, armed, until it has taken its frames; its exit status."""
     file = folder / "config.toml"
-    sections = json.loads(config.model_dump_json(exclude_unset=True))
-    file.write_text(_toml(sections), encoding="utf-8")
+    file.write_text(config_to_toml(config), encoding="utf-8")
     run = folder / "run"
     run.mkdir(mode=0o700)
     homes = {f"XDG_{name}_HOME": str(folder / name) for name in ("DATA", "STATE", "CACHE")}

@@ -29,7 +29,9 @@ def test_a_newcomer_gets_through_on(name: str) -> None:
 def test_two_machines_answers_are_compared_number_by_number() -> None:
     theirs = {"rms": 1.0, "ms": 3.0, "list": [{"a": 1}, {"a": 2}], "name": "x", "none": None}
     assert largest_difference(theirs, theirs | {"ms": 9.0}, {"ms"}) == 0.0
-    assert largest_difference(theirs, theirs | {"rms": 1.001}, {"ms"}) == pytest.approx(0.001 / 1.001)
+    assert largest_difference(theirs, theirs | {"rms": 1.001}, {"ms"}) == pytest.approx(
+        0.001 / 1.001
+    )
     assert largest_difference(theirs, theirs | {"ms": 9.0}, set()) == pytest.approx(2.0 / 3.0)
     off = theirs | {"list": [{"a": 1}, {"a": 2.5}]}
     assert largest_difference(theirs, off, {"ms"}) == pytest.approx(0.2)
