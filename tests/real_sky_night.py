@@ -1,6 +1,7 @@
 """A night on Debian's own indiserver and simulators, in real time, under a sky of ours.
 
-    python -m tests.real_sky_night [--frames N] [--seed N] [--scatter-s S] [--folder DIR]
+    python -m tests.real_sky_night [--frames N] [--seed N] [--scatter-s S] [--standard-mag M]
+        [--cadence-s S] [--keep-frames all] [--folder DIR]
 
 Neither mount, camera nor the light in the frames is drawn by this project: INDI's simulators do
 that, and ``gsc_sky`` only tells them what is above. Prints the figures as JSON.
@@ -22,6 +23,7 @@ from typing import Any
 from rsoconsole.engine.summary import read_truth
 from rsoconsole.session.reader import SessionReader
 from tests.real_sky_judge import judge
+from tests.real_sky_rig import STANDARD_MAG
 
 ROOT = Path(__file__).resolve().parents[1]
 NEEDED = ("indiserver", "indi_simulator_telescope", "indi_simulator_ccd", "unshare", "ip", "bash")
@@ -47,6 +49,7 @@ def run_night(
     scatter_s: float,
     *,
     cadence_s: float = CADENCE_S,
+    standard_mag: float = STANDARD_MAG,
     keep_frames: str = "none",
     folder: Path | None = None,
     settings: dict[str, Any] | None = None,
@@ -66,6 +69,7 @@ def run_night(
             "scatter_s": scatter_s,
             "exposure_s": EXPOSURE_S,
             "cadence_s": cadence_s,
+            "standard_mag": standard_mag,
             "keep_frames": keep_frames,
             "settings": settings or {},
         }
@@ -73,8 +77,9 @@ def run_night(
         began_s = time.monotonic()
         _run(folder, START_S + SLOW * frames * cadence_s)
         records = [each for _, _, each in SessionReader(folder / "session").records()]
+        names = ("seed", "scatter_s", "exposure_s", "cadence_s", "standard_mag")
         return {
-            **{name: wanted[name] for name in ("seed", "scatter_s", "exposure_s", "cadence_s")},
+            **{name: wanted[name] for name in names},
             "wall_s": round(time.monotonic() - began_s, 1),
             **judge(records, read_truth(folder / "truth.jsonl")),
         }
@@ -123,6 +128,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--scatter-s", type=float, default=0.0)
     parser.add_argument("--cadence-s", type=float, default=CADENCE_S)
+    parser.add_argument("--standard-mag", type=float, default=STANDARD_MAG)
     parser.add_argument("--keep-frames", default="none")
     parser.add_argument("--folder", type=Path, help="empty; keeps session, truth and logs")
     asked = parser.parse_args()
@@ -134,6 +140,7 @@ def main() -> None:
         asked.seed,
         asked.scatter_s,
         cadence_s=asked.cadence_s,
+        standard_mag=asked.standard_mag,
         keep_frames=asked.keep_frames,
         folder=asked.folder,
     )

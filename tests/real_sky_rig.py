@@ -7,6 +7,7 @@ every interface. The folder holds ``night.json`` (what is wanted) and gets the s
 session and the logs.
 """
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -46,11 +47,11 @@ OFF_DEG = 0.2
 """The telescope's first field is beside the satellite, which still lies in it."""
 NEIGHBOUR_DEG = 1.5
 STANDARD_MAG = 11.6
+"""Gives an integrated signal to noise near 110 in 10 s with the simulator's own settings."""
 FAINTEST_MAG = 15.0
 NUMBERS = {80001: "NIGHT ONE", 80002: "NIGHT TWO"}
-LIFTED = ("clock", "disk", "network", "sun")
-"""Of the arming list: machines in a container keep no clock of their own; a full disk or another
-engine's network is no matter of this night; the Sun only where a night begins just at its edge."""
+LIFTED = ("clock", "disk")
+"""Of the arming list: a machine in a container keeps no clock of its own, and the disk has room."""
 
 
 def site_at_midnight(t_utc_ns: int) -> Site:
@@ -96,7 +97,7 @@ def make_sky(folder: Path, t_utc_ns: int, wanted: dict[str, Any]) -> Sky:
     return Sky(
         site=site,
         elements=elements,
-        magnitudes=dict.fromkeys(slots, STANDARD_MAG),
+        magnitudes=dict.fromkeys(slots, wanted.get("standard_mag", STANDARD_MAG)),
         truth=folder / "truth.jsonl",
         law=CcdLaw(),
         stars=stars,
@@ -126,27 +127,22 @@ def _stars(ra_deg: float, dec_deg: float) -> StarCatalogue:
 def config_of(sky: Sky, wanted: dict[str, Any], folder: Path) -> Config:
     """What an operator of this telescope would write."""
     law = sky.law
-    return Config.model_validate(
-        {
-            "site": {
-                "name": "under a sky of ours",
-                "latitude_deg": sky.site.latitude_deg,
-                "longitude_deg": sky.site.longitude_deg,
-                "elevation_m": sky.site.elevation_m,
-            },
-            "optics": {
-                "focal_length_mm": law.focal_length_mm,
-                "pixel_um": law.pixel_um,
-                "width_px": law.width_px,
-                "height_px": law.height_px,
-            },
-            "indi": {"port": PORT, "mount": MOUNT, "camera": CAMERA},
-            "exposure": {"exposure_s": wanted["exposure_s"], "cadence_s": wanted["cadence_s"]},
-            "catalogue": {"tle_files": [str(sky.elements)]},
-            "session": {"root": str(folder / "sessions"), "keep_frames": wanted["keep_frames"]},
-            **wanted.get("settings", {}),
-        }
-    )
+    sections: dict[str, dict[str, Any]] = {
+        "site": {"name": "under a sky of ours", **dataclasses.asdict(sky.site)},
+        "optics": {
+            "focal_length_mm": law.focal_length_mm,
+            "pixel_um": law.pixel_um,
+            "width_px": law.width_px,
+            "height_px": law.height_px,
+        },
+        "indi": {"port": PORT, "mount": MOUNT, "camera": CAMERA},
+        "exposure": {"exposure_s": wanted["exposure_s"], "cadence_s": wanted["cadence_s"]},
+        "catalogue": {"tle_files": [str(sky.elements)]},
+        "session": {"root": str(folder / "sessions"), "keep_frames": wanted["keep_frames"]},
+    }
+    for name, table in wanted["settings"].items():
+        sections[name] = {**sections.get(name, {}), **table}
+    return Config.model_validate(sections)
 
 
 @contextmanager
