@@ -3,9 +3,10 @@
     gsc -c RA DEC -r ARCMIN -m BRIGHTEST FAINTEST -n LINES
 
 The answer holds the stars of the cone and, as rows of points, the streaks of satellites that
-are where their elements put them from the moment of this call on. ``write_command`` lays the
-command into a folder; the sky it shows is told by a file (``Sky``), and each call adds a line to
-the truth, in the words of the simulated observatory's. The points of a streak lie closer than the
+are where their elements put them from the moment of this call on. ``serving`` lays the command into
+a folder and answers it: the camera's driver stands still until it is answered, so that the command
+itself only notes the time and asks somebody who is awake. Each call adds a line to the truth, in
+the words of the simulated observatory's. The points of a streak lie closer than the
 seeing disc is wide and share its light. They lie up to half a pixel left or right of the path: the
 simulator drops what an exact path has beyond a whole pixel, which would shift all of a streak that
 runs along a row of pixels by up to one of them.
@@ -14,11 +15,11 @@ runs along a row of pixels by up to one of them.
 import argparse
 import dataclasses
 import json
-import os
-import shlex
-import sys
+import socketserver
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,8 +33,13 @@ from rsoconsole.sky.star_catalogue import StarCatalogue, Stars
 from tests.ccd_law import CcdLaw
 
 NS = 1_000_000_000
-CALLED = "GSC_CALLED_S"
-"""Environment: when the command was called, seconds since 1970."""
+COMMAND = """#!/bin/bash
+called="$EPOCHREALTIME"
+exec 3<>/dev/tcp/127.0.0.1/{port} || exit 1
+echo "$called $*" >&3
+exec cat <&3
+"""
+"""Two thousandths of a second from the call to the note of it."""
 SPACING_FWHM = 0.7
 """Of a streak's points; their sum is even to a few thousandths."""
 _GOLDEN = 0.6180339887498949
@@ -254,28 +260,26 @@ def _asked(arguments: Sequence[str]) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def write_command(folder: Path, sky_file: Path) -> Path:
-    """A command ``gsc`` in a folder for the front of PATH; it notes when it was called."""
-    root = Path(__file__).resolve().parents[1]
-    command = folder / "gsc"
-    python = shlex.quote(sys.executable)
-    command.write_text(
-        "#!/bin/bash\n"
-        f'export {CALLED}="$EPOCHREALTIME" PYTHONPATH={shlex.quote(str(root))}\n'
-        f'exec {python} -m tests.gsc_sky --sky {shlex.quote(str(sky_file))} "$@"\n',
-        encoding="utf-8",
-    )
-    command.chmod(0o755)
-    return command
+@contextmanager
+def serving(sky: Sky, folder: Path) -> Iterator[Path]:
+    """The command ``gsc`` in a folder for the front of PATH, answered while this lasts."""
 
+    class Asked(socketserver.StreamRequestHandler):
+        def handle(self) -> None:
+            called, *arguments = self.rfile.readline().decode().split()
+            seconds, _, fraction = called.replace(",", ".").partition(".")
+            t_call_utc_ns = int(seconds) * NS + int(fraction.ljust(9, "0"))
+            self.wfile.write("".join(tell(sky, arguments, t_call_utc_ns)).encode())
 
-def main(arguments: Sequence[str]) -> None:
-    """``--sky FILE`` before what ``gsc`` is given."""
-    called_s, _, fraction = os.environ[CALLED].replace(",", ".").partition(".")
-    t_call_utc_ns = int(called_s) * NS + int(fraction.ljust(9, "0"))
-    assert arguments[0] == "--sky"
-    sys.stdout.writelines(tell(Sky.load(Path(arguments[1])), arguments[2:], t_call_utc_ns))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+    with socketserver.TCPServer(("127.0.0.1", 0), Asked) as server:
+        command = folder / "gsc"
+        port = server.server_address[1]
+        command.write_text(COMMAND.format(port=port), encoding="ascii")
+        command.chmod(0o755)
+        thread = threading.Thread(target=server.serve_forever, daemon=True, name="sky")
+        thread.start()
+        try:
+            yield command
+        finally:
+            server.shutdown()
+            thread.join()

@@ -35,7 +35,7 @@ from rsoconsole.sky.star_catalogue import StarCatalogue
 from rsoconsole.sky.sun import sun_icrs
 from rsoconsole.sky.times import gmst_deg
 from tests.ccd_law import CcdLaw
-from tests.gsc_sky import Sky, write_command
+from tests.gsc_sky import Sky, serving
 from tests.whole_engine import COMMAND
 
 PORT = 7624
@@ -147,8 +147,7 @@ def config_of(sky: Sky, wanted: dict[str, Any], folder: Path) -> Config:
 
 @contextmanager
 def indiserver(folder: Path) -> Iterator[None]:
-    """Both simulators, with our command before any other of its name."""
-    write_command(folder, folder / "sky.json")
+    """Both simulators, with the folder's commands before any others of their names."""
     environment = {
         **os.environ,
         "HOME": str(folder),
@@ -241,7 +240,7 @@ def main(folder: Path) -> None:
     sky = make_sky(folder, time.time_ns(), wanted)
     sky.save(folder / "sky.json")
     config = config_of(sky, wanted, folder)
-    with indiserver(folder):
+    with serving(sky, folder), indiserver(folder):
         set_camera(sky.law)
         (folder / "camera.json").write_text(json.dumps(settings_of_camera()), encoding="utf-8")
         point(sky, config, folder)

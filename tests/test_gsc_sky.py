@@ -19,7 +19,7 @@ from rsoconsole.sky.sun import sun_altitude_deg
 from rsoconsole.sky.times import iso_to_utc_ns
 from rsoconsole.sky.wcs import sky_to_pixel, tan_wcs
 from tests.ccd_law import CcdLaw
-from tests.gsc_sky import NS, Sky, streaks, tell, write_command
+from tests.gsc_sky import NS, Sky, serving, streaks, tell
 from tests.real_sky_rig import HOUR_ANGLE_DEG, geostationary, site_at_midnight
 
 T0_UTC_NS = iso_to_utc_ns("2026-11-23T00:00:00Z")
@@ -213,25 +213,30 @@ def test_the_noise_is_that_of_whole_numbers_from_nothing_to_the_limit():
     assert law.noise_sigma_adu == pytest.approx(np.std(np.arange(10)))
 
 
-def test_the_command_is_found_by_its_name_and_tells_when_it_was_called(sky, tmp_path):
+def test_a_sky_is_read_as_it_was_written(sky, tmp_path):
     sky.save(tmp_path / "sky.json")
     assert Sky.load(tmp_path / "sky.json") == sky
-    folder = tmp_path / "bin"
-    folder.mkdir()
-    write_command(folder, tmp_path / "sky.json")
-    environment = {**os.environ, "PATH": f"{folder}:{os.environ['PATH']}"}
-    before_ns = time.time_ns()
-    done = subprocess.run(
-        ["sh", "-c", " ".join(["gsc", *asked(sky)])],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert {read(line)[0] for line in done.stdout.splitlines()} == {12}
-    (line,) = sky.truth.read_text().splitlines()
-    # Bash tells microseconds.
-    assert before_ns - 1000 <= json.loads(line)["t_start_utc_ns"] <= time.time_ns()
+
+
+def test_the_command_is_found_by_its_name_and_tells_when_it_was_called(sky, tmp_path):
+    environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    spans_ns = []
+    with serving(sky, tmp_path):
+        for _ in range(2):
+            before_ns = time.time_ns()
+            done = subprocess.run(
+                ["sh", "-c", " ".join(["gsc", *asked(sky)])],
+                env=environment,
+                capture_output=True,
+                text=True,
+                check=True,
+            )
+            spans_ns.append((before_ns, time.time_ns()))
+            assert {read(line)[0] for line in done.stdout.splitlines()} == {12}
+    lines = sky.truth.read_text().splitlines()
+    for line, (before_ns, after_ns) in zip(lines, spans_ns, strict=True):
+        # Bash tells microseconds.
+        assert before_ns - 1000 <= json.loads(line)["t_start_utc_ns"] <= after_ns
 
 
 def test_the_site_of_the_night_lies_in_the_dark_with_the_satellite_high_and_lit():
