@@ -9,6 +9,7 @@ from typing import Any
 
 from rsoconsole.engine.summary import SAME_OBJECT_ARCSEC, summarise
 from rsoconsole.records import (
+    Event,
     FrameTaken,
     Identified,
     Measurement,
@@ -47,6 +48,8 @@ class _Frame:
 def judge(records: Iterable[Any], truth: Sequence[Truth]) -> dict[str, Any]:
     """Figures of the night and of each object; errors on the sky in arcsec, root mean square.
 
+    ``calls``: skies asked for; more than the frames where the camera did not begin in time.
+
     ``measured_rms_arcsec`` is against where the object was at the middle of an exposure that began
     with the call; ``drawn_rms_arcsec`` against where the streak was drawn, the scatter of its time
     counted: the first has the shutter's error, the second has not.
@@ -59,7 +62,11 @@ def judge(records: Iterable[Any], truth: Sequence[Truth]) -> dict[str, Any]:
     verdict = next((each for each in reversed(told) if isinstance(each, Identified)), None)
     return {
         "frames": len(frames),
+        "calls": len(truth),
         "frames_with_truth": len(late_ms),
+        "alarms": dict(
+            Counter(e.text for e in told if isinstance(e, Event) and e.level == "alarm")
+        ),
         "solved": len(solved),
         "solve_rms_arcsec": _middle([each.rms_arcsec for each in solved]),
         "stars_matched": _middle([float(each.matched) for each in solved]),

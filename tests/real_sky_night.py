@@ -63,6 +63,7 @@ def run_night(
         # Sockets have short names: a folder of the system's own for what is thrown away.
         if folder is None:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="sky")))
+        folder = folder.resolve()
         wanted = {
             "frames": frames,
             "seed": seed,

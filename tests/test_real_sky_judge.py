@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from rsoconsole.records import Miss, NotFollowed, StateChange, TrackState
+from rsoconsole.records import Event, Miss, NotFollowed, StateChange, TrackState
 from tests.real_sky_judge import judge
 from tests.test_figures import ARCSEC, FRAMES, NS, measurement, taken
 
@@ -47,7 +47,7 @@ def state(kind, frame_id, misses=0):
 @pytest.fixture
 def records():
     """Two frames to lock, three in which it is followed, then coasting beside what is detected."""
-    told = []
+    told = [Event(level="alarm", text="no frame"), Event(level="info", text="all well")]
     for frame_id in range(1, FRAMES + 1):
         seen = dataclasses.replace(
             measurement(frame_id), dec_icrs_deg=-5.0 + SCATTER_ARCSEC * ARCSEC
@@ -83,6 +83,7 @@ def test_a_night_that_coasts_beside_its_satellite_is_called_so(records):
     }
     assert found["states_in_order"][:6] == ["SEARCH", "TRACK", "TRACK", "TRACK", "TRACK", "COAST"]
     assert found["call_after_header_ms"] == pytest.approx(40.0)
+    assert (found["calls"], found["alarms"]) == (FRAMES, {"no frame": 1})
 
 
 def test_the_shutters_error_counts_against_truth_and_not_against_what_was_drawn(records):
@@ -102,7 +103,7 @@ def test_what_is_too_faint_or_outside_is_not_visible(records):
 
 
 def test_a_measurement_of_nothing_is_false(records):
-    records.insert(2, measurement(1, north_arcsec=400.0))
+    records.insert(4, measurement(1, north_arcsec=400.0))
     truth = [truth_of(k) for k in range(1, FRAMES + 1)]
     found = judge(records, truth)
     assert found["false_measurements"] == 1

@@ -21,8 +21,8 @@ RESULTS = Path(__file__).parent / "results" / "real_indi.json"
 SCATTERS_S = (0.0, 0.2)
 OF_A_NIGHT = (
     *("seed", "scatter_s", "cadence_s", "standard_mag", "frames", "solved", "solve_rms_arcsec"),
-    *("scatter_rms_s", "call_after_header_ms", "call_after_header_ms_max", "gsc_ms"),
-    *("states", "reasons"),
+    *("calls", "scatter_rms_s", "call_after_header_ms", "call_after_header_ms_max", "gsc_ms"),
+    *("alarms", "states", "states_in_order", "reasons"),
 )
 
 
