@@ -92,7 +92,7 @@ def _frames(records: Iterable[Any], truth: Sequence[Truth]) -> list[_Frame]:
     for record in records:
         if isinstance(record, FrameTaken):
             start_ns = record.t_start_utc_ns or 0
-            frames[record.frame_id] = _Frame(start_ns, _truth_of(truth, start_ns), state)
+            frames[record.frame_id] = _Frame(start_ns, truth_of(truth, start_ns), state)
         if isinstance(record, StateChange):
             state = record.after
         frame = frames.get(getattr(record, "frame_id", None) or -1)
@@ -122,7 +122,8 @@ def _without_figures(reason: str) -> str:
     return " ".join("#" if any(c.isdigit() for c in word) else word for word in reason.split())
 
 
-def _truth_of(truth: Sequence[Truth], t_start_utc_ns: int) -> Truth | None:
+def truth_of(truth: Sequence[Truth], t_start_utc_ns: int) -> Truth | None:
+    """The call from which a frame that began then was drawn; None where there was none."""
     near = [(abs(each["t_start_utc_ns"] - t_start_utc_ns), i) for i, each in enumerate(truth)]
     off_ns, index = min(near, default=(SAME_FRAME_NS, 0))
     return truth[index] if off_ns < SAME_FRAME_NS else None

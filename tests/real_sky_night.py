@@ -56,8 +56,9 @@ def run_night(
 ) -> dict[str, Any]:
     """The figures of one night; ``settings``: more of the configuration, section by section.
 
-    The folder keeps session, truth and logs where one is given. Raises RuntimeError where the night
-    did not come to its end, with the last words of its logs.
+    The folder keeps session, truth and logs where one is given. A night that ends in FAULT has its
+    figures too: ``engine_status`` is then not 0, ``last_words`` say why. Raises RuntimeError where
+    it did not come to its end, with the last words of its logs.
     """
     with contextlib.ExitStack() as stack:
         # Sockets have short names: a folder of the system's own for what is thrown away.
@@ -79,8 +80,11 @@ def run_night(
         _run(folder, START_S + SLOW * frames * cadence_s)
         records = [each for _, _, each in SessionReader(folder / "session").records()]
         names = ("seed", "scatter_s", "exposure_s", "cadence_s", "standard_mag")
+        status = int((folder / "engine_status").read_text(encoding="ascii"))
         return {
             **{name: wanted[name] for name in names},
+            "engine_status": status,
+            "last_words": _last_words(folder) if status else "",
             "wall_s": round(time.monotonic() - began_s, 1),
             **judge(records, read_truth(folder / "truth.jsonl")),
         }

@@ -244,7 +244,8 @@ def main(folder: Path) -> None:
         set_camera(sky.law)
         (folder / "camera.json").write_text(json.dumps(settings_of_camera()), encoding="utf-8")
         point(sky, config, folder)
-        sys.exit(run_engine(config, wanted, folder))
+        status = run_engine(config, wanted, folder)
+    (folder / "engine_status").write_text(str(status), encoding="ascii")
 
 
 def _wire() -> IndiWire:
