@@ -79,7 +79,7 @@ def dec_limits_deg(path: Path, header: IndexHeader) -> tuple[float, float]:
 
 
 def read_stars(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Every star of an index file: RA and Dec (deg, ICRS, epoch of the catalogue) and MAG_VT."""
+    """Every star of an index file: RA and Dec (deg, ICRS, J2000.0 for Tycho-2) and MAG_VT."""
     header = read_header(path)
     low, _, scale = _star_range(path, header)
     data = header.table("kdtree_data_stars")

@@ -1,8 +1,9 @@
 """The plate solver: star centroids in, the frame's tie to the sky out.
 
 A full solution matches quads of stars in a process of its own (``solver_process``) and then fits
-the plate to every catalogue star in the field; the fast path moves the last plate instead. A field
-that cannot be solved is a value, ``NotSolved``, that says why.
+the plate to every catalogue star in the field, at its place on the day of the frame; the fast path
+moves the last plate instead. A field that cannot be solved is a value, ``NotSolved``, that says
+why.
 """
 
 import itertools
@@ -23,13 +24,14 @@ from rsoconsole.instruments.index_files import (
     list_index_files,
     search_dirs,
 )
-from rsoconsole.instruments.index_fits import read_stars
 from rsoconsole.instruments.solver_child import SolverChild, SolverDied, SolverTimeout
 from rsoconsole.instruments.solver_process import MatchReply, MatchRequest
-from rsoconsole.records import FloatArray, NotSolved, Solution, Wcs
+from rsoconsole.records import FloatArray, NotSolved, Solution
+from rsoconsole.sky.proper_motion import J2000_JYEAR, julian_year
 from rsoconsole.sky.star_catalogue import StarCatalogue
 from rsoconsole.sky.wcs import describe, wcs_from_cards
 from rsoconsole.vision.plate_fit import (
+    PlateFit,
     field_radius_deg,
     plate_sigma_arcsec,
     refit,
@@ -86,16 +88,17 @@ class PlateSolver:
         """``index_dirs`` come before the usual folders (``index_files.search_dirs``).
 
         ``catalogue`` holds the stars plates are fitted to where it covers the field; None: the
-        shipped one. ``start_s``: how long its process is waited for. Raises SolverError when there
-        is no usable index file at all.
+        shipped belt. Elsewhere the rest of the shipped stars is read when first needed.
+        ``start_s``: how long its process is waited for. Raises SolverError when there is no usable
+        index file at all.
         """
         self._files = list_index_files(search_dirs(tuple(index_dirs)))
         if not any(file.is_healthy for file in self._files):
             faults = "; ".join(f"{f.path.name} {f.fault}" for f in self._files)
             raise SolverError(f"no usable index files ({faults or 'none found'}): {_INSTALL}")
         self._catalogue = StarCatalogue.load() if catalogue is None else catalogue
-        self._wide: StarCatalogue | None = None
-        self._field_stars: FloatArray = np.empty((0, 3))
+        self._index_stars: FloatArray | None = None
+        """RA, Dec of the last field where the catalogue did not suffice."""
         self._request_ids = itertools.count(1)
         self._child = SolverChild(start_s)
         self._child.start()
@@ -136,20 +139,30 @@ class PlateSolver:
         height_px: int,
         hint: SolveHint,
         deadline_s: float,
+        t_utc_ns: int | None = None,
     ) -> Solution | NotSolved:
         """Solve a field from its stars: (N, 3) of x, y (0-based pixels) and flux, or a StarList.
 
-        Never takes much longer than ``deadline_s`` (wall clock): the process is killed then and
-        another one starts at once. Raises SolverError only when no process can be started.
+        ``t_utc_ns`` is when they were seen, None for a frame without a time: then the places are
+        those of J2000.0. Never takes much longer than ``deadline_s`` (wall clock): the process is
+        killed then and another one starts at once. Raises SolverError only when no process can be
+        started.
         """
         started = time.monotonic()
         rows = as_star_rows(stars)
         size_px = (width_px, height_px)
         found = self._search(rows, size_px, hint, deadline_s)
         if isinstance(found, MatchReply):
-            solution = self._fitted(found, rows, frame_id, size_px, started)
-            if solution is not None:
-                return solution
+            fit = self._fitted(found, rows, size_px, _epoch_of(t_utc_ns))
+            if fit is not None:
+                return solution_from(
+                    fit,
+                    frame_id=frame_id,
+                    width_px=width_px,
+                    height_px=height_px,
+                    path="full",
+                    ms=1e3 * (time.monotonic() - started),
+                )
             found = "a match was found but the other stars contradict it"
         ms = 1e3 * (time.monotonic() - started)
         return NotSolved(frame_id=frame_id, reason=found, ms=ms)
@@ -164,28 +177,31 @@ class PlateSolver:
         height_px: int,
         shift_deg: tuple[float, float] = (0.0, 0.0),
         search_arcsec: float = 120.0,
+        t_utc_ns: int | None = None,
     ) -> Solution | None:
         """The fast path: the previous plate moved onto this frame's stars, a few milliseconds.
 
         ``shift_deg``: (RA, Dec) the mount was told to move since, as differences in degrees; what
-        is left of it may be up to ``search_arcsec``. None when it does not fit, e.g. because the
-        field is another one: then call ``solve``.
+        is left of it may be up to ``search_arcsec``. ``t_utc_ns`` as for ``solve``. None when it
+        does not fit, e.g. because the field is another one: then call ``solve``.
         """
         started = time.monotonic()
         rows = as_star_rows(stars)
         if len(rows) < MIN_STARS:
             return None
         radius_deg = field_radius_deg(previous.wcs, width_px, height_px) + search_arcsec / 3600.0
-        catalogue = self._cone(
-            previous.ra_icrs_deg + shift_deg[0],
-            previous.dec_icrs_deg + shift_deg[1],
-            radius_deg,
-            otherwise=self._field_stars,
-        )
+        catalogue = self._index_stars
+        if catalogue is None:
+            catalogue = self._cone(
+                previous.ra_icrs_deg + shift_deg[0],
+                previous.dec_icrs_deg + shift_deg[1],
+                radius_deg,
+                _epoch_of(t_utc_ns),
+            )
         fit = refit_from(
             previous.wcs,
             rows[:, :2],
-            catalogue[:, :2],
+            catalogue,
             width_px=width_px,
             height_px=height_px,
             shift_deg=shift_deg,
@@ -248,66 +264,42 @@ class PlateSolver:
         self,
         reply: MatchReply,
         stars: FloatArray,
-        frame_id: int,
         size_px: tuple[int, int],
-        started: float,
-    ) -> Solution | None:
+        epoch_jyear: float,
+    ) -> PlateFit | None:
         """The plate of a match, fitted to all stars."""
         width_px, height_px = size_px
         try:
             start = wcs_from_cards(reply.wcs_cards or {})
         except FrameError:
             return None
-        matched_stars = np.array(reply.stars, float).reshape(-1, 3)
-        catalogue = self._catalogue_in(start, width_px, height_px, matched_stars)
-        fit = refit(
-            stars[:, :2], catalogue[:, :2], start, width_px=width_px, height_px=height_px
-        ) or refit(
-            stars[:, :2], matched_stars[:, :2], start, width_px=width_px, height_px=height_px
-        )
-        if fit is None:
-            return None
-        self._field_stars = catalogue
-        return solution_from(
-            fit,
-            frame_id=frame_id,
-            width_px=width_px,
-            height_px=height_px,
-            path="full",
-            ms=1e3 * (time.monotonic() - started),
-        )
-
-    def _catalogue_in(
-        self, wcs: Wcs, width_px: int, height_px: int, otherwise: FloatArray
-    ) -> FloatArray:
-        field = describe(wcs, width_px, height_px)
-        radius_deg = field_radius_deg(wcs, width_px, height_px)
-        return self._cone(field.ra_icrs_deg, field.dec_icrs_deg, radius_deg, otherwise)
+        field = describe(start, width_px, height_px)
+        radius_deg = field_radius_deg(start, width_px, height_px)
+        catalogue = self._cone(field.ra_icrs_deg, field.dec_icrs_deg, radius_deg, epoch_jyear)
+        fit = refit(stars[:, :2], catalogue, start, width_px=width_px, height_px=height_px)
+        self._index_stars = None
+        if fit is not None:
+            return fit
+        # A small field: an index file deeper than Tycho-2 may still hold enough of its stars.
+        indexed = np.array(reply.stars, float).reshape(-1, 3)[:, :2]
+        fit = refit(stars[:, :2], indexed, start, width_px=width_px, height_px=height_px)
+        if fit is not None:
+            self._index_stars = indexed
+        return fit
 
     def _cone(
-        self, ra_deg: float, dec_deg: float, radius_deg: float, otherwise: FloatArray
+        self, ra_deg: float, dec_deg: float, radius_deg: float, epoch_jyear: float
     ) -> FloatArray:
-        """(N, 3) RA, Dec, magnitude from a catalogue that covers the field, or else the others."""
+        """(N, 2) RA, Dec at that epoch, brightest first."""
         catalogue = self._catalogue
         if not catalogue.covers(dec_deg, radius_deg):
-            wide = self._whole_sky()
-            if wide is None:
-                return otherwise
-            catalogue = wide
-        found = catalogue.cone(ra_deg % 360.0, dec_deg, radius_deg)
-        return np.stack([found.ra_icrs_deg, found.dec_icrs_deg, found.magnitude], axis=1)
+            catalogue = StarCatalogue.load_whole_sky()
+        found = catalogue.cone(ra_deg % 360.0, dec_deg, radius_deg, epoch_jyear=epoch_jyear)
+        return np.stack([found.ra_icrs_deg, found.dec_icrs_deg], axis=1)
 
-    def _whole_sky(self) -> StarCatalogue | None:
-        """The stars inside the finest whole-sky index file, read when first needed (30 MB)."""
-        if self._wide is None:
-            candidates = [f for f in self._files if f.is_healthy and f.is_whole_sky]
-            if not candidates:
-                return None
-            finest = min(candidates, key=lambda file: file.quad_deg)
-            ra, dec, magnitude = read_stars(finest.path)
-            order = np.argsort(dec, kind="stable")
-            self._wide = StarCatalogue(ra[order], dec[order], magnitude[order], -90.0, 90.0)
-        return self._wide
+
+def _epoch_of(t_utc_ns: int | None) -> float:
+    return J2000_JYEAR if t_utc_ns is None else julian_year(t_utc_ns)
 
 
 def as_star_rows(stars: FloatArray | StarList) -> FloatArray:

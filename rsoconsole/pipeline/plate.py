@@ -61,6 +61,7 @@ class PlateFinder:
                 height_px=frame.height_px,
                 hint=hint,
                 deadline_s=settings.blind_deadline_s if is_blind else settings.deadline_s,
+                t_utc_ns=frame.t_mid_utc_ns,
             )
         except SolverError as error:
             # A solver that cannot be started now may be again at the next frame.
@@ -85,6 +86,7 @@ class PlateFinder:
             width_px=frame.width_px,
             height_px=frame.height_px,
             shift_deg=shift_deg,
+            t_utc_ns=frame.t_mid_utc_ns,
         )
 
 

@@ -49,7 +49,8 @@ def faint_stars(
             for column, values in zip(columns, _cell(band, cell, faintest_magnitude), strict=True):
                 column.append(values)
     ra, dec, magnitude = (np.concatenate(column) for column in columns)
-    return Stars(ra, dec, magnitude)
+    at_rest = np.zeros(len(ra))
+    return Stars(ra, dec, magnitude, at_rest, at_rest)
 
 
 def _cells_in_band(band: int) -> int:

@@ -1,4 +1,4 @@
-"""What keeps real astrometry from being as good as a renderer's: old places, air, shutters.
+"""What keeps real astrometry from being as good as a renderer's: wrong places, air, shutters.
 
 Without these the reducer would meet stars at exactly the places its own catalogue gives, and
 would look better than it is.
@@ -11,7 +11,7 @@ import numpy as np
 from rsoconsole.records import FloatArray
 
 CATALOGUE_SIGMA_ARCSEC = 0.45
-"""An index star now against its place of ~1991: about 14 mas/yr on each axis over three decades."""
+"""A star against the place its proper motion gives: several times what Tycho-2 leaves (0.1)."""
 SHUTTER_SIGMA_S = 0.015
 """True opening of the shutter against what the driver writes."""
 
@@ -19,9 +19,9 @@ SHUTTER_SIGMA_S = 0.015
 def catalogue_errors_arcsec(
     ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(east, north) by which each star has moved since its catalogue's epoch; always the same.
+    """(east, north) by which each star misses its catalogue's place; always the same.
 
-    Drawn from the place itself, so that neither the order of asking nor a seed matters: the sky
+    Drawn from the place at J2000.0, so that neither the order of asking nor a seed matters: the sky
     is one.
     """
     micro_deg = 1e6

@@ -30,6 +30,7 @@ from rsoconsole.simulator.passes import (
 from rsoconsole.simulator.render import FieldContent, FramePixels, frame_rng, render
 from rsoconsole.simulator.scenarios import Scenario
 from rsoconsole.simulator.sensor import SensorModel
+from rsoconsole.simulator.star_places import places_now
 from rsoconsole.simulator.truth import FrameTruth
 from rsoconsole.sky.frames import icrs_to_altaz
 from rsoconsole.sky.star_catalogue import StarCatalogue
@@ -82,9 +83,8 @@ class Scene:
         if self.catalogue.covers(dec_icrs_deg):
             return None
         return (
-            f"the simulated sky is empty at declination {dec_icrs_deg:+.1f} deg: the shipped stars "
-            f"end at {self.catalogue.dec_max_deg:+.0f} deg. For more, 'rsoconsole index install' "
-            "and rebuild the catalogue with python -m rsoconsole.sky.build_star_catalogue"
+            f"the simulated sky is empty at declination {dec_icrs_deg:+.1f} deg: its stars end at "
+            f"{self.catalogue.dec_max_deg:+.0f} deg. Point it within these declinations"
         )
 
     def expose(  # noqa: PLR0917 - drawn the way it is spoken: where, how turned, when, how long
@@ -159,7 +159,7 @@ class Scene:
         content = self._empty_field(wcs, t_start_utc_ns, exposure_s)
         air = frame_rng(self.seed, t_start_utc_ns, _AIR)
         wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
-        x_px, y_px, magnitude = self._stars(wcs)
+        x_px, y_px, magnitude = self._stars(wcs, t_start_utc_ns)
         x_px, y_px = (at + air.normal(0.0, wander_px, at.shape) for at in (x_px, y_px))
         dimming = self._air_transmission(wcs, t_start_utc_ns)
         return replace(
@@ -214,7 +214,7 @@ class Scene:
         west_deg = hour_angle * np.cos(np.radians(dec))
         return deck.transmission(west_deg, dec, (t_s, t_s + exposure_s), self.seed)
 
-    def _stars(self, wcs: Wcs) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _stars(self, wcs: Wcs, t_utc_ns: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Pixels and magnitudes of the stars on or near the sensor; none beyond the catalogue."""
         ra, dec, radius = wcs.crval_ra_deg, wcs.crval_dec_deg, self.field_radius_deg()
         bright = self.catalogue.cone(ra, dec, radius)
@@ -223,8 +223,9 @@ class Scene:
             faint.dec_icrs_deg <= self.catalogue.dec_max_deg
         )
         east, north = catalogue_errors_arcsec(bright.ra_icrs_deg, bright.dec_icrs_deg)
-        bright_dec = bright.dec_icrs_deg + north / 3600.0
-        bright_ra = bright.ra_icrs_deg + east / 3600.0 / np.cos(np.radians(bright_dec))
+        bright_ra, bright_dec = places_now(bright, t_utc_ns)
+        bright_ra = bright_ra + east / 3600.0 / np.cos(np.radians(bright_dec))
+        bright_dec = bright_dec + north / 3600.0
         ras = np.concatenate([bright_ra, faint.ra_icrs_deg[is_covered]])
         decs = np.concatenate([bright_dec, faint.dec_icrs_deg[is_covered]])
         magnitudes = np.concatenate([bright.magnitude, faint.magnitude[is_covered]])

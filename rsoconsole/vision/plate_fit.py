@@ -118,7 +118,7 @@ def plate_sigma_arcsec(
     """Standard error of a solution at a pixel, per axis, for stars spread evenly over the frame.
 
     rms / sqrt(n) at the centre, growing to the edges as a linear plate's does: the variance of a
-    uniform coordinate is side^2 / 12. Catalogue epoch errors are not in it.
+    uniform coordinate is side^2 / 12. What all catalogue stars share is not in it.
     """
     n = max(solution.matched, MIN_MATCHED)
     du = (x_px - (width_px - 1) / 2.0) / width_px
