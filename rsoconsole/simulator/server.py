@@ -12,7 +12,7 @@ import socket
 import sys
 import threading
 from collections.abc import Coroutine
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +51,8 @@ class ObservatorySettings:
     """(seconds since the start, "ok" | "warning" | "alert") in order; ok before the first."""
     dome: Schedule = ()
     """(seconds since the start, "open" | "closed" | "moving") in order; open before the first."""
+    world: dict[str, Any] = field(default_factory=dict)
+    """Imperfections, as ``World.named`` gives them."""
 
     def to_json(self) -> str:
         """One line."""
