@@ -23,7 +23,6 @@ from rsoconsole.sky.frames import jnow_to_icrs
 
 NS = 1_000_000_000
 _GROUP = "Main Control"
-_PATH_STEPS = 401
 
 
 class Truth(Protocol):
@@ -207,10 +206,7 @@ class CameraDevice:
         """(2, k) arcsec east and north of the middle of the exposure; None where it stands."""
         if self._mount.unrest.is_none:
             return None
-        shares = np.linspace(0.0, 1.0, _PATH_STEPS)
-        path = np.array([self._mount.unrest_deg(exposure.at(float(share))) for share in shares]).T
-        middle = np.array(self._mount.unrest_deg(exposure.at(0.5)))
-        return np.asarray((path - middle[:, None]) * 3600.0, dtype=np.float64)
+        return self._mount.unrest_path_arcsec(exposure.at(0.0), exposure.at(1.0))
 
     async def _handle_exposure(self, event: Any) -> None:
         try:

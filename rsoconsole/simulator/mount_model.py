@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from rsoconsole.records import FloatArray
 from rsoconsole.simulator.mount_unrest import MountUnrest
 from rsoconsole.sky.angles import wrap_180, wrap_360
 from rsoconsole.sky.times import lst_deg
@@ -20,6 +21,7 @@ from rsoconsole.sky.times import lst_deg
 SIDEREAL_DEG_S = 360.98564736629 / 86400.0
 NS = 1_000_000_000
 _KEPT_MOTIONS = 64
+_PATH_STEPS = 401
 
 PierSide = Literal["east", "west"]
 
@@ -226,6 +228,12 @@ class MountModel:
         sign = 1.0 if motion.secondary_deg <= 90.0 else -1.0
         way_deg = (motion.travel_primary_deg, sign * motion.travel_secondary_deg)
         return self.unrest.offset_deg(t_utc_ns, since_arrival_s, way_deg)
+
+    def unrest_path_arcsec(self, t_first_utc_ns: int, t_last_utc_ns: int) -> FloatArray:
+        """(2, odd) how far east and north of its place halfway it looks, at equal steps of time."""
+        instants = np.linspace(t_first_utc_ns, t_last_utc_ns, _PATH_STEPS)
+        path = np.array([self.unrest_deg(round(t)) for t in instants]).T * 3600.0
+        return np.asarray(path - path[:, [_PATH_STEPS // 2]], dtype=np.float64)
 
     def _go(self, ra_date_deg: float, dec_date_deg: float, side: PierSide, t_utc_ns: int) -> float:
         motion = self._motion_at(t_utc_ns)
