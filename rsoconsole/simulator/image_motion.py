@@ -46,24 +46,25 @@ class ImageMotion:
         y = centre_px[1] + rx * np.sin(turn) + ry * np.cos(turn)
         return x + np.interp(share, nodes, self.dx_px), y + np.interp(share, nodes, self.dy_px)
 
-    def stands(self) -> FloatArray:
+    def stands(self, disc_sigma_px: float, reach_px: float) -> FloatArray:
         """(4, n) dx, dy, turn and share of the time of the places where the image stood.
 
-        What lies closer together than any seeing disc is one place, where nothing turns.
+        What lies closer together than the seeing disc can tell is one place; ``reach_px``: from
+        the middle of the frame to its corner, where a turn moves most.
         """
         share = np.full(len(self.dx_px), 1.0)
         share[[0, -1]] = 0.5
+        places = np.stack([_between(at) for at in (self.dx_px, self.dy_px, self.turn_rad)])
+        share = np.interp(*_quarters(share))
         share /= share.sum()
-        x, y = _between(self.dx_px), _between(self.dy_px)
-        turn, share = _between(self.turn_rad), np.interp(*_quarters(share))
-        share /= share.sum()
-        if np.ptp(self.turn_rad) > 0.0:
-            return np.stack([x, y, turn, share])
-        cell = np.rint(np.stack([x, y]) / _CELL_PX).astype(np.int64)
-        _, group = np.unique(cell, axis=1, return_inverse=True)
+        # A trail as short as the disc keeps its finest form; a long one only has to be smooth.
+        coarse_px = max(_CELL_PX, 1.2 * disc_sigma_px)
+        cell_px = float(np.clip(0.35 * math.sqrt(self.variance_px2), _CELL_PX, coarse_px))
+        in_px = places * np.array([1.0, 1.0, reach_px])[:, None]
+        _, group = np.unique(np.rint(in_px / cell_px), axis=1, return_inverse=True)
         weight = np.bincount(group.ravel(), share)
-        x, y = (np.bincount(group.ravel(), share * at) / weight for at in (x, y))
-        return np.stack([x, y, np.full(len(x), float(turn[0])), weight])
+        means = [np.bincount(group.ravel(), share * at) / weight for at in places]
+        return np.stack([*means, weight])
 
 
 def image_motion(  # noqa: PLR0917 - drawn the way it is spoken: of what, when, how long

@@ -28,6 +28,7 @@ from rsoconsole.simulator.passes import (
     satellite_truth,
 )
 from rsoconsole.simulator.plate import distorted, east_px, image_shift_px, shifted
+from rsoconsole.simulator.psf import FWHM_PER_SIGMA
 from rsoconsole.simulator.render import FieldContent, FramePixels, frame_rng, render
 from rsoconsole.simulator.scenarios import Scenario
 from rsoconsole.simulator.sensor import SensorModel
@@ -225,10 +226,12 @@ class Scene:
         if motion is None and ring_px == 0.0:
             return content
         moving_px2 = 0.0 if motion is None else motion.variance_px2
+        sigma_px = content.fwhm_px / FWHM_PER_SIGMA
+        reach_px = 0.5 * math.hypot(self.sensor.width_px, self.sensor.height_px)
         return replace(
             content,
             defocus_px=ring_px,
-            stands=None if motion is None else motion.stands(),
+            stands=None if motion is None else motion.stands(sigma_px, reach_px),
             blur_variance_px2=moving_px2 + ring_variance_px2(ring_px),
         )
 
