@@ -16,7 +16,7 @@ from rsoconsole.records import FloatArray, Site, Wcs
 from rsoconsole.simulator.brightness import BrightnessHistory
 from rsoconsole.simulator.brightness_world import flash_nodes, world_extra_mag
 from rsoconsole.simulator.faint_stars import faint_stars
-from rsoconsole.simulator.image_motion import ImageMotion, image_motion
+from rsoconsole.simulator.image_in_motion import blurred, plate_in_motion, plate_of
 from rsoconsole.simulator.imperfections import SHUTTER_SIGMA_S, air_sigma_arcsec
 from rsoconsole.simulator.passes import (
     MARGIN_PX,
@@ -27,8 +27,6 @@ from rsoconsole.simulator.passes import (
     satellite_passes,
     satellite_truth,
 )
-from rsoconsole.simulator.plate import distorted, east_px, image_shift_px, shifted
-from rsoconsole.simulator.psf import FWHM_PER_SIGMA
 from rsoconsole.simulator.render import FieldContent, FramePixels, frame_rng, render
 from rsoconsole.simulator.scenarios import Scenario
 from rsoconsole.simulator.sensor import SensorModel
@@ -46,7 +44,6 @@ from rsoconsole.simulator.world_scene import (
     clouds_in,
     moonlit,
     moved_stars_arcsec,
-    ring_variance_px2,
     seeing_arcsec,
     sensor_in,
     with_pattern,
@@ -54,7 +51,7 @@ from rsoconsole.simulator.world_scene import (
 from rsoconsole.sky.frames import icrs_to_altaz
 from rsoconsole.sky.star_catalogue import StarCatalogue
 from rsoconsole.sky.times import IntArray, lst_deg
-from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel, tan_wcs, wcs_cards
+from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel, wcs_cards
 
 NS = 1_000_000_000
 FAINTEST_STAR_MAG = 19.0
@@ -129,13 +126,20 @@ class Scene:
         observatory's clock. ``mount_path_arcsec``: (2, k) how far east and north of the boresight
         the mount looks at equal steps of time; None: it stands.
         """
-        plate = self._plate(
-            (boresight_ra_icrs_deg, boresight_dec_icrs_deg), rotation_deg, is_flipped
+        boresight = (boresight_ra_icrs_deg, boresight_dec_icrs_deg)
+        plate = plate_of(self.world, self.sensor, boresight, rotation_deg, is_flipped)
+        wcs, motion = plate_in_motion(
+            self.world,
+            plate,
+            self.sensor.scale_arcsec_px,
+            (self.seed, t_start_utc_ns),
+            exposure_s,
+            (t_start_utc_ns - self.scenario.t_start_utc_ns) / NS,
+            mount_path_arcsec,
         )
-        wcs, motion = self._motion(plate, t_start_utc_ns, exposure_s, mount_path_arcsec)
         t_sky_utc_ns = t_start_utc_ns + round(self._clock_offset_s(t_start_utc_ns) * NS)
         content = self.field_content(wcs, t_sky_utc_ns, exposure_s, t_seed_utc_ns=t_start_utc_ns)
-        content = self._blurred(content, motion)
+        content = blurred(content, self.world, self.sensor, motion)
         air = frame_rng(self.seed, t_start_utc_ns, _SHUTTER)
         wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
         scatter_s = float(air.normal(0.0, scatter_sigma_s(self.world, SHUTTER_SIGMA_S)))
@@ -181,59 +185,6 @@ class Scene:
             traffic=crossed,
         )
         return pixels, truth
-
-    def _plate(
-        self, boresight_icrs_deg: tuple[float, float], rotation_deg: float, is_flipped: bool
-    ) -> Wcs:
-        """Where the pixels look while the image stands where it should."""
-        wcs = tan_wcs(
-            *boresight_icrs_deg,
-            scale_arcsec_px=self.sensor.scale_arcsec_px,
-            rotation_deg=rotation_deg,
-            is_flipped=is_flipped,
-            width_px=self.sensor.width_px,
-            height_px=self.sensor.height_px,
-        )
-        return distorted(wcs, self.world.optics.distortion)
-
-    def _motion(
-        self,
-        plate: Wcs,
-        t_start_utc_ns: int,
-        exposure_s: float,
-        mount_path_arcsec: FloatArray | None,
-    ) -> tuple[Wcs, ImageMotion | None]:
-        """The plate where the image stood in the mean, and how it moved about that."""
-        mount_px = None if mount_path_arcsec is None else image_shift_px(plate, *mount_path_arcsec)
-        found = image_motion(
-            self.world,
-            self.seed,
-            t_start_utc_ns,
-            exposure_s,
-            (t_start_utc_ns - self.scenario.t_start_utc_ns) / NS,
-            self.sensor.scale_arcsec_px,
-            east_px(plate),
-            mount_px,
-        )
-        if found is None:
-            return plate, None
-        motion, mean_px = found
-        return shifted(plate, mean_px), motion
-
-    def _blurred(self, content: FieldContent, motion: ImageMotion | None) -> FieldContent:
-        """The field out of focus and in motion, as far as the world says so."""
-        ring_px = self.world.focus.ring_px
-        if motion is None and ring_px == 0.0:
-            return content
-        moving_px2 = 0.0 if motion is None else motion.variance_px2
-        sigma_px = content.fwhm_px / FWHM_PER_SIGMA
-        reach_px = 0.5 * math.hypot(self.sensor.width_px, self.sensor.height_px)
-        return replace(
-            content,
-            defocus_px=ring_px,
-            stands=None if motion is None else motion.stands(sigma_px, reach_px),
-            blur_variance_px2=moving_px2 + ring_variance_px2(ring_px),
-        )
 
     def _clock_offset_s(self, t_utc_ns: int) -> float:
         return clock_offset_s(self.world, t_utc_ns, self.scenario.t_start_utc_ns)
