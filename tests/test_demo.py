@@ -8,6 +8,8 @@ import pytest
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.records import TrackState
 from rsoconsole.session.reader import SessionReader
+from rsoconsole.session.verify import verify_session
+from rsoconsole.simulator.world_file import load_world
 from tests.test_cli_frames import rsoconsole
 
 FRAMES = 14
@@ -59,8 +61,13 @@ def test_the_night_ends_with_an_orbit_and_a_name_in_the_session(first_night):
     assert len(refined) == FRAMES
 
 
-def test_the_same_seed_gives_the_same_night_at_another_speed(first_night, tmp_path):
-    again = night(tmp_path / "two", "--seed", "1", "--speed", "400")
+def test_the_same_seed_gives_the_same_night_at_another_speed_and_in_a_world_without_names(
+    first_night, tmp_path
+):
+    nameless = tmp_path / "nameless.toml"
+    nameless.write_text("[wind]\n[shutter]\n", encoding="utf-8")
+    again = night(tmp_path / "two", "--seed", "1", "--speed", "400", "--world", str(nameless))
+    assert again["world"] == {}
     for key in ("session", "latency_ms"):
         del again[key]
     assert again == {key: first_night[key] for key in again}
@@ -75,6 +82,38 @@ def test_the_track_is_a_fold_over_the_session_bit_for_bit(first_night):
     states = [r for frame in replayed for r in frame.records if isinstance(r, TrackState)]
     assert states == [r for r in recorded if isinstance(r, TrackState)]
     assert len(states) >= FRAMES // 2
+
+
+def test_a_named_world_is_that_of_the_night_and_on_record(tmp_path):
+    """The operator is told the latency to 0.1 s; a clock that is 1 s wrong costs 15 arcsec."""
+    world = tmp_path / "world.toml"
+    world.write_text(
+        "[clock]\noffset_s = 1.0\n[shutter]\nlatency_s = 0.31\n[sensor]\nbinning = 2\n",
+        encoding="utf-8",
+    )
+    summary = night(tmp_path / "named", "--world", str(world), frames=7)
+    assert summary["world"] == {
+        "shutter": {"latency_s": 0.31},
+        "sensor": {"binning": 2},
+        "clock": {"offset_s": 1.0},
+    }
+    assert summary["target"] == "INTELSAT 14"
+    assert summary["measured_rms_arcsec"] == pytest.approx(1.01 * 15.0, abs=1.0)
+    folder = tmp_path / "named"
+    assert load_world(folder / "world.toml").named() == summary["world"]
+    config = SessionReader(folder).config()
+    assert config.exposure.header_latency_s == 0.3
+    assert (config.optics.width_px, config.optics.pixel_um) == (2328, 7.6)
+    assert verify_session(folder).state == "closed"
+    assert not verify_session(folder).findings
+
+
+def test_a_world_that_cannot_be_is_refused_with_its_remedy(tmp_path):
+    world = tmp_path / "world.toml"
+    world.write_text("[stars]\ndrift_pix = 3\n", encoding="utf-8")
+    run = rsoconsole("demo", "--headless", "--world", str(world))
+    assert run.returncode == 1
+    assert "no setting 'stars.drift_pix': did you mean [stars] drift_px?" in run.stderr
 
 
 def test_an_empty_sky_ends_in_search(tmp_path):

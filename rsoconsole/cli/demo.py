@@ -3,8 +3,9 @@
 import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 
@@ -17,6 +18,9 @@ from rsoconsole.instruments.past_engine import stop_past_engine
 from rsoconsole.records import Site
 from rsoconsole.waits import told_to
 
+if TYPE_CHECKING:
+    from rsoconsole.simulator.world import World
+
 Preset: TypeAlias = Literal["tuned", "paper"]
 KeepFrames: TypeAlias = Literal["all", "detected", "none"]
 
@@ -24,6 +28,8 @@ FRAMES_UNSEEN = 20
 FRAME_TIMEOUT_S = 120.0
 SOLVER_DEADLINE_S = 60.0
 """Wall-clock limits so wide that a slow machine gives the same night as a fast one."""
+DROPPED_TIMEOUT_S = 30.0
+"""Where frames never come, each of them costs that much of the wall's time."""
 
 
 def register(app: typer.Typer) -> None:
@@ -35,6 +41,13 @@ def demo(
     *,
     scenario: Annotated[str, typer.Option(help="Which night; --list shows them.")] = "intelsat-14",
     list_: Annotated[bool, typer.Option("--list", help="List the scenarios and exit.")] = False,
+    world: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|random",
+            help="Imperfections: a TOML file that names some, or 'random' (by the seed).",
+        ),
+    ] = None,
     preset: Annotated[Preset, typer.Option(help="Filter preset.")] = "tuned",
     speed: Annotated[
         float | None,
@@ -77,7 +90,14 @@ def demo(
     'rsoconsole status' and 'rsoconsole stop' reach it from another terminal;
     beside an engine that runs already they need --socket, and the demo says which.
 
+    --world makes the night imperfect: shutter, seeing, focus, wind, sensor, clock,
+    optics, mount, flashing, clouds, aircraft, lost frames. Each imperfection is a
+    setting, e.g. drift_px = 12 under [stars]; rsoconsole/simulator/README.md lists
+    all with their units, and the laws by which 'random' draws them. What a file
+    does not name stays as it is.
+
     Example: rsoconsole demo --headless --scenario intelsat-14 --frames 40 --json
+    Example: rsoconsole demo --world random --seed 7
     """
     from rsoconsole.simulator.scenarios import all_scenarios, elements_path, scenario_named
 
@@ -89,11 +109,14 @@ def demo(
     known = scenario_named(scenario)
     catalogue = [each.resolve() for each in tle or [elements_path()]]
     config = demo_config(known.site, preset=preset, keep_frames=keep_frames, catalogue=catalogue)
+    imperfect = _world_of(world, seed)
+    config = config_in(imperfect, config)
     is_seen = not (headless or json_) and sys.stdin.isatty() and sys.stdout.isatty()
     pace = (0.0 if headless or json_ else 10.0) if speed is None else speed
     if frames is None and not is_seen:
         frames = FRAMES_UNSEEN
     night = Night(scenario=scenario, seed=seed, speed=pace, frames=frames, session=session)
+    night = replace(night, world=imperfect.named())
     if not (headless or json_):
         output.say(f"{known.title}\n{known.description}")
     if is_seen and not lines:
@@ -105,6 +128,34 @@ def demo(
         output.emit_json(found)
     else:
         _say_summary(found)
+
+
+def _world_of(named: str | None, seed: int) -> "World":
+    """The world that the option names. Raises ConfigError with the remedy."""
+    from rsoconsole.simulator.random_world import random_world
+    from rsoconsole.simulator.world import NAMELESS
+    from rsoconsole.simulator.world_file import load_world
+
+    if named is None:
+        return NAMELESS
+    return random_world(seed) if named == "random" else load_world(Path(named))
+
+
+def config_in(world: "World", config: Config) -> Config:
+    """What the operator of this world's telescope would have configured, and no more."""
+    from rsoconsole.simulator.world_scene import binned
+
+    exposure: dict[str, float] = {}
+    if world.known_latency_s:
+        exposure["header_latency_s"] = world.known_latency_s
+    if world.frames.dropped_rate:
+        exposure["frame_timeout_s"] = DROPPED_TIMEOUT_S
+    return config.model_copy(
+        update={
+            "optics": binned(config.optics, world),
+            "exposure": config.exposure.model_copy(update=exposure),
+        }
+    )
 
 
 def _watch_night(config: Config, night: Night) -> None:

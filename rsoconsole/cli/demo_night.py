@@ -14,8 +14,8 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,6 +49,8 @@ class Night:
     frames: int | None
     """None: until the engine is told to end."""
     session: Path | None
+    world: Mapping[str, Any] = field(default_factory=dict)
+    """The imperfections that are named, by section."""
 
 
 def run_night(
@@ -71,7 +73,9 @@ def run_night(
     with tempfile.TemporaryDirectory(prefix="rsoconsole-") as scratch:
         truth_path = Path(scratch) / "truth.jsonl"
         socket = control_socket(Path(scratch))
-        with start_observatory(night.scenario, night.seed, night.speed, truth_path) as observatory:
+        with start_observatory(
+            night.scenario, night.seed, night.speed, truth_path, world=night.world
+        ) as observatory:
             indi = config.indi.model_copy(
                 update={
                     "host": observatory.host,
@@ -90,6 +94,7 @@ def run_night(
 
             def engine_at(place: Path | None) -> Path:
                 def has_started(folder: Path) -> None:
+                    _record_world(night, folder)
                     if on_start is not None:
                         on_start(folder, place or default_socket_path())
 
@@ -110,7 +115,16 @@ def run_night(
         records = (record for _, _, record in SessionReader(folder).records())
         figures = summarise(records, read_truth(truth_path))
     about = {"scenario": night.scenario, "seed": night.seed, "session": str(folder)}
-    return {**about, **figures}
+    return {**about, **figures, "world": dict(night.world)}
+
+
+def _record_world(night: Night, session: Path) -> None:
+    """What was imperfect, in the session's folder: a file to simulate it again with."""
+    from rsoconsole.session.schema import WORLD
+    from rsoconsole.simulator.world_file import world_from, world_to_toml
+
+    if night.world:
+        (session / WORLD).write_text(world_to_toml(world_from(night.world)), encoding="utf-8")
 
 
 def control_socket(scratch: Path) -> Path | None:

@@ -37,11 +37,19 @@ class _Frame:
     """What the session says of one exposure."""
 
     t_mid_utc_ns: int
+    """By the header."""
     state: str = "SEARCH"
     measurements: list[Measurement] = field(default_factory=list)
     predicted: TrackState | None = None
     updated: TrackState | None = None
     refused_nis: list[tuple[Measurement, float]] = field(default_factory=list)
+
+    @property
+    def t_named_utc_ns(self) -> int:
+        """Mid-exposure as the engine has it, which knows more of the shutter than the header."""
+        if self.measurements:
+            return self.measurements[0].t_mid_utc_ns
+        return self.t_mid_utc_ns if self.predicted is None else self.predicted.t_utc_ns
 
 
 class _Tally:
@@ -167,19 +175,33 @@ def read_truth(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
 
 
-def _satellites(truth: Sequence[Mapping[str, Any]], t_mid_utc_ns: int) -> list[Mapping[str, Any]]:
+def _satellites(truth: Sequence[Mapping[str, Any]], frame: _Frame) -> list[Mapping[str, Any]]:
+    """The satellites of a frame, each where it truly was at the instant that the engine names."""
     for exposure in truth:
         t_true_mid_ns = exposure["t_start_utc_ns"] + round(exposure["exposure_s"] * 5e8)
-        if abs(t_true_mid_ns - t_mid_utc_ns) < SAME_FRAME_NS:
-            return list(exposure["satellites"])
+        if abs(t_true_mid_ns - frame.t_mid_utc_ns) < SAME_FRAME_NS:
+            t_place_ns = exposure.get("t_place_utc_ns", frame.t_named_utc_ns)
+            later_s = (frame.t_named_utc_ns - t_place_ns) / 1e9
+            return [_moved(each, later_s) for each in exposure["satellites"]]
     return []
+
+
+def _moved(satellite: Mapping[str, Any], later_s: float) -> Mapping[str, Any]:
+    """The satellite so much later; itself where the truth is told for the very instant."""
+    if later_s == 0.0:
+        return satellite
+    return {
+        **satellite,
+        "ra_icrs_deg": satellite["ra_icrs_deg"] + satellite["ra_rate_deg_s"] * later_s,
+        "dec_icrs_deg": satellite["dec_icrs_deg"] + satellite["dec_rate_deg_s"] * later_s,
+    }
 
 
 def _against_truth(
     frames: Mapping[int, _Frame], truth: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
     """Figures against what really was there; those of the track against one named satellite."""
-    views = [(frame, _satellites(truth, frame.t_mid_utc_ns)) for frame in frames.values()]
+    views = [(frame, _satellites(truth, frame)) for frame in frames.values()]
     target, share = _followed(views)
     predicted, outside, nis = _track_figures(views, target)
     confidences = [found for frame, _ in views if (found := _confidence(frame)) is not None]

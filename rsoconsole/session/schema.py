@@ -19,6 +19,8 @@ JOURNAL = f"{DATABASE}-journal"
 BESIDE_DATABASE = (WAL, JOURNAL, f"{DATABASE}-shm")
 """What SQLite keeps beside the database while it is written, or after it was cut off."""
 CONFIG = "config.toml"
+WORLD = "world.toml"
+"""What was imperfect about a simulated night."""
 BRANCHES = "branches"
 """Folder of what others derive from the session: never part of its record."""
 

@@ -12,11 +12,19 @@ from rsoconsole.session.holdings import (
     hash_of,
     parse_manifest,
 )
-from rsoconsole.session.schema import BESIDE_DATABASE, BRANCHES, CONFIG, DATABASE, JOURNAL, WAL
+from rsoconsole.session.schema import (
+    BESIDE_DATABASE,
+    BRANCHES,
+    CONFIG,
+    DATABASE,
+    JOURNAL,
+    WAL,
+    WORLD,
+)
 from rsoconsole.session.upkeep import KEEP, UPKEEP, parse_notes, pruned_on
 from rsoconsole.session.verification import REPAIR, Verification
 
-_KNOWN = {DATABASE, *BESIDE_DATABASE, CONFIG, UPKEEP, KEEP, MANIFEST}
+_KNOWN = {DATABASE, *BESIDE_DATABASE, CONFIG, WORLD, UPKEEP, KEEP, MANIFEST}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

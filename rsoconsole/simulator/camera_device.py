@@ -11,13 +11,15 @@ import numpy as np
 import numpy.typing as npt
 from indipydriver import BLOBMember, BLOBVector, Device
 
-from rsoconsole.records import Site
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.simulator.camera_header import header_cards
+from rsoconsole.simulator.camera_traits import CameraTraits
+from rsoconsole.simulator.frame_fate import Fate, frame_fate
 from rsoconsole.simulator.indi_fits import Card, fits_bytes
 from rsoconsole.simulator.indi_vectors import asked_for, numbers, stamp, switches, texts, turn_on
 from rsoconsole.simulator.mount_model import MountModel
-from rsoconsole.sky.angles import format_dec, format_ra
+from rsoconsole.simulator.world import NAMELESS, World
 from rsoconsole.sky.frames import jnow_to_icrs
-from rsoconsole.sky.times import utc_ns_to_iso
 
 NS = 1_000_000_000
 _GROUP = "Main Control"
@@ -41,37 +43,41 @@ class SceneLike(Protocol):
         is_flipped: bool,
         t_start_utc_ns: int,
         exposure_s: float,
+        mount_path_arcsec: FloatArray | None = None,
     ) -> tuple[npt.NDArray[np.uint16], Truth]:
-        """Pixels (height, width) and the truth of one exposure."""
+        """Pixels (height, width) and the truth of one exposure.
+
+        A restless mount's path, (2, k) arcsec east and north, is given where there is one.
+        """
 
     def sky_notice(self, dec_icrs_deg: float) -> str | None:
         """Why a frame at this declination shows no stars, and the remedy; None where it does."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CameraTraits:
-    """Sensor, optics and how the camera hangs on the telescope."""
-
-    width_px: int
-    height_px: int
-    pixel_um: float
-    focal_length_mm: float
-    bits: int = 12
-    start_latency_s: float = 0.3
-    """From the order to the opening of the shutter; DATE-OBS is the opening."""
-    rotation_deg: float = 1.7
-    """Position angle of the array's +y axis with the telescope west of the pier."""
-    is_flipped: bool = False
-
-
 @dataclass(frozen=True, slots=True)
 class _Exposure:
     t_start_utc_ns: int
+    """What the driver notes; all of this by the observatory's clock."""
     exposure_s: float
+    opens_later_s: float
+    fate: Fate
+    late_s: float
 
     @property
     def t_end_utc_ns(self) -> int:
+        """Where the driver believes to be done."""
         return self.t_start_utc_ns + round(self.exposure_s * NS)
+
+    @property
+    def t_due_utc_ns(self) -> int:
+        """When its frame really is there."""
+        later_s = max(0.0, self.opens_later_s) + (self.late_s if self.fate == "late" else 0.0)
+        return self.t_end_utc_ns + round(later_s * NS)
+
+    def at(self, share: float) -> int:
+        """The instant after this share of the true exposure."""
+        since_s = self.opens_later_s + share * self.exposure_s
+        return self.t_start_utc_ns + round(since_s * NS)
 
 
 class CameraDevice:
@@ -89,7 +95,11 @@ class CameraDevice:
         truth_path: Path | None,
         mount_name: str,
         spawn: Callable[[Coroutine[Any, Any, None]], Any],
+        world: World = NAMELESS,
+        seed: int = 0,
     ) -> None:
+        self._world, self._seed = world, seed
+        self._t_night_utc_ns = now_utc_ns()
         self._name, self._traits, self._scene = name, traits, scene
         self._mount, self._site, self._mount_name = mount, site, mount_name
         self._now_utc_ns, self._truth_path, self._spawn = now_utc_ns, truth_path, spawn
@@ -109,7 +119,9 @@ class CameraDevice:
         self._blob = BLOBVector(
             "CCD1", "Image", "Image Info", "ro", "Idle", [BLOBMember("CCD1", "Image", 0, ".fits")]
         )
-        width_px, height_px = traits.width_px, traits.height_px
+        binning = traits.binning
+        width_px, height_px = traits.width_px * binning, traits.height_px * binning
+        pixel_um = traits.pixel_um / binning
         others = [
             switches("CONNECTION", _GROUP, ("CONNECT", "DISCONNECT"), "CONNECT"),
             numbers(
@@ -118,9 +130,9 @@ class CameraDevice:
                 {
                     "CCD_MAX_X": width_px,
                     "CCD_MAX_Y": height_px,
-                    "CCD_PIXEL_SIZE": traits.pixel_um,
-                    "CCD_PIXEL_SIZE_X": traits.pixel_um,
-                    "CCD_PIXEL_SIZE_Y": traits.pixel_um,
+                    "CCD_PIXEL_SIZE": pixel_um,
+                    "CCD_PIXEL_SIZE_X": pixel_um,
+                    "CCD_PIXEL_SIZE_Y": pixel_um,
                     "CCD_BITSPERPIXEL": 16,
                 },
                 perm="ro",
@@ -131,7 +143,9 @@ class CameraDevice:
                 {"X": 0, "Y": 0, "WIDTH": width_px, "HEIGHT": height_px},
                 perm="ro",
             ),
-            numbers("CCD_BINNING", "Image Settings", {"HOR_BIN": 1, "VER_BIN": 1}, perm="ro"),
+            numbers(
+                "CCD_BINNING", "Image Settings", {"HOR_BIN": binning, "VER_BIN": binning}, perm="ro"
+            ),
             texts(
                 "DRIVER_INFO",
                 "General Info",
@@ -160,18 +174,39 @@ class CameraDevice:
     async def pass_time(self) -> None:
         """Close the shutter where the present instant lies past the exposure's end."""
         exposure = self._exposure
-        if exposure is None or self._now_utc_ns() < exposure.t_end_utc_ns:
+        if exposure is None or self._now_utc_ns() < exposure.t_due_utc_ns:
             return
         self._exposure = None
-        t_mid_utc_ns = (exposure.t_start_utc_ns + exposure.t_end_utc_ns) // 2
+        if exposure.fate == "dropped":
+            return
+        if exposure.fate == "failed":
+            await self._send(self._exposing, "Alert", "the frame was lost between camera and host")
+            return
+        t_mid_utc_ns = exposure.at(0.5)
         # Looked up now: the mount's past is kept only for a while.
         boresight_date_deg = self._mount.boresight_date_deg(t_mid_utc_ns)
         ra_icrs_deg, dec_icrs_deg = jnow_to_icrs(*boresight_date_deg, t_mid_utc_ns)
         cards = self._cards(exposure)
         is_east = self._mount.instant(t_mid_utc_ns).pier_side == "east"
-        rotation_deg = (self._traits.rotation_deg + (180.0 if is_east else 0.0)) % 360.0
+        turned_deg = self._traits.rotation_deg + (180.0 if is_east else 0.0)
+        hours = (t_mid_utc_ns - self._t_night_utc_ns) / NS / 3600.0
+        rotation_deg = (turned_deg + self._world.optics.rotation_deg_h * hours) % 360.0
         pointing = (float(ra_icrs_deg), float(dec_icrs_deg), rotation_deg)
-        self._spawn(self._deliver(exposure, pointing, cards, self._generation))
+        path = self._mount_path(exposure)
+        self._spawn(self._deliver(exposure, pointing, path, cards, self._generation))
+
+    def overdue_utc_ns(self) -> int | None:
+        """When the frame comes that should be there by now; None where none is overdue."""
+        exposure = self._exposure
+        if exposure is None or self._now_utc_ns() < exposure.t_end_utc_ns:
+            return None
+        return exposure.t_due_utc_ns
+
+    def _mount_path(self, exposure: _Exposure) -> FloatArray | None:
+        """(2, k) arcsec east and north of the middle of the exposure; None where it stands."""
+        if self._mount.unrest.is_none:
+            return None
+        return self._mount.unrest_path_arcsec(exposure.at(0.0), exposure.at(1.0))
 
     async def _handle_exposure(self, event: Any) -> None:
         try:
@@ -183,7 +218,14 @@ class CameraDevice:
             return
         latency_ns = round(self._traits.start_latency_s * NS)
         self._generation += 1
-        self._exposure = _Exposure(self._now_utc_ns() + latency_ns, exposure_s)
+        t_start_utc_ns = self._now_utc_ns() + latency_ns
+        self._exposure = _Exposure(
+            t_start_utc_ns,
+            exposure_s,
+            self._world.shutter.latency_s + self._world.shutter.bias_s,
+            frame_fate(self._world.frames, self._seed, t_start_utc_ns),
+            self._world.frames.late_s,
+        )
         self._exposing["CCD_EXPOSURE_VALUE"] = repr(exposure_s)
         await self._send(self._exposing, "Busy")
 
@@ -191,12 +233,15 @@ class CameraDevice:
         self,
         exposure: _Exposure,
         pointing: tuple[float, float, float],
+        path: FloatArray | None,
         cards: dict[str, Card],
         generation: int,
     ) -> None:
         loop = asyncio.get_running_loop()
         try:
-            file = await loop.run_in_executor(self._painter, self._paint, exposure, pointing, cards)
+            file = await loop.run_in_executor(
+                self._painter, self._paint, exposure, pointing, path, cards
+            )
         except Exception as error:
             await self._send(self._exposing, "Alert", f"the scene cannot be drawn: {error}")
             return
@@ -222,6 +267,7 @@ class CameraDevice:
         self,
         exposure: _Exposure,
         pointing: tuple[float, float, float],
+        path: FloatArray | None,
         cards: dict[str, Card],
     ) -> bytes:
         ra_icrs_deg, dec_icrs_deg, rotation_deg = pointing
@@ -232,6 +278,7 @@ class CameraDevice:
             self._traits.is_flipped,
             exposure.t_start_utc_ns,
             exposure.exposure_s,
+            *(() if path is None else (path,)),
         )
         if self._truth_path is not None:
             with self._truth_path.open("a", encoding="utf-8") as lines:
@@ -239,35 +286,11 @@ class CameraDevice:
         return bytes(fits_bytes(pixels, cards))
 
     def _cards(self, exposure: _Exposure) -> dict[str, Card]:
-        """The header INDI's CCD driver writes; RA and DEC are J2000 from the mount's own belief."""
         belief = self._mount.instant(exposure.t_start_utc_ns)
-        ra, dec = jnow_to_icrs(belief.ra_date_deg, belief.dec_date_deg, exposure.t_start_utc_ns)
-        traits = self._traits
-        return {
-            "INSTRUME": self._name,
-            "TELESCOP": self._mount_name,
-            "ROWORDER": "TOP-DOWN",
-            "EXPTIME": exposure.exposure_s,
-            "DATE-OBS": utc_ns_to_iso(exposure.t_start_utc_ns, 6).rstrip("Z"),
-            "PIXSIZE1": traits.pixel_um,
-            "PIXSIZE2": traits.pixel_um,
-            "XPIXSZ": traits.pixel_um,
-            "YPIXSZ": traits.pixel_um,
-            "XBINNING": 1,
-            "YBINNING": 1,
-            "FRAME": "Light",
-            "IMAGETYP": "Light Frame",
-            "FOCALLEN": traits.focal_length_mm,
-            "APTDIA": traits.focal_length_mm / 2.2,
-            "SITELAT": self._site.latitude_deg,
-            "SITELONG": self._site.longitude_deg,
-            "OBJCTRA": format_ra(float(ra)).replace(":", " "),
-            "OBJCTDEC": format_dec(float(dec)).replace(":", " "),
-            "RA": float(ra),
-            "DEC": float(dec),
-            "PIERSIDE": belief.pier_side.upper(),
-            "EQUINOX": 2000,
-        }
+        names = (self._name, self._mount_name)
+        return header_cards(
+            names, self._traits, self._site, self._world, belief, exposure.exposure_s
+        )
 
     async def _send(self, vector: Any, state: str, message: str = "") -> None:
         if message:

@@ -20,7 +20,10 @@ class ClockDevice:
         clock: VirtualClock,
         on_report: Callable[[], Awaitable[None]],
         spawn: Callable[[Coroutine[Any, Any, None]], Any],
+        overdue: Callable[[], int | None] = lambda: None,
     ) -> None:
+        """``overdue``: when the thing comes that a client waits for in vain by now."""
+        self._overdue = overdue
         self._clock, self._on_report, self._spawn = clock, on_report, spawn
         self._is_advancing = False
         self._now = texts(
@@ -57,6 +60,10 @@ class ClockDevice:
     async def _run(self, t_utc_ns: int, tag: str) -> None:
         try:
             reached_utc_ns = await self._clock.advance(t_utc_ns, self._on_report)
+            # Whoever waits for a frame asks for no more time: it passes until the frame is there.
+            due_utc_ns = self._overdue() if reached_utc_ns >= t_utc_ns else None
+            if due_utc_ns is not None and due_utc_ns > reached_utc_ns:
+                reached_utc_ns = await self._clock.advance(due_utc_ns, self._on_report)
         finally:
             self._is_advancing = False
         self._now["UTC_NS"] = str(reached_utc_ns)

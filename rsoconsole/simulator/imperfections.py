@@ -17,7 +17,9 @@ SHUTTER_SIGMA_S = 0.015
 
 
 def catalogue_errors_arcsec(
-    ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray
+    ra_icrs_deg: FloatArray,
+    dec_icrs_deg: FloatArray,
+    sigma_arcsec: float = CATALOGUE_SIGMA_ARCSEC,
 ) -> tuple[FloatArray, FloatArray]:
     """(east, north) by which each star misses its catalogue's place; always the same.
 
@@ -30,8 +32,8 @@ def catalogue_errors_arcsec(
     radius = np.sqrt(-2.0 * np.log(_uniform(key, 1)))
     angle = 2.0 * math.pi * _uniform(key, 2)
     return (
-        CATALOGUE_SIGMA_ARCSEC * radius * np.cos(angle),
-        CATALOGUE_SIGMA_ARCSEC * radius * np.sin(angle),
+        sigma_arcsec * radius * np.cos(angle),
+        sigma_arcsec * radius * np.sin(angle),
     )
 
 

@@ -6,7 +6,7 @@ import select
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -73,6 +73,7 @@ def start_observatory(
     stage: str | None = None,
     weather: Sequence[tuple[float, str]] = (),
     dome: Sequence[tuple[float, str]] = (),
+    world: Mapping[str, Any] | None = None,
 ) -> Observatory:
     """Start the observatory in a process of its own and wait until it listens on 127.0.0.1.
 
@@ -80,8 +81,9 @@ def start_observatory(
     that gets one JSON line a frame. ``width_px``, ``height_px``: a smaller sensor. ``stage``:
     ``module:function`` giving another stage than the scenarios'. ``weather``, ``dome``: what they
     become, as (seconds since the night's start, "ok" | "warning" | "alert") and (seconds, "open" |
-    "closed" | "moving"); fine and open unless told. Raises InstrumentError when the observatory
-    does not come up, with the last of what it said.
+    "closed" | "moving"); fine and open unless told. ``world``: the imperfections that are named,
+    as ``World.named`` gives them. Raises InstrumentError when the observatory does not come up,
+    with the last of what it said.
     """
     settings = {
         "scenario": scenario_name,
@@ -93,6 +95,7 @@ def start_observatory(
         "stage": stage,
         "weather": list(weather),
         "dome": list(dome),
+        "world": dict(world or {}),
     }
     with _log_file(log_path) as log:
         process = subprocess.Popen(

@@ -13,12 +13,15 @@ from typing import Literal
 
 import numpy as np
 
+from rsoconsole.records import FloatArray
+from rsoconsole.simulator.mount_unrest import MountUnrest
 from rsoconsole.sky.angles import wrap_180, wrap_360
 from rsoconsole.sky.times import lst_deg
 
 SIDEREAL_DEG_S = 360.98564736629 / 86400.0
 NS = 1_000_000_000
 _KEPT_MOTIONS = 64
+_PATH_STEPS = 401
 
 PierSide = Literal["east", "west"]
 
@@ -119,7 +122,9 @@ class MountModel:
         ra_date_deg: float,
         dec_date_deg: float,
         traits: MountTraits | None = None,
+        unrest: MountUnrest | None = None,
     ) -> None:
+        self.unrest = unrest or MountUnrest(seed, t_utc_ns)
         self.latitude_deg = latitude_deg
         self.longitude_deg = longitude_deg
         self.traits = traits or MountTraits()
@@ -210,9 +215,25 @@ class MountModel:
             swing_deg = motion.swing_deg * exp(-since_arrival_s / self.traits.settle_tau_s)
             east_deg += swing_deg * cos(2 * pi * 1.3 * since_arrival_s)
             north_deg += 0.5 * swing_deg * sin(2 * pi * 1.3 * since_arrival_s)
+        restless = self.unrest_deg(t_utc_ns)
+        east_deg, north_deg = east_deg + restless[0], north_deg + restless[1]
         dec_deg = max(-90.0, min(90.0, now.dec_date_deg + north_deg))
         cos_dec = max(cos(radians(dec_deg)), 1e-3)
         return wrap_360(now.ra_date_deg + east_deg / cos_dec), dec_deg
+
+    def unrest_deg(self, t_utc_ns: int) -> tuple[float, float]:
+        """East and north of where it would look if it kept still once it has arrived."""
+        motion = self._motion_at(t_utc_ns)
+        since_arrival_s = (t_utc_ns - motion.t0_utc_ns) / NS - self._duration_s(motion)
+        sign = 1.0 if motion.secondary_deg <= 90.0 else -1.0
+        way_deg = (motion.travel_primary_deg, sign * motion.travel_secondary_deg)
+        return self.unrest.offset_deg(t_utc_ns, since_arrival_s, way_deg)
+
+    def unrest_path_arcsec(self, t_first_utc_ns: int, t_last_utc_ns: int) -> FloatArray:
+        """(2, odd) how far east and north of its place halfway it looks, at equal steps of time."""
+        instants = np.linspace(t_first_utc_ns, t_last_utc_ns, _PATH_STEPS)
+        path = np.array([self.unrest_deg(round(t)) for t in instants]).T * 3600.0
+        return np.asarray(path - path[:, [_PATH_STEPS // 2]], dtype=np.float64)
 
     def _go(self, ra_date_deg: float, dec_date_deg: float, side: PierSide, t_utc_ns: int) -> float:
         motion = self._motion_at(t_utc_ns)

@@ -8,10 +8,13 @@ import numpy as np
 
 from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.records import FloatArray, Site, Wcs
+from rsoconsole.simulator.image_motion import ImageMotion
 from rsoconsole.simulator.psf import FWHM_PER_SIGMA, WINGS
 from rsoconsole.simulator.render import FieldContent, Streak, cloud_at
 from rsoconsole.simulator.sensor import SensorModel, vignetting
+from rsoconsole.simulator.shutter import TrueShutter
 from rsoconsole.simulator.truth import SatelliteTruth
+from rsoconsole.sky.places import Places
 from rsoconsole.sky.sun import lit_fraction
 from rsoconsole.sky.times import IntArray
 from rsoconsole.sky.wcs import sky_to_pixel
@@ -22,8 +25,11 @@ ExtraMagnitude = Callable[[IntArray], FloatArray]
 NS = 1_000_000_000
 MARGIN_PX = 250.0
 """How far outside the sensor a source may lie and still be drawn or told of."""
-_NODES = 11
-_MIDDLE = _NODES // 2
+NODES = 11
+"""Places in time along an exposure in which nothing is unsteady; odd."""
+_SAME_INSTANT_S = 1e-8
+_FAR_AWAY_S = 10.0
+"""A row whose turn comes that late lies far outside any frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,55 +42,118 @@ class SatellitePass:
     """Under a clear sky at the zenith; 0 electrons when unlit throughout."""
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
+    rates_deg_s: tuple[float, float]
+    """Of right ascension and declination at mid-exposure."""
     lit_fraction: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sight:
+    """How one exposure sees what moves."""
+
+    site: Site
+    sensor: SensorModel
+    wcs: Wcs
+    t_start_utc_ns: int
+    """Opening as the operator has it: places are told for this and what follows."""
+    exposure_s: float
+    shutter_error_s: float = 0.0
+    """The shutter opens this much later, a few hundredths of a second; see ``true``."""
+    wander_px: tuple[float, float] = (0.0, 0.0)
+    """By which the air moves the whole streak."""
+    true: TrueShutter | None = None
+    """What really happened, where that is more than ``shutter_error_s``, which then is unused."""
+    motion: ImageMotion | None = None
+    nodes: int = NODES
+    """Places in time along the exposure, odd: finer where brightness or image are unsteady."""
+
+    @property
+    def centre_px(self) -> tuple[float, float]:
+        """Middle of the frame."""
+        return (self.sensor.width_px - 1) / 2.0, (self.sensor.height_px - 1) / 2.0
+
+
 def satellite_passes(
-    satellites: Iterable[tuple[Satellite, ExtraMagnitude]],
-    *,
-    site: Site,
-    sensor: SensorModel,
-    wcs: Wcs,
-    t_start_utc_ns: int,
-    exposure_s: float,
-    shutter_error_s: float = 0.0,
-    wander_px: tuple[float, float] = (0.0, 0.0),
+    satellites: Iterable[tuple[Satellite, ExtraMagnitude]], sight: Sight
 ) -> tuple[SatellitePass, ...]:
     """Those whose streak comes near the sensor, sampled along the exposure.
 
-    The shutter opens ``shutter_error_s`` later than ``t_start_utc_ns``, and the air moves the
-    streak by ``wander_px``; directions are those of the instants a perfect clock would tell.
+    Directions are those of the instants that the operator would name: what a perfect measurement
+    with a perfect clock and shutter would give.
     """
-    offsets = np.rint(np.linspace(0.0, exposure_s, _NODES) * NS).astype(np.int64)
-    t_utc_ns = np.int64(t_start_utc_ns) + offsets
+    share = np.linspace(0.0, 1.0, sight.nodes)
+    offsets = np.rint(share * sight.exposure_s * NS).astype(np.int64)
+    t_utc_ns = np.int64(sight.t_start_utc_ns) + offsets
     found = []
     for satellite, extra_mag in satellites:
-        places = satellite.astrometric_place(site, t_utc_ns)
-        # Over a few hundredths of a second the rates of the instant serve.
-        x, y = sky_to_pixel(
-            wcs,
-            places.ra_icrs_deg + places.ra_rate_deg_s * shutter_error_s,
-            places.dec_icrs_deg + places.dec_rate_deg_s * shutter_error_s,
-        )
-        x, y = x + wander_px[0], y + wander_px[1]
-        if not np.all(np.isfinite(x)) or not _is_near(sensor, x, y):
+        places = satellite.astrometric_place(sight.site, t_utc_ns)
+        if sight.true is None:
+            # Over a few hundredths of a second the rates of the instant serve.
+            seen, pace = places, np.ones(sight.nodes)
+            x, y = _on_frame(sight, share, places, sight.shutter_error_s)
+        else:
+            seen, x, y, pace = _truly_seen(satellite, sight, sight.true, share)
+        if not np.all(np.isfinite(x)) or not _is_near(sight.sensor, x, y):
             continue
-        magnitude = satellite.magnitude(places) + extra_mag(t_utc_ns)
-        per_second = sensor.electrons(magnitude, 1.0)
-        mean = float(np.trapezoid(per_second, dx=1.0 / (_NODES - 1)))
-        brightness = per_second / mean if mean > 0.0 else np.zeros(_NODES)
-        lit = lit_fraction(places.position_gcrs_km, places.t_utc_ns)
+        magnitude = satellite.magnitude(seen) + extra_mag(seen.t_utc_ns)
+        per_second = sight.sensor.electrons(magnitude, 1.0) * pace
+        mean = float(np.trapezoid(per_second, dx=1.0 / (sight.nodes - 1)))
+        brightness = per_second / mean if mean > 0.0 else np.zeros(sight.nodes)
+        lit = lit_fraction(seen.position_gcrs_km, seen.t_utc_ns)
+        middle = sight.nodes // 2
         found.append(
             SatellitePass(
                 name=satellite.element_set.name,
                 norad_id=satellite.element_set.norad_id,
-                streak=Streak(x_px=x, y_px=y, electrons=mean * exposure_s, brightness=brightness),
+                streak=Streak(
+                    x_px=x, y_px=y, electrons=mean * sight.exposure_s, brightness=brightness
+                ),
                 ra_icrs_deg=places.ra_icrs_deg,
                 dec_icrs_deg=places.dec_icrs_deg,
+                rates_deg_s=(
+                    float(places.ra_rate_deg_s[middle]),
+                    float(places.dec_rate_deg_s[middle]),
+                ),
                 lit_fraction=float(np.mean(lit)),
             )
         )
     return tuple(found)
+
+
+def _truly_seen(
+    satellite: Satellite, sight: Sight, true: TrueShutter, share: FloatArray
+) -> tuple[Places, FloatArray, FloatArray, FloatArray]:
+    """Places, pixels, and how much time a step of the exposure takes, at the true instants.
+
+    With a rolling shutter a satellite is seen at the time of the row on which it then is: solved
+    by going there again and again; every step is some hundred times nearer.
+    """
+    late_s = np.zeros(len(share))
+    while True:
+        t_s = share * sight.exposure_s + late_s
+        t_utc_ns = np.int64(true.t_open_utc_ns) + np.rint(t_s * NS).astype(np.int64)
+        places = satellite.astrometric_place(sight.site, t_utc_ns)
+        x, y = _on_frame(sight, share, places, 0.0)
+        row_s = y * true.line_time_s
+        if not np.all(np.isfinite(y)) or np.max(np.abs(row_s - late_s)) < _SAME_INSTANT_S:
+            return places, x, y, np.gradient(t_s) / (sight.exposure_s / (len(share) - 1))
+        if np.max(np.abs(row_s)) > _FAR_AWAY_S:
+            return places, np.full_like(x, np.nan), y, np.ones(len(share))
+        late_s = row_s
+
+
+def _on_frame(
+    sight: Sight, share: FloatArray, places: Places, later_s: float
+) -> tuple[FloatArray, FloatArray]:
+    x, y = sky_to_pixel(
+        sight.wcs,
+        places.ra_icrs_deg + places.ra_rate_deg_s * later_s,
+        places.dec_icrs_deg + places.dec_rate_deg_s * later_s,
+    )
+    x, y = x + sight.wander_px[0], y + sight.wander_px[1]
+    if sight.motion is not None:
+        x, y = sight.motion.moved(share, x, y, sight.centre_px)
+    return x, y
 
 
 def dimmed(streak: Streak, transmission: float) -> Streak:
@@ -102,15 +171,18 @@ def satellite_truth(
     is_lit = each.streak.electrons > 0.0
     rate = each.streak.electrons / content.exposure_s
     peak, matched = _signal_to_noise(sensor, content, each.streak, electrons)
+    middle = len(x) // 2
     return SatelliteTruth(
         name=each.name,
         norad_id=each.norad_id,
-        is_in_frame=_is_on_sensor(sensor, x[_MIDDLE], y[_MIDDLE]),
+        is_in_frame=_is_on_sensor(sensor, x[middle], y[middle]),
         is_whole=_is_on_sensor(sensor, x[0], y[0]) and _is_on_sensor(sensor, x[-1], y[-1]),
-        ra_icrs_deg=float(each.ra_icrs_deg[_MIDDLE]),
-        dec_icrs_deg=float(each.dec_icrs_deg[_MIDDLE]),
-        x_px=float(x[_MIDDLE]),
-        y_px=float(y[_MIDDLE]),
+        ra_icrs_deg=float(each.ra_icrs_deg[middle]),
+        dec_icrs_deg=float(each.dec_icrs_deg[middle]),
+        ra_rate_deg_s=each.rates_deg_s[0],
+        dec_rate_deg_s=each.rates_deg_s[1],
+        x_px=float(x[middle]),
+        y_px=float(y[middle]),
         x_start_px=float(x[0]),
         y_start_px=float(y[0]),
         x_end_px=float(x[-1]),
@@ -132,9 +204,13 @@ def _signal_to_noise(
     Across the streak the disc's core alone, widened by the pixel; along it steady.
     """
     x, y = streak.x_px, streak.y_px
+    middle = len(x) // 2
     length_px = max(float(np.hypot(np.diff(x), np.diff(y)).sum()), 1.0)
-    flat = vignetting(sensor, x[_MIDDLE : _MIDDLE + 1], y[_MIDDLE : _MIDDLE + 1])
-    sigma_px = math.sqrt((content.fwhm_px / FWHM_PER_SIGMA) ** 2 + 1.0 / 12.0)
+    flat = vignetting(sensor, x[middle : middle + 1], y[middle : middle + 1])
+    flat = flat * sensor.mean_response
+    sigma_px = math.sqrt(
+        (content.fwhm_px / FWHM_PER_SIGMA) ** 2 + 1.0 / 12.0 + content.blur_variance_px2
+    )
     core = electrons * float(flat[0]) * WINGS[0][0]
     peak_e = core / length_px / (sigma_px * math.sqrt(2.0 * math.pi))
     variance_e2 = (

@@ -12,7 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.simulator.psf import FWHM_PER_SIGMA, add_points, add_sources, annulus
-from rsoconsole.simulator.sensor import SensorModel, flat_field, pixel_defects, spill_over
+from rsoconsole.simulator.sensor import (
+    SensorModel,
+    amplifier_glow,
+    flat_field,
+    pixel_defects,
+    spill_over,
+)
 
 Float32Array = npt.NDArray[np.float32]
 FloatArray = npt.NDArray[np.float64]
@@ -77,6 +83,9 @@ class FieldContent:
     """(n,) electrons under a clear sky in the centre of the field."""
     star_path_px: FloatArray | None = None
     """(2, m >= 2) x and y by which every star wanders at equal steps of time; None: they stand."""
+    stands: FloatArray | None = None
+    """(4, n) where the whole image stood: dx, dy (px), turn about the middle (rad), share of the
+    time. Stars are drawn by it; streaks carry it in their places. None: it stood still."""
     streaks: tuple[Streak, ...] = ()
     cloud_transmission: Float32Array | None = None
     """(rows, columns) coarse map spread evenly over the frame, 0 to 1; None: clear."""
@@ -88,6 +97,11 @@ class FieldContent:
     """Narrowest and widest track; a thick sensor's reach the seeing."""
     cosmic_ray_stretch: float = 1.0
     """How much longer the tracks are than those of a thin sensor."""
+    blur_variance_px2: float = 0.0
+    """How much wider than the seeing alone everything is; told, not drawn."""
+    row_offsets_e: Float32Array | None = None
+    """(height,) what the electronics add to each row as it is read."""
+    column_offsets_e: Float32Array | None = None
 
 
 def render(sensor: SensorModel, content: FieldContent, rng: np.random.Generator) -> FramePixels:
@@ -99,7 +113,7 @@ def render(sensor: SensorModel, content: FieldContent, rng: np.random.Generator)
     _add_cosmic_rays(mean_e, content, rng)
     if sensor.blooming > 0.0:
         spill_over(mean_e, sensor.full_well_e, sensor.blooming)
-    return _read_out(sensor, mean_e, rng)
+    return _read_out(sensor, mean_e, _pattern(sensor, content), rng)
 
 
 def frame_rng(*key: int) -> np.random.Generator:
@@ -115,6 +129,8 @@ def expected_electrons(sensor: SensorModel, content: FieldContent) -> Float32Arr
     electrons = content.star_electrons * cloud_at(sensor, content.cloud_transmission, x, y)
     if content.star_path_px is not None:
         x, y, electrons = _wandering(x, y, electrons, content.star_path_px)
+    if content.stands is not None:
+        x, y, electrons = _spread(sensor, x, y, electrons, content.stands)
     add_sources(image_e, x, y, electrons, fwhm_px=content.fwhm_px)
     for streak in content.streaks:
         points = streak_points(sensor, content, streak)
@@ -126,6 +142,8 @@ def expected_electrons(sensor: SensorModel, content: FieldContent) -> Float32Arr
     image_e *= flat_field(sensor)
     defects = pixel_defects(sensor)
     image_e += np.float32(sensor.dark_e_s * content.exposure_s)
+    if sensor.glow_e_s > 0.0:
+        image_e += amplifier_glow(sensor) * np.float32(content.exposure_s)
     image_e.reshape(-1)[defects.index] += defects.electrons_s * np.float32(content.exposure_s)
     return image_e
 
@@ -163,6 +181,24 @@ def _wandering(
         (np.asarray(x_px)[:, None] + dx).ravel(),
         (np.asarray(y_px)[:, None] + dy).ravel(),
         np.repeat(electrons / count, count),
+    )
+
+
+def _spread(
+    sensor: SensorModel,
+    x_px: FloatArray,
+    y_px: FloatArray,
+    electrons: FloatArray,
+    stands: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Every star at each place where the image stood, with its share of the light."""
+    dx, dy, turn, share = stands
+    cx, cy = (sensor.width_px - 1) / 2.0, (sensor.height_px - 1) / 2.0
+    rx, ry = np.asarray(x_px)[:, None] - cx, np.asarray(y_px)[:, None] - cy
+    return (
+        (cx + rx * np.cos(turn) - ry * np.sin(turn) + dx).ravel(),
+        (cy + rx * np.sin(turn) + ry * np.cos(turn) + dy).ravel(),
+        (np.asarray(electrons)[:, None] * share).ravel(),
     )
 
 
@@ -219,7 +255,26 @@ def _add_cosmic_rays(
         add_points(image_e, x, y, weight, sigma_px=sigma_px)
 
 
-def _read_out(sensor: SensorModel, mean_e: Float32Array, rng: np.random.Generator) -> FramePixels:
+def _pattern(
+    sensor: SensorModel, content: FieldContent
+) -> tuple[Float32Array, Float32Array] | None:
+    """What is added to rows (height, 1) and columns (width,); None where nothing is."""
+    rows, columns = content.row_offsets_e, content.column_offsets_e
+    if rows is None and columns is None:
+        return None
+    none = np.zeros(1, dtype=np.float32)
+    return (
+        np.broadcast_to(none if rows is None else rows, sensor.height_px)[:, None],
+        none if columns is None else columns,
+    )
+
+
+def _read_out(
+    sensor: SensorModel,
+    mean_e: Float32Array,
+    pattern_e: tuple[Float32Array, Float32Array] | None,
+    rng: np.random.Generator,
+) -> FramePixels:
     """Photon and read noise, full well, converter; block by block to stay in the cache."""
     height, width = mean_e.shape
     pixels = np.empty((height, width), dtype=np.uint16)
@@ -236,6 +291,8 @@ def _read_out(sensor: SensorModel, mean_e: Float32Array, rng: np.random.Generato
             few = mean < _POISSON_BELOW_E
             counted = rng.poisson(np.maximum(mean[few], 0)).astype(np.float32)
             value[few] = counted + noise[few] * np.float32(sensor.read_noise_e)
+        if pattern_e is not None:
+            value += pattern_e[0][top : top + len(mean)] + pattern_e[1]
         value *= np.float32(1.0 / sensor.e_per_adu12)
         value += np.float32(sensor.offset_adu12 + 0.5)
         np.clip(value, 0.0, ceiling, out=value)

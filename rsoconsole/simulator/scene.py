@@ -14,15 +14,15 @@ from rsoconsole.config import OpticsConfig
 from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.records import FloatArray, Site, Wcs
 from rsoconsole.simulator.brightness import BrightnessHistory
+from rsoconsole.simulator.brightness_world import flash_nodes, world_extra_mag
 from rsoconsole.simulator.faint_stars import faint_stars
-from rsoconsole.simulator.imperfections import (
-    SHUTTER_SIGMA_S,
-    air_sigma_arcsec,
-    catalogue_errors_arcsec,
-)
+from rsoconsole.simulator.image_in_motion import blurred, plate_in_motion, plate_of
+from rsoconsole.simulator.imperfections import SHUTTER_SIGMA_S, air_sigma_arcsec
 from rsoconsole.simulator.passes import (
     MARGIN_PX,
+    NODES,
     ExtraMagnitude,
+    Sight,
     dimmed,
     satellite_passes,
     satellite_truth,
@@ -30,12 +30,29 @@ from rsoconsole.simulator.passes import (
 from rsoconsole.simulator.render import FieldContent, FramePixels, frame_rng, render
 from rsoconsole.simulator.scenarios import Scenario
 from rsoconsole.simulator.sensor import SensorModel
+from rsoconsole.simulator.shutter import (
+    clock_offset_s,
+    header_start_utc_ns,
+    scatter_sigma_s,
+    told_start_utc_ns,
+    true_shutter,
+)
 from rsoconsole.simulator.star_places import places_now
+from rsoconsole.simulator.traffic import traffic
 from rsoconsole.simulator.truth import FrameTruth
+from rsoconsole.simulator.world import NAMELESS, World
+from rsoconsole.simulator.world_scene import (
+    clouds_in,
+    moonlit,
+    moved_stars_arcsec,
+    seeing_arcsec,
+    sensor_in,
+    with_pattern,
+)
 from rsoconsole.sky.frames import icrs_to_altaz
 from rsoconsole.sky.star_catalogue import StarCatalogue
 from rsoconsole.sky.times import IntArray, lst_deg
-from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel, tan_wcs, wcs_cards
+from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel, wcs_cards
 
 NS = 1_000_000_000
 FAINTEST_STAR_MAG = 19.0
@@ -59,15 +76,20 @@ class Scene:
         optics: OpticsConfig | None = None,
         sensor: SensorModel | None = None,
         catalogue: StarCatalogue | None = None,
+        world: World = NAMELESS,
     ) -> None:
         """``optics`` sets size and scale of ``sensor``; the shipped stars unless others are given.
+
+        ``world``: what is imperfect; its binning is in ``optics`` already.
 
         Raises SolverError when the star catalogue cannot be read.
         """
         self.scenario = scenario
         self.seed = seed
         self.site = scenario.site if site is None else site
-        self.sensor = _sensor_of(optics, sensor or SensorModel())
+        self.world = world
+        self.sensor = sensor_in(world, _sensor_of(optics, sensor or SensorModel()))
+        self.clouds = clouds_in(world.clouds, seed, scenario.clouds)
         self.catalogue = StarCatalogue.load() if catalogue is None else catalogue
         self.satellites = tuple(
             Satellite(each.element_set, each.standard_magnitude) for each in scenario.satellites
@@ -95,69 +117,104 @@ class Scene:
         is_flipped: bool,
         t_start_utc_ns: int,
         exposure_s: float,
+        mount_path_arcsec: FloatArray | None = None,
     ) -> tuple[FramePixels, FrameTruth]:
         """One exposure, tracked at the sidereal rate: pixels uint16 (height, width) and its truth.
 
-        The boresight is the direction of the array's centre, astrometric; rotation and flip as in
-        ``records.Solution``.
+        The boresight is the direction of the array's centre at mid-exposure, astrometric;
+        rotation and flip as in ``records.Solution``. The driver begins at ``t_start_utc_ns`` of the
+        observatory's clock. ``mount_path_arcsec``: (2, k) how far east and north of the boresight
+        the mount looks at equal steps of time; None: it stands.
         """
-        wcs = tan_wcs(
-            boresight_ra_icrs_deg,
-            boresight_dec_icrs_deg,
-            scale_arcsec_px=self.sensor.scale_arcsec_px,
-            rotation_deg=rotation_deg,
-            is_flipped=is_flipped,
-            width_px=self.sensor.width_px,
-            height_px=self.sensor.height_px,
+        boresight = (boresight_ra_icrs_deg, boresight_dec_icrs_deg)
+        plate = plate_of(self.world, self.sensor, boresight, rotation_deg, is_flipped)
+        wcs, motion = plate_in_motion(
+            self.world,
+            plate,
+            self.sensor.scale_arcsec_px,
+            (self.seed, t_start_utc_ns),
+            exposure_s,
+            (t_start_utc_ns - self.scenario.t_start_utc_ns) / NS,
+            mount_path_arcsec,
         )
-        content = self.field_content(wcs, t_start_utc_ns, exposure_s)
+        t_sky_utc_ns = t_start_utc_ns + round(self._clock_offset_s(t_start_utc_ns) * NS)
+        content = self.field_content(wcs, t_sky_utc_ns, exposure_s, t_seed_utc_ns=t_start_utc_ns)
+        content = blurred(content, self.world, self.sensor, motion)
         air = frame_rng(self.seed, t_start_utc_ns, _SHUTTER)
         wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
-        passes = satellite_passes(
-            self._with_brightness(),
+        scatter_s = float(air.normal(0.0, scatter_sigma_s(self.world, SHUTTER_SIGMA_S)))
+        true = true_shutter(self.world, scatter_s, t_start_utc_ns, self.scenario.t_start_utc_ns)
+        told_utc_ns = told_start_utc_ns(self.world, t_start_utc_ns)
+        motion_nodes = 1 if motion is None else len(motion.dx_px)
+        sight = Sight(
             site=self.site,
             sensor=self.sensor,
             wcs=wcs,
-            t_start_utc_ns=t_start_utc_ns,
+            t_start_utc_ns=told_utc_ns,
             exposure_s=exposure_s,
-            shutter_error_s=float(air.normal(0.0, SHUTTER_SIGMA_S)),
+            shutter_error_s=scatter_s,
             wander_px=(float(air.normal(0.0, wander_px)), float(air.normal(0.0, wander_px))),
+            true=true,
+            motion=motion,
+            nodes=max(NODES, flash_nodes(self.world.satellite, exposure_s), motion_nodes),
         )
-        dimming = self._air_transmission(wcs, t_start_utc_ns)
-        content = replace(content, streaks=tuple(dimmed(each.streak, dimming) for each in passes))
+        passes = satellite_passes(self._with_brightness(), sight)
+        dimming = self._air_transmission(wcs, t_sky_utc_ns)
+        crossing, crossed = traffic(
+            self.world.traffic, self.seed, t_start_utc_ns, self.sensor, content
+        )
+        seen = tuple(dimmed(each.streak, dimming) for each in passes)
+        content = replace(content, streaks=(*seen, *crossing))
+        content = with_pattern(content, self.world, self.sensor, self.seed, t_start_utc_ns)
         pixels = render(self.sensor, content, frame_rng(self.seed, t_start_utc_ns, _NOISE))
         satellites = tuple(satellite_truth(each, self.sensor, content, dimming) for each in passes)
         grid = content.cloud_transmission
         truth = FrameTruth(
-            t_start_utc_ns=t_start_utc_ns,
+            t_start_utc_ns=header_start_utc_ns(self.world, t_start_utc_ns),
+            t_place_utc_ns=told_utc_ns + round(exposure_s * 5e8),
+            t_open_utc_ns=t_start_utc_ns if true is None else true.t_open_utc_ns,
             exposure_s=exposure_s,
-            boresight_ra_icrs_deg=boresight_ra_icrs_deg,
-            boresight_dec_icrs_deg=boresight_dec_icrs_deg,
+            boresight_ra_icrs_deg=wcs.crval_ra_deg,
+            boresight_dec_icrs_deg=wcs.crval_dec_deg,
             wcs_cards=wcs_cards(wcs, self.sensor.width_px, self.sensor.height_px),
             fwhm_px=content.fwhm_px,
             sky_electrons_px=content.sky_electrons_px,
             cloud_transmission=1.0 if grid is None else float(grid.mean()),
             stars=len(content.star_x_px),
             satellites=satellites,
+            traffic=crossed,
         )
         return pixels, truth
+
+    def _clock_offset_s(self, t_utc_ns: int) -> float:
+        return clock_offset_s(self.world, t_utc_ns, self.scenario.t_start_utc_ns)
 
     def _with_brightness(self) -> list[tuple[Satellite, ExtraMagnitude]]:
         """Each satellite with the history of its own brightness."""
 
-        def of(history: BrightnessHistory) -> ExtraMagnitude:
+        def of(history: BrightnessHistory, norad_id: int) -> ExtraMagnitude:
             def extra_mag(t_utc_ns: IntArray) -> FloatArray:
-                return history.extra_mag((t_utc_ns - self.scenario.t_start_utc_ns) / NS, self.seed)
+                t_s = (t_utc_ns - self.scenario.t_start_utc_ns) / NS
+                more = world_extra_mag(self.world.satellite, self.seed, norad_id, t_s)
+                return history.extra_mag(t_s, self.seed) + more
 
             return extra_mag
 
-        histories = (of(each.brightness) for each in self.scenario.satellites)
+        histories = (
+            of(each.brightness, each.element_set.norad_id) for each in self.scenario.satellites
+        )
         return list(zip(self.satellites, histories, strict=True))
 
-    def field_content(self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float) -> FieldContent:
-        """All that the exposure shows but satellites: sky, clouds, cosmic rays, stars."""
-        content = self._empty_field(wcs, t_start_utc_ns, exposure_s)
-        air = frame_rng(self.seed, t_start_utc_ns, _AIR)
+    def field_content(
+        self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float, t_seed_utc_ns: int | None = None
+    ) -> FieldContent:
+        """All that the exposure shows but satellites: sky, clouds, cosmic rays, stars.
+
+        ``t_seed_utc_ns``: the instant that fixes what is random, where it is another.
+        """
+        t_seed_utc_ns = t_start_utc_ns if t_seed_utc_ns is None else t_seed_utc_ns
+        content = self._empty_field(wcs, t_start_utc_ns, exposure_s, t_seed_utc_ns)
+        air = frame_rng(self.seed, t_seed_utc_ns, _AIR)
         wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
         x_px, y_px, magnitude = self._stars(wcs, t_start_utc_ns)
         x_px, y_px = (at + air.normal(0.0, wander_px, at.shape) for at in (x_px, y_px))
@@ -169,15 +226,19 @@ class Scene:
             star_electrons=self.sensor.electrons(magnitude, exposure_s) * dimming,
         )
 
-    def _empty_field(self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float) -> FieldContent:
+    def _empty_field(
+        self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float, t_seed_utc_ns: int
+    ) -> FieldContent:
         """Sky, seeing and clouds of one exposure."""
-        rng = frame_rng(self.seed, t_start_utc_ns, _SEEING)
+        rng = frame_rng(self.seed, t_seed_utc_ns, _SEEING)
         scale_ratio = self.sensor.scale_arcsec_px / REFERENCE_SCALE_ARCSEC_PX
         area_ratio = scale_ratio**2
         airmass = self._airmass(wcs, t_start_utc_ns)
-        seeing_px = self.scenario.seeing_arcsec / self.sensor.scale_arcsec_px
+        since_night_s = (t_start_utc_ns - self.scenario.t_start_utc_ns) / NS
+        seeing = seeing_arcsec(self.world.seeing, self.scenario.seeing_arcsec, since_night_s)
+        seeing_px = seeing / self.sensor.scale_arcsec_px
         frame_area = self.sensor.width_px * self.sensor.height_px / (4656 * 3520)
-        return FieldContent(
+        content = FieldContent(
             exposure_s=exposure_s,
             fwhm_px=seeing_px * airmass**0.3 * float(np.exp(rng.normal(0.0, 0.03))),
             sky_electrons_px=self.scenario.sky_electrons_s
@@ -188,6 +249,7 @@ class Scene:
             cloud_transmission=self._clouds(wcs, t_start_utc_ns, exposure_s),
             cosmic_rays=self.scenario.cosmic_rays_s * exposure_s * frame_area,
         )
+        return moonlit(content, self.world.moon)
 
     def _airmass(self, wcs: Wcs, t_utc_ns: int) -> float:
         altitude, _ = icrs_to_altaz(self.site, wcs.crval_ra_deg, wcs.crval_dec_deg, t_utc_ns)
@@ -201,7 +263,7 @@ class Scene:
     def _clouds(
         self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float
     ) -> npt.NDArray[np.float32] | None:
-        deck = self.scenario.clouds
+        deck = self.clouds
         if not deck.schedule:
             return None
         rows, columns = _CLOUD_GRID
@@ -222,7 +284,9 @@ class Scene:
         is_covered = (faint.dec_icrs_deg >= self.catalogue.dec_min_deg) & (
             faint.dec_icrs_deg <= self.catalogue.dec_max_deg
         )
-        east, north = catalogue_errors_arcsec(bright.ra_icrs_deg, bright.dec_icrs_deg)
+        east, north = moved_stars_arcsec(
+            self.world.catalogue, bright.ra_icrs_deg, bright.dec_icrs_deg
+        )
         bright_ra, bright_dec = places_now(bright, t_utc_ns)
         bright_ra = bright_ra + east / 3600.0 / np.cos(np.radians(bright_dec))
         bright_dec = bright_dec + north / 3600.0

@@ -9,6 +9,9 @@ import numpy.typing as npt
 Float32Array = npt.NDArray[np.float32]
 IndexArray = npt.NDArray[np.int64]
 
+MOSAIC_RGGB = (0.45, 0.60, 0.60, 0.40)
+"""Share of a star's white light that the red, the two green and the blue filters let through."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorModel:
@@ -45,6 +48,10 @@ class SensorModel:
     """Columns that answer to a part of the light only, from some row on."""
     blooming: float = 0.0
     """Share of the charge above the full well that runs along the column."""
+    glow_e_s: float = 0.0
+    """Amplifier glow in the last pixel; falls to 1/e in a tenth of the diagonal."""
+    is_bayer: bool = False
+    """A colour mosaic, RGGB, over the pixels."""
     seed: int = 1600
     """Which copy of the sensor: fixes its hot pixels, its columns and its response."""
 
@@ -61,6 +68,11 @@ class SensorModel:
     def scale_arcsec_px(self) -> float:
         """Plate scale at the centre of the field."""
         return 206.264806 * self.pixel_um / self.focal_length_mm
+
+    @property
+    def mean_response(self) -> float:
+        """Share of the light that the mosaic lets through, mean over its four colours."""
+        return sum(MOSAIC_RGGB) / 4.0 if self.is_bayer else 1.0
 
     @property
     def adc_max(self) -> int:
@@ -139,8 +151,22 @@ def flat_field(sensor: SensorModel) -> Float32Array:
     for _ in range(sensor.dark_columns):
         first, column = int(dark.integers(sensor.height_px)), int(dark.integers(sensor.width_px))
         flat[first:, column] *= np.float32(dark.uniform(0.0, 0.9))
+    if sensor.is_bayer:
+        for index, share in enumerate(MOSAIC_RGGB):
+            flat[index // 2 :: 2, index % 2 :: 2] *= np.float32(share)
     flat.setflags(write=False)
     return flat
+
+
+@lru_cache(maxsize=2)
+def amplifier_glow(sensor: SensorModel) -> Float32Array:
+    """Electrons a second in every pixel from the amplifier beside the last one."""
+    diagonal_px = float(np.hypot(sensor.width_px, sensor.height_px))
+    x = np.arange(sensor.width_px)[None, :] - (sensor.width_px - 1)
+    y = np.arange(sensor.height_px)[:, None] - (sensor.height_px - 1)
+    glow = (sensor.glow_e_s * np.exp(-np.hypot(x, y) / (0.1 * diagonal_px))).astype(np.float32)
+    glow.setflags(write=False)
+    return glow
 
 
 def spill_over(image_e: Float32Array, full_well_e: float, share: float) -> None:

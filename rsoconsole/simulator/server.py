@@ -12,22 +12,25 @@ import socket
 import sys
 import threading
 from collections.abc import Coroutine
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from indipydriver import IPyDriver, getProperties
 from indipyserver import IPyServer
 
-from rsoconsole.simulator.camera_device import CameraDevice, CameraTraits
+from rsoconsole.simulator.camera_device import CameraDevice
+from rsoconsole.simulator.camera_traits import camera_traits
 from rsoconsole.simulator.clock_device import ClockDevice
 from rsoconsole.simulator.indi_vectors import stamp
 from rsoconsole.simulator.launch import CAMERA_NAME, DOME_NAME, HOST, MOUNT_NAME, WEATHER_NAME
 from rsoconsole.simulator.mount_device import MountDevice
-from rsoconsole.simulator.mount_model import MountModel
+from rsoconsole.simulator.mount_model import MountModel, MountTraits
+from rsoconsole.simulator.mount_unrest import MountUnrest
 from rsoconsole.simulator.stage import Stage, open_stage
 from rsoconsole.simulator.virtual_clock import VirtualClock
 from rsoconsole.simulator.weather_and_dome import DomeDevice, Schedule, WeatherDevice
+from rsoconsole.simulator.world import World
 from rsoconsole.sky.frames import icrs_to_jnow
 
 _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
@@ -51,6 +54,8 @@ class ObservatorySettings:
     """(seconds since the start, "ok" | "warning" | "alert") in order; ok before the first."""
     dome: Schedule = ()
     """(seconds since the start, "open" | "closed" | "moving") in order; open before the first."""
+    world: dict[str, Any] = field(default_factory=dict)
+    """Imperfections, as ``World.named`` gives them."""
 
     def to_json(self) -> str:
         """One line."""
@@ -74,18 +79,15 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
             t_utc_ns=self._clock.now_utc_ns,
             ra_date_deg=float(ra_date_deg),
             dec_date_deg=float(dec_date_deg),
+            traits=_mount_traits(stage.world),
+            unrest=_mount_unrest(stage.world, settings.seed, self._clock.now_utc_ns),
         )
         self._mount = MountDevice(
             MOUNT_NAME, model, site, optics.focal_length_mm, self._present_utc_ns
         )
         self._camera = CameraDevice(
             name=CAMERA_NAME,
-            traits=CameraTraits(
-                width_px=optics.width_px,
-                height_px=optics.height_px,
-                pixel_um=optics.pixel_um,
-                focal_length_mm=optics.focal_length_mm,
-            ),
+            traits=camera_traits(optics, stage.world),
             scene=stage.scene,
             mount=model,
             site=site,
@@ -93,11 +95,15 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
             truth_path=Path(settings.truth_path) if settings.truth_path else None,
             mount_name=MOUNT_NAME,
             spawn=self._spawn,
+            world=stage.world,
+            seed=settings.seed,
         )
         night = (stage.t_start_utc_ns, self._present_utc_ns)
         self._weather = WeatherDevice(WEATHER_NAME, settings.weather, *night)
         self._dome = DomeDevice(DOME_NAME, settings.dome, *night)
-        self._timekeeper = ClockDevice(self._clock, self._report, self._spawn)
+        self._timekeeper = ClockDevice(
+            self._clock, self._report, self._spawn, self._camera.overdue_utc_ns
+        )
         parts = (self._mount, self._camera, self._weather, self._dome, self._timekeeper)
         self._handlers = {part.device.devicename: part.handle for part in parts}
         super().__init__(*(part.device for part in parts))
@@ -125,6 +131,18 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+
+
+def _mount_traits(world: World) -> MountTraits:
+    own = world.mount.arrival_arcsec
+    return MountTraits() if own is None else MountTraits(random_arcsec=own)
+
+
+def _mount_unrest(world: World, seed: int, t_night_utc_ns: int) -> MountUnrest:
+    own = world.mount
+    return MountUnrest(
+        seed, t_night_utc_ns, own.settle_s, own.settle_arcsec, own.jump_arcsec, own.jump_every_s
+    )
 
 
 class ObservatoryServer(IPyServer):  # type: ignore[misc]

@@ -9,6 +9,9 @@ from rsoconsole.records import Site
 from rsoconsole.simulator.camera_device import SceneLike
 from rsoconsole.simulator.scenarios import scenario_named
 from rsoconsole.simulator.scene import Scene
+from rsoconsole.simulator.world import NAMELESS, World
+from rsoconsole.simulator.world_file import world_from
+from rsoconsole.simulator.world_scene import binned
 from rsoconsole.sky.frames import icrs_of_hour_angle
 
 if TYPE_CHECKING:
@@ -26,12 +29,14 @@ class Stage:
     """Where the mount looks when the night begins."""
     start_dec_icrs_deg: float
     scene: SceneLike
+    world: World = NAMELESS
+    """What is imperfect; the scene knows its own part of it."""
 
 
 def open_stage(settings: "ObservatorySettings") -> Stage:
     """The stage of a named scenario, or of the function that the settings name.
 
-    Raises ConfigError for a name that no scenario has.
+    Raises ConfigError for a name that no scenario has, and for a world that cannot be.
     """
     if settings.stage is None:
         return _scenario_stage(settings)
@@ -42,6 +47,7 @@ def open_stage(settings: "ObservatorySettings") -> Stage:
 
 def _scenario_stage(settings: "ObservatorySettings") -> Stage:
     scenario = scenario_named(settings.scenario)
+    world = world_from(settings.world)
     standard = OpticsConfig()
     optics = standard.model_copy(
         update={
@@ -49,6 +55,7 @@ def _scenario_stage(settings: "ObservatorySettings") -> Stage:
             "height_px": settings.height_px or standard.height_px,
         }
     )
+    optics = binned(optics, world)
     ra_icrs_deg, dec_icrs_deg = icrs_of_hour_angle(
         scenario.site,
         scenario.start_hour_angle_for(optics.field_deg[0]),
@@ -61,5 +68,6 @@ def _scenario_stage(settings: "ObservatorySettings") -> Stage:
         t_start_utc_ns=scenario.t_start_utc_ns,
         start_ra_icrs_deg=float(ra_icrs_deg),
         start_dec_icrs_deg=float(dec_icrs_deg),
-        scene=Scene(scenario, settings.seed, optics=optics),
+        scene=Scene(scenario, settings.seed, optics=optics, world=world),
+        world=world,
     )

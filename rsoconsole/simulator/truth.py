@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,8 +17,12 @@ class SatelliteTruth:
     is_whole: bool
     """Whether both ends of its streak do."""
     ra_icrs_deg: float
-    """At mid-exposure: what a perfect measurement would give."""
+    """At the mid-exposure that header and known latency name, taken for true UTC: what a perfect
+    measurement would give. What the clock and the shutter do wrong shows as errors of place."""
     dec_icrs_deg: float
+    ra_rate_deg_s: float
+    """Of the coordinate, at that instant."""
+    dec_rate_deg_s: float
     x_px: float
     y_px: float
     x_start_px: float
@@ -38,10 +43,25 @@ class SatelliteTruth:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TrafficTruth:
+    """Something else that crossed the frame, from (x, y) to (x, y)."""
+
+    kind: Literal["low satellite", "aircraft"]
+    start_px: tuple[float, float]
+    end_px: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FrameTruth:
     """All there was to know of one exposure."""
 
     t_start_utc_ns: int
+    """As the header has it: by the observatory's clock, cut down where its camera does that."""
+    t_place_utc_ns: int
+    """The instant for which the satellites' places are told: mid-exposure as an operator has it
+    who knows the camera's latency."""
+    t_open_utc_ns: int
+    """When the shutter really opened its first row, true UTC."""
     exposure_s: float
     boresight_ra_icrs_deg: float
     boresight_dec_icrs_deg: float
@@ -53,10 +73,11 @@ class FrameTruth:
     stars: int
     """Sources drawn, catalogued and synthetic."""
     satellites: tuple[SatelliteTruth, ...]
+    traffic: tuple[TrafficTruth, ...] = ()
 
     @property
     def t_mid_utc_ns(self) -> int:
-        """Middle of the exposure."""
+        """Middle of the exposure, by the header."""
         return self.t_start_utc_ns + round(self.exposure_s * 5e8)
 
     def to_json(self) -> str:
@@ -68,4 +89,10 @@ def truth_from_json(text: str) -> FrameTruth:
     """The record that ``to_json`` wrote."""
     table = json.loads(text)
     satellites = tuple(SatelliteTruth(**each) for each in table.pop("satellites"))
-    return FrameTruth(**table, satellites=satellites)
+    traffic = tuple(
+        TrafficTruth(
+            kind=each["kind"], start_px=tuple(each["start_px"]), end_px=tuple(each["end_px"])
+        )
+        for each in table.pop("traffic")
+    )
+    return FrameTruth(**table, satellites=satellites, traffic=traffic)
