@@ -48,6 +48,8 @@ class Night:
     frames: int | None
     """None: until the engine is told to end."""
     session: Path | None
+    plan: dict[str, Any] | None = None
+    """A night of chosen satellites as a table (``NightPlan``), instead of the scenario."""
 
 
 def run_night(
@@ -70,7 +72,9 @@ def run_night(
     with tempfile.TemporaryDirectory(prefix="rsoconsole-") as scratch:
         truth_path = Path(scratch) / "truth.jsonl"
         socket = control_socket(Path(scratch))
-        with start_observatory(night.scenario, night.seed, night.speed, truth_path) as observatory:
+        with start_observatory(
+            night.scenario, night.seed, night.speed, truth_path, plan=night.plan
+        ) as observatory:
             indi = config.indi.model_copy(
                 update={
                     "host": observatory.host,
@@ -107,9 +111,23 @@ def run_night(
                 # Another engine has taken the usual place since it was looked at.
                 folder = engine_at(Path(scratch) / BESIDE)
         records = (record for _, _, record in SessionReader(folder).records())
-        figures = summarise(records, read_truth(truth_path))
+        figures = summarise(records, read_truth(truth_path), targets_of(night))
     about = {"scenario": night.scenario, "seed": night.seed, "session": str(folder)}
     return {**about, **figures}
+
+
+def targets_of(night: Night) -> dict[int, str]:
+    """The satellites that the night was made for: names by catalogue number."""
+    if night.plan is not None:
+        return dict(zip(night.plan["targets"], night.plan["names"], strict=True))
+    from rsoconsole.simulator.scenarios import scenario_named
+
+    scenario = scenario_named(night.scenario)
+    return {
+        each.element_set.norad_id: each.element_set.name
+        for each in scenario.satellites
+        if each.element_set.norad_id == scenario.target_norad_id
+    }
 
 
 def control_socket(scratch: Path) -> Path | None:

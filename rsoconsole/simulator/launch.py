@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -68,6 +68,7 @@ def start_observatory(
     height_px: int | None = None,
     log_path: Path | None = None,
     stage: str | None = None,
+    plan: Mapping[str, Any] | None = None,
     weather: Sequence[tuple[float, str]] = (),
     dome: Sequence[tuple[float, str]] = (),
 ) -> Observatory:
@@ -75,10 +76,11 @@ def start_observatory(
 
     ``speed``: virtual seconds a wall second, 0 or infinity for at once. ``truth_path``: a file
     that gets one JSON line a frame. ``width_px``, ``height_px``: a smaller sensor. ``stage``:
-    ``module:function`` giving another stage than the scenarios'. ``weather``, ``dome``: what they
-    become, as (seconds since the night's start, "ok" | "warning" | "alert") and (seconds, "open" |
-    "closed" | "moving"); fine and open unless told. Raises InstrumentError when the observatory
-    does not come up, with the last of what it said.
+    ``module:function`` giving another stage than the scenarios'. ``plan``: a ``NightPlan`` as a
+    table, instead of the scenario. ``weather``, ``dome``: what they become, as (seconds since the
+    night's start, "ok" | "warning" | "alert") and (seconds, "open" | "closed" | "moving"); fine
+    and open unless told. Raises InstrumentError when the observatory does not come up, with the
+    last of what it said.
     """
     settings = {
         "scenario": scenario_name,
@@ -88,6 +90,7 @@ def start_observatory(
         "width_px": width_px,
         "height_px": height_px,
         "stage": stage,
+        "plan": None if plan is None else dict(plan),
         "weather": list(weather),
         "dome": list(dome),
     }

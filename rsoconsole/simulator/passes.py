@@ -11,7 +11,9 @@ from rsoconsole.records import FloatArray, Site, Wcs
 from rsoconsole.simulator.psf import FWHM_PER_SIGMA, WINGS
 from rsoconsole.simulator.render import FieldContent, Streak, cloud_at
 from rsoconsole.simulator.sensor import SensorModel, vignetting
+from rsoconsole.simulator.streak_snr import integrated_snr
 from rsoconsole.simulator.truth import SatelliteTruth
+from rsoconsole.sky.places import Places
 from rsoconsole.sky.sun import lit_fraction
 from rsoconsole.sky.times import IntArray
 from rsoconsole.sky.wcs import sky_to_pixel
@@ -23,7 +25,10 @@ NS = 1_000_000_000
 MARGIN_PX = 250.0
 """How far outside the sensor a source may lie and still be drawn or told of."""
 _NODES = 11
-_MIDDLE = _NODES // 2
+"""Places along an exposure: enough for all but the fastest, whose way is bent."""
+_MOST_NODES = 641
+STRAIGHT_PX = 0.05
+"""How far a way may leave the chord between two of its places."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,24 +60,34 @@ def satellite_passes(
     The shutter opens ``shutter_error_s`` later than ``t_start_utc_ns``, and the air moves the
     streak by ``wander_px``; directions are those of the instants a perfect clock would tell.
     """
-    offsets = np.rint(np.linspace(0.0, exposure_s, _NODES) * NS).astype(np.int64)
-    t_utc_ns = np.int64(t_start_utc_ns) + offsets
     found = []
     for satellite, extra_mag in satellites:
-        places = satellite.astrometric_place(site, t_utc_ns)
-        # Over a few hundredths of a second the rates of the instant serve.
-        x, y = sky_to_pixel(
-            wcs,
-            places.ra_icrs_deg + places.ra_rate_deg_s * shutter_error_s,
-            places.dec_icrs_deg + places.dec_rate_deg_s * shutter_error_s,
-        )
-        x, y = x + wander_px[0], y + wander_px[1]
+
+        def way(
+            nodes: int, satellite: Satellite = satellite
+        ) -> tuple[Places, FloatArray, FloatArray]:
+            offsets = np.rint(np.linspace(0.0, exposure_s, nodes) * NS).astype(np.int64)
+            places = satellite.astrometric_place(site, np.int64(t_start_utc_ns) + offsets)
+            # Over a few hundredths of a second the rates of the instant serve.
+            x, y = sky_to_pixel(
+                wcs,
+                places.ra_icrs_deg + places.ra_rate_deg_s * shutter_error_s,
+                places.dec_icrs_deg + places.dec_rate_deg_s * shutter_error_s,
+            )
+            return places, x + wander_px[0], y + wander_px[1]
+
+        places, x, y = way(_NODES)
         if not np.all(np.isfinite(x)) or not _is_near(sensor, x, y):
             continue
-        magnitude = satellite.magnitude(places) + extra_mag(t_utc_ns)
+        nodes = _nodes_for(x, y)
+        if nodes > _NODES:
+            places, x, y = way(nodes)
+            if not np.all(np.isfinite(x)):
+                continue
+        magnitude = satellite.magnitude(places) + extra_mag(places.t_utc_ns)
         per_second = sensor.electrons(magnitude, 1.0)
-        mean = float(np.trapezoid(per_second, dx=1.0 / (_NODES - 1)))
-        brightness = per_second / mean if mean > 0.0 else np.zeros(_NODES)
+        mean = float(np.trapezoid(per_second, dx=1.0 / (nodes - 1)))
+        brightness = per_second / mean if mean > 0.0 else np.zeros(nodes)
         lit = lit_fraction(places.position_gcrs_km, places.t_utc_ns)
         found.append(
             SatellitePass(
@@ -87,6 +102,15 @@ def satellite_passes(
     return tuple(found)
 
 
+def _nodes_for(x_px: FloatArray, y_px: FloatArray) -> int:
+    """Places that keep the way straight between them, an odd number: one is the middle."""
+    bend_px = float(np.max(np.hypot(np.diff(x_px, 2), np.diff(y_px, 2)), initial=0.0)) / 8.0
+    if bend_px <= STRAIGHT_PX:
+        return _NODES
+    finer = math.ceil(math.sqrt(bend_px / STRAIGHT_PX))
+    return min((_NODES - 1) * finer + 1, _MOST_NODES)
+
+
 def dimmed(streak: Streak, transmission: float) -> Streak:
     """The same streak through air that lets this share of the light through."""
     return replace(streak, electrons=streak.electrons * transmission)
@@ -97,6 +121,7 @@ def satellite_truth(
 ) -> SatelliteTruth:
     """What there is to know of one streak in this field."""
     x, y = each.streak.x_px, each.streak.y_px
+    middle = len(x) // 2
     clouds = float(np.mean(cloud_at(sensor, content.cloud_transmission, x, y)))
     electrons = each.streak.electrons * air_transmission * clouds
     is_lit = each.streak.electrons > 0.0
@@ -105,12 +130,12 @@ def satellite_truth(
     return SatelliteTruth(
         name=each.name,
         norad_id=each.norad_id,
-        is_in_frame=_is_on_sensor(sensor, x[_MIDDLE], y[_MIDDLE]),
+        is_in_frame=_is_on_sensor(sensor, x[middle], y[middle]),
         is_whole=_is_on_sensor(sensor, x[0], y[0]) and _is_on_sensor(sensor, x[-1], y[-1]),
-        ra_icrs_deg=float(each.ra_icrs_deg[_MIDDLE]),
-        dec_icrs_deg=float(each.dec_icrs_deg[_MIDDLE]),
-        x_px=float(x[_MIDDLE]),
-        y_px=float(y[_MIDDLE]),
+        ra_icrs_deg=float(each.ra_icrs_deg[middle]),
+        dec_icrs_deg=float(each.dec_icrs_deg[middle]),
+        x_px=float(x[middle]),
+        y_px=float(y[middle]),
         x_start_px=float(x[0]),
         y_start_px=float(y[0]),
         x_end_px=float(x[-1]),
@@ -121,6 +146,7 @@ def satellite_truth(
         electrons=electrons,
         snr_peak_pixel=peak,
         snr_matched=matched,
+        snr_integrated=integrated_snr(sensor, content, dimmed(each.streak, air_transmission)),
     )
 
 
@@ -133,7 +159,8 @@ def _signal_to_noise(
     """
     x, y = streak.x_px, streak.y_px
     length_px = max(float(np.hypot(np.diff(x), np.diff(y)).sum()), 1.0)
-    flat = vignetting(sensor, x[_MIDDLE : _MIDDLE + 1], y[_MIDDLE : _MIDDLE + 1])
+    middle = len(x) // 2
+    flat = vignetting(sensor, x[middle : middle + 1], y[middle : middle + 1])
     sigma_px = math.sqrt((content.fwhm_px / FWHM_PER_SIGMA) ** 2 + 1.0 / 12.0)
     core = electrons * float(flat[0]) * WINGS[0][0]
     peak_e = core / length_px / (sigma_px * math.sqrt(2.0 * math.pi))

@@ -20,6 +20,7 @@ from rsoconsole.simulator.imperfections import (
     air_sigma_arcsec,
     catalogue_errors_arcsec,
 )
+from rsoconsole.simulator.nearby import Nearby
 from rsoconsole.simulator.passes import (
     MARGIN_PX,
     ExtraMagnitude,
@@ -71,6 +72,7 @@ class Scene:
         self.satellites = tuple(
             Satellite(each.element_set, each.standard_magnitude) for each in scenario.satellites
         )
+        self._nearby = Nearby(self.satellites)
 
     def field_radius_deg(self) -> float:
         """Half the diagonal of the field, with a margin for light from just outside."""
@@ -114,7 +116,7 @@ class Scene:
         air = frame_rng(self.seed, t_start_utc_ns, _SHUTTER)
         wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
         passes = satellite_passes(
-            self._with_brightness(),
+            self._with_brightness(wcs, t_start_utc_ns, exposure_s),
             site=self.site,
             sensor=self.sensor,
             wcs=wcs,
@@ -142,8 +144,10 @@ class Scene:
         )
         return pixels, truth
 
-    def _with_brightness(self) -> list[tuple[Satellite, ExtraMagnitude]]:
-        """Each satellite with the history of its own brightness."""
+    def _with_brightness(
+        self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float
+    ) -> list[tuple[Satellite, ExtraMagnitude]]:
+        """Each satellite that may be seen, with the history of its own brightness."""
 
         def of(history: BrightnessHistory) -> ExtraMagnitude:
             def extra_mag(t_utc_ns: IntArray) -> FloatArray:
@@ -151,8 +155,12 @@ class Scene:
 
             return extra_mag
 
-        histories = (of(each.brightness) for each in self.scenario.satellites)
-        return list(zip(self.satellites, histories, strict=True))
+        # A corner of the sensor with its margin is further out than the field's radius with it.
+        reach_deg = self.field_radius_deg() + MARGIN_PX * self.sensor.scale_arcsec_px / 3600.0
+        t_mid_utc_ns = t_start_utc_ns + round(exposure_s * NS / 2)
+        centre = (wcs.crval_ra_deg, wcs.crval_dec_deg)
+        near = self._nearby.indices(self.site, t_mid_utc_ns, exposure_s, centre, reach_deg)
+        return [(self.satellites[i], of(self.scenario.satellites[i].brightness)) for i in near]
 
     def field_content(self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float) -> FieldContent:
         """All that the exposure shows but satellites: sky, clouds, cosmic rays, stars."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from rsoconsole.config import OpticsConfig
 from rsoconsole.records import Site
 from rsoconsole.simulator.camera_device import SceneLike
+from rsoconsole.simulator.night_plan import plan_of_table, scenario_of, stars_of
 from rsoconsole.simulator.scenarios import scenario_named
 from rsoconsole.simulator.scene import Scene
 from rsoconsole.sky.frames import icrs_of_hour_angle
@@ -29,7 +30,7 @@ class Stage:
 
 
 def open_stage(settings: "ObservatorySettings") -> Stage:
-    """The stage of a named scenario, or of the function that the settings name.
+    """The stage of a named scenario, of a plan, or of the function that the settings name.
 
     Raises ConfigError for a name that no scenario has.
     """
@@ -41,7 +42,8 @@ def open_stage(settings: "ObservatorySettings") -> Stage:
 
 
 def _scenario_stage(settings: "ObservatorySettings") -> Stage:
-    scenario = scenario_named(settings.scenario)
+    plan = None if settings.plan is None else plan_of_table(settings.plan)
+    scenario = scenario_named(settings.scenario) if plan is None else scenario_of(plan)
     standard = OpticsConfig()
     optics = standard.model_copy(
         update={
@@ -61,5 +63,10 @@ def _scenario_stage(settings: "ObservatorySettings") -> Stage:
         t_start_utc_ns=scenario.t_start_utc_ns,
         start_ra_icrs_deg=float(ra_icrs_deg),
         start_dec_icrs_deg=float(dec_icrs_deg),
-        scene=Scene(scenario, settings.seed, optics=optics),
+        scene=Scene(
+            scenario,
+            settings.seed,
+            optics=optics,
+            catalogue=None if plan is None else stars_of(plan),
+        ),
     )

@@ -135,6 +135,17 @@ class StarCatalogue:
         return Stars(self.ra_icrs_deg[index], self.dec_icrs_deg[index], self.magnitude[index])
 
 
+def holds_stars(path: Path) -> bool:
+    """Whether ``from_index`` can read this file: a Tycho-2 one. Quick: it looks at headers."""
+    from astropy.io import fits
+
+    try:
+        with fits.open(path) as tables:
+            return any(table.header.get("TTYPE1", "") == "MAG_VT" for table in tables[1:])
+    except OSError:
+        return False
+
+
 @lru_cache(maxsize=2)
 def _load(path: Path) -> StarCatalogue:
     try:
