@@ -142,6 +142,7 @@ def first_window(
     per_day = NS_PER_DAY // step_ns
     found: tuple[Window, bool] | None = None
     waited = 0
+    bounds = (satellites, limits, optics)
     looks: list[tuple[Look, BoolArray]] = []
     for day in range(SEARCHED_DAYS):
         steps = np.arange(day * per_day, (day + 1) * per_day, dtype=np.int64)
@@ -151,18 +152,30 @@ def first_window(
         seen = look(satellites, site, dark_ns)
         looks.append((seen, np.all(list(conditions(seen, limits, optics).values()), axis=0)))
         found = _best_run(looks, step_ns, frames, min(optics.field_deg))
+        if found is None and len(looks) == 1:
+            # A belt satellite behind the Earth is told at once.
+            whole = _overview(satellites, site, from_utc_ns)
+            if not np.any(conditions(whole, limits, optics)["up"]):
+                break
         waited = 0 if found is None else waited + 1
         if found is not None and (found[1] or waited >= CONTENT_DAYS):
             break
     if found is not None:
         return found[0]
-    whole_ns = from_utc_ns + np.arange(_WHOLE, dtype=np.int64) * (
-        SEARCHED_DAYS * NS_PER_DAY // _WHOLE
-    )
-    seen = look(
-        satellites, site, np.sort(np.concatenate([whole_ns, *(e.t_utc_ns for e, _ in looks)]))
-    )
-    raise ConfigError(_why_never(seen, satellites, limits, optics))
+    raise ConfigError(_why_never(_overview(satellites, site, from_utc_ns, looks), *bounds))
+
+
+def _overview(
+    satellites: Sequence[Satellite],
+    site: Site,
+    from_utc_ns: int,
+    looks: Sequence[tuple[Look, BoolArray]] = (),
+) -> Look:
+    """The whole search, by day too, at fewer instants beside those that were looked at."""
+    step_ns = SEARCHED_DAYS * NS_PER_DAY // _WHOLE
+    whole_ns = from_utc_ns + np.arange(_WHOLE, dtype=np.int64) * step_ns
+    at_ns = np.concatenate([whole_ns, *(seen.t_utc_ns for seen, _ in looks)])
+    return look(satellites, site, np.sort(at_ns))
 
 
 def conditions(seen: Look, limits: LimitsConfig, optics: OpticsConfig) -> dict[str, BoolArray]:
