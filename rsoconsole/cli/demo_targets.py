@@ -46,9 +46,9 @@ def plan_targets(
     """
     from rsoconsole.orbit.catalogue import nearest_in_epoch_of_each
     from rsoconsole.orbit.names import find_object
-    from rsoconsole.orbit.satellite import Satellite
     from rsoconsole.pipeline.catalogue_files import read_catalogue
     from rsoconsole.simulator.choose_night import choose_night
+    from rsoconsole.simulator.night_plan import satellite_of
 
     files = config.catalogue.tle_files
     at_utc_ns = None if at is None else _instant(at)
@@ -62,7 +62,7 @@ def plan_targets(
     near_ns = newest_ns if at_utc_ns is None else at_utc_ns
     chosen = [nearest_in_epoch_of_each(found, near_ns)[0] for found in sets]
     return choose_night(
-        [Satellite(each) for each in chosen],
+        [satellite_of(each) for each in chosen],
         config,
         seed=seed,
         frames=frames,

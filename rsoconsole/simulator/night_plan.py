@@ -16,13 +16,20 @@ from rsoconsole.orbit.catalogue import (
     nearest_in_epoch_of_each,
     parse_catalogue,
 )
+from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.records import Site
 from rsoconsole.simulator.scenarios import Scenario, ScenarioSatellite
 from rsoconsole.sky.star_catalogue import StarCatalogue
 
-STANDARD_MAGNITUDE = {"GEO": 12.0, "MEO": 13.8, "HEO": 13.3, "LEO": 13.3}
+STANDARD_MAGNITUDE = {"GEO": 12.0, "MEO": 13.3, "HEO": 12.5, "LEO": 13.3}
 """Fully lit, at 36,000 km: what such satellites commonly show, chosen, not measured. A navigation
-satellite of 12.5 at 20,200 km; a rocket body or a low payload of 5.5 at 1,000 km."""
+satellite of 12.0 at 20,200 km (12.7 half turned away), a rocket body of 4.7 and a low payload of
+5.5 at 1,000 km."""
+
+
+def satellite_of(entry: CatalogueEntry) -> Satellite:
+    """A satellite as bright as those of its kind commonly are."""
+    return Satellite(entry, STANDARD_MAGNITUDE[regime(entry)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

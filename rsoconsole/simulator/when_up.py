@@ -10,7 +10,9 @@ from rsoconsole.config import LimitsConfig, OpticsConfig
 from rsoconsole.errors import ConfigError
 from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.simulator.night_plan import cadence_for
+from rsoconsole.simulator.night_plan import LONGEST_EXPOSURE_S, STREAK_PX, cadence_for
+from rsoconsole.simulator.psf import WINGS
+from rsoconsole.simulator.sensor import SensorModel
 from rsoconsole.sky.angles import separation_deg, unit_to_direction
 from rsoconsole.sky.frames import (
     altaz_of_hour_angle,
@@ -18,8 +20,8 @@ from rsoconsole.sky.frames import (
     icrs_to_altaz,
     icrs_to_jnow,
 )
-from rsoconsole.sky.places import sun_gcrs_km
-from rsoconsole.sky.sun import lit_fraction, phase_angle_deg
+from rsoconsole.sky.places import Places, sun_gcrs_km
+from rsoconsole.sky.sun import lit_fraction
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, IntArray, utc_ns_to_iso
 
 BoolArray = npt.NDArray[np.bool_]
@@ -35,12 +37,15 @@ TOGETHER_FIELDS = 0.6
 """Share of the field's short side within which several targets must stand."""
 HIGHEST_DECLINATION_DEG = 80.0
 """Beyond it right ascensions run wild; no time is picked there."""
-LARGEST_PHASE_DEG = 120.0
-"""Beyond it little of the lit side is turned to the site; no time is picked there."""
+LEAST_SNR = 30.0
+"""Integrated SNR that a target should have; no time is picked at which it would be fainter."""
 SIDEREAL_ARCSEC_S = 15.0411
+SKY_ELECTRONS_S = 13.2
+SIGMA_PX = 1.0
+EXTINCTION_MAG_AIRMASS = 0.15
 _SUN_STEP_NS = 600 * NS_PER_S
-_WHOLE = 2000
-"""Instants of the whole search at which its failure is explained."""
+_SLOW_S = 6 * 3600.0
+_FEW_DAYS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,7 +58,8 @@ class Look:
     hour_angle_deg: FloatArray
     dec_deg: FloatArray
     lit: FloatArray
-    phase_deg: FloatArray
+    snr: FloatArray
+    """Integrated, roughly, under a clear sky, in the exposure that its rate allows."""
     apart_deg: FloatArray
     """(N,) of the first target from the one furthest from it."""
     rate_arcsec_s: FloatArray
@@ -94,13 +100,31 @@ def look(satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray) -> Loo
         hour_angle_deg=np.array(hour_angles),
         dec_deg=np.array([each.dec_icrs_deg for each in seen]),
         lit=np.array([lit_fraction(each.position_gcrs_km, t_utc_ns) for each in seen]),
-        phase_deg=np.array(
-            [phase_angle_deg(each.position_gcrs_km, each.site_gcrs_km, t_utc_ns) for each in seen]
+        snr=np.array(
+            [
+                _rough_snr(one, places, altitude_deg)
+                for one, places, altitude_deg in zip(satellites, seen, altitudes, strict=True)
+            ]
         ),
         apart_deg=np.max(np.array(apart), axis=0),
         rate_arcsec_s=_fastest(east, north, cos_dec),
         ground_rate_arcsec_s=_fastest([e - SIDEREAL_ARCSEC_S for e in east], north, cos_dec),
     )
+
+
+def _rough_snr(satellite: Satellite, places: Places, altitude_deg: FloatArray) -> FloatArray:
+    """Of a straight streak with a round core, over sky and read-out."""
+    sensor = SensorModel()
+    cos_dec = np.cos(np.radians(places.dec_icrs_deg))
+    rate = 3600.0 * np.hypot(places.ra_rate_deg_s * cos_dec, places.dec_rate_deg_s)
+    px_s = np.maximum(rate / sensor.scale_arcsec_px, 1e-6)
+    exposure_s = np.minimum(LONGEST_EXPOSURE_S, STREAK_PX / px_s)
+    airmass = 1.0 / np.sin(np.radians(np.maximum(altitude_deg, 5.0)))
+    magnitude = satellite.magnitude(places) + EXTINCTION_MAG_AIRMASS * (airmass - 1.0)
+    electrons = WINGS[0][0] * sensor.electrons(magnitude, 1.0) * exposure_s
+    noise_e = np.sqrt(SKY_ELECTRONS_S * exposure_s + sensor.read_noise_e**2 + 2.0)
+    area_px = 2.0 * np.sqrt(np.pi) * SIGMA_PX * (px_s * exposure_s + 2.0 * SIGMA_PX)
+    return np.asarray(electrons / (noise_e * np.sqrt(area_px)))
 
 
 def _sun_altitude_deg(site: Site, t_utc_ns: IntArray) -> FloatArray:
@@ -152,28 +176,29 @@ def first_window(
         seen = look(satellites, site, dark_ns)
         looks.append((seen, np.all(list(conditions(seen, limits, optics).values()), axis=0)))
         found = _best_run(looks, step_ns, frames, min(optics.field_deg))
-        if found is None and len(looks) == 1:
-            # A belt satellite behind the Earth is told at once.
-            whole = _overview(satellites, site, from_utc_ns)
+        if found is None and len(looks) == 1 and period_s > _SLOW_S:
+            # What stays behind the Earth, as on the belt's far side, is told at once.
+            whole = _overview(satellites, site, from_utc_ns, _FEW_DAYS)
             if not np.any(conditions(whole, limits, optics)["up"]):
-                break
+                raise ConfigError(_why_never(whole, *bounds))
         waited = 0 if found is None else waited + 1
         if found is not None and (found[1] or waited >= CONTENT_DAYS):
             break
     if found is not None:
         return found[0]
-    raise ConfigError(_why_never(_overview(satellites, site, from_utc_ns, looks), *bounds))
+    whole = _overview(satellites, site, from_utc_ns, SEARCHED_DAYS, looks)
+    raise ConfigError(_why_never(whole, *bounds))
 
 
 def _overview(
     satellites: Sequence[Satellite],
     site: Site,
     from_utc_ns: int,
+    days: int,
     looks: Sequence[tuple[Look, BoolArray]] = (),
 ) -> Look:
-    """The whole search, by day too, at fewer instants beside those that were looked at."""
-    step_ns = SEARCHED_DAYS * NS_PER_DAY // _WHOLE
-    whole_ns = from_utc_ns + np.arange(_WHOLE, dtype=np.int64) * step_ns
+    """So many days, by light too, every quarter of an hour beside what was looked at."""
+    whole_ns = from_utc_ns + np.arange(days * 96 + 1, dtype=np.int64) * (NS_PER_DAY // 96)
     at_ns = np.concatenate([whole_ns, *(seen.t_utc_ns for seen, _ in looks)])
     return look(satellites, site, np.sort(at_ns))
 
@@ -185,12 +210,12 @@ def conditions(seen: Look, limits: LimitsConfig, optics: OpticsConfig) -> dict[s
         is_up = (seen.altitude_deg >= low_deg) & (
             np.abs(seen.hour_angle_deg) < limits.max_hour_angle_deg - ALTITUDE_MARGIN_DEG
         )
-        is_lit = (seen.lit >= 1.0) & (seen.phase_deg <= LARGEST_PHASE_DEG)
         is_reached = np.abs(seen.dec_deg) <= HIGHEST_DECLINATION_DEG
         return {
             "up": np.all(is_up & is_reached, axis=0),
             "in darkness": seen.sun_altitude_deg <= limits.twilight_deg - 0.2,
-            "lit": np.all(is_lit, axis=0),
+            "lit": np.all(seen.lit >= 1.0, axis=0),
+            "bright": np.all(seen.snr >= LEAST_SNR, axis=0),
             "in one field": seen.apart_deg <= TOGETHER_FIELDS * min(optics.field_deg),
         }
 
@@ -231,7 +256,8 @@ def _why_never(
     words = {
         "up": f"above {limits.min_altitude_deg + ALTITUDE_MARGIN_DEG:.0f} deg and within reach",
         "in darkness": f"up while the Sun is below {limits.twilight_deg:.0f} deg",
-        "lit": "up in darkness with its lit side turned to the site",
+        "lit": "up in darkness and in sunlight",
+        "bright": f"so bright that its streak has an SNR of {LEAST_SNR:.0f}",
         "in one field": f"within {TOGETHER_FIELDS * min(optics.field_deg):.2f} deg of each other",
     }[asked[-1]]
     remedy = "another --site, or --at a later time"
@@ -240,8 +266,9 @@ def _why_never(
         words += f" (the closest: {np.min(seen_deg):.1f} deg)"
         remedy = "fewer targets"
     epoch = utc_ns_to_iso(int(seen.t_utc_ns[0]), 0)
+    days = round(float(seen.t_utc_ns[-1] - seen.t_utc_ns[0]) / NS_PER_DAY)
     return (
-        f"{names} is never {words} from this site in the {SEARCHED_DAYS} days from {epoch}, the"
+        f"{names} is never {words} from this site in the {days} days from {epoch}, the"
         f" epoch of its elements: try {remedy}"
     )
 
