@@ -172,7 +172,9 @@ def test_exposures_keep_streaks_short_and_the_target_in_the_field():
     scale, short_deg = OpticsConfig().scale_arcsec_px, min(OpticsConfig().field_deg)
     rates = [6.5, 15.0, 37.0, 167.0, 2000.0]
     exposures = [exposure_for(rate, scale) for rate in rates]
-    assert exposures[:3] == [10.0, 10.0, 10.0]
+    assert exposures[:3] == [11.0, 10.0, 10.0]
+    assert exposure_for(1.0, scale) == 30.0, "slower ones make no streak at all"
+    assert cadence_for(1.0, short_deg, 30.0) == 35.0
     for rate, exposure_s in zip(rates, exposures, strict=True):
         assert rate * exposure_s <= 300.0 * scale
     assert all(a >= b for a, b in pairwise(exposures))

@@ -45,6 +45,7 @@ def choose_night(
     where they cannot be seen, SolverError where their sky has no stars.
     """
     site, limits, optics = config.site.to_site(), config.limits, config.optics
+    short_side_deg = min(optics.field_deg)
     if at_utc_ns is None:
         epoch_ns = max(each.element_set.epoch_utc_ns for each in targets)
         window = first_window(
@@ -65,9 +66,10 @@ def choose_night(
     span_s = min(window.visible_s, frames * config.exposure.cadence_s)
     ahead_ns = np.rint(np.linspace(0.0, span_s, 60) * NS_PER_S).astype(np.int64)
     seen = look(targets, site, np.int64(window.t_start_utc_ns) + ahead_ns)
-    cadence_s = cadence_for(float(seen.ground_rate_arcsec_s[0]), min(optics.field_deg))
-    in_time = ahead_ns <= round(frames * cadence_s * NS_PER_S)
+    ground = float(seen.ground_rate_arcsec_s[0])
+    in_time = ahead_ns <= round(frames * cadence_for(ground, short_side_deg) * NS_PER_S)
     exposure_s = exposure_for(float(np.max(seen.rate_arcsec_s[in_time])), optics.scale_arcsec_px)
+    cadence_s = cadence_for(ground, short_side_deg, exposure_s)
     exposed = config.exposure.model_copy(update={"exposure_s": exposure_s, "cadence_s": cadence_s})
     config = config.model_copy(update={"exposure": exposed})
     start = _start(targets, config, window.t_start_utc_ns, seed)

@@ -127,23 +127,34 @@ def stars_of(plan: NightPlan) -> StarCatalogue:
     return StarCatalogue.from_index(Path(plan.star_file))
 
 
-STREAK_PX = 300.0
-"""As long as the detector is sure of a streak (measured)."""
-LONGEST_EXPOSURE_S, SHORTEST_EXPOSURE_S = 10.0, 0.02
+STREAK_PX, SHORT_STREAK_PX = 300.0, 60.0
+"""Lengths between which the detector is sure of a streak (measured)."""
+USUAL_EXPOSURE_S, LONGEST_EXPOSURE_S, SHORTEST_EXPOSURE_S = 10.0, 30.0, 0.02
 LONGEST_CADENCE_S, SHORTEST_CADENCE_S = 30.0, 6.0
+PAUSE_S = 5.0
+"""From the end of an exposure to the next, at least."""
 MOVES_FIELDS = 0.25
 """Share of the field's short side that a target may move, over the ground, between exposures."""
 
 
 def exposure_for(rate_arcsec_s: float, scale_arcsec_px: float) -> float:
-    """Exposure that gives a streak of at most ``STREAK_PX``; two digits, so that it reads well."""
-    longest_s = STREAK_PX * scale_arcsec_px / max(rate_arcsec_s, 1e-6)
-    wanted_s = min(LONGEST_EXPOSURE_S, max(SHORTEST_EXPOSURE_S, longest_s))
+    """Ten seconds; shorter for a streak of at most ``STREAK_PX``, longer for one that is not short.
+
+    Two digits, so that it reads well.
+    """
+    px_s = max(rate_arcsec_s / scale_arcsec_px, 1e-6)
+    wanted_s = min(max(USUAL_EXPOSURE_S, SHORT_STREAK_PX / px_s), LONGEST_EXPOSURE_S)
+    wanted_s = max(SHORTEST_EXPOSURE_S, min(wanted_s, STREAK_PX / px_s))
     step = 10.0 ** (math.floor(math.log10(wanted_s)) - 1)
     return round(math.floor(wanted_s / step + 1e-9) * step, 6)
 
 
-def cadence_for(ground_rate_arcsec_s: float, short_side_deg: float) -> float:
+def cadence_for(
+    ground_rate_arcsec_s: float, short_side_deg: float, exposure_s: float = USUAL_EXPOSURE_S
+) -> float:
     """Start to start: as slow as the target allows that leaves the field over the ground."""
     moves_s = MOVES_FIELDS * short_side_deg * 3600.0 / max(ground_rate_arcsec_s, 1e-6)
-    return float(math.floor(min(LONGEST_CADENCE_S, max(SHORTEST_CADENCE_S, moves_s))))
+    wanted_s = min(LONGEST_CADENCE_S, max(SHORTEST_CADENCE_S, moves_s))
+    if exposure_s > USUAL_EXPOSURE_S:
+        wanted_s = max(wanted_s, exposure_s + PAUSE_S)
+    return float(math.floor(wanted_s))

@@ -10,7 +10,7 @@ from rsoconsole.config import LimitsConfig, OpticsConfig
 from rsoconsole.errors import ConfigError
 from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.simulator.night_plan import LONGEST_EXPOSURE_S, STREAK_PX, cadence_for
+from rsoconsole.simulator.night_plan import STREAK_PX, USUAL_EXPOSURE_S, cadence_for
 from rsoconsole.simulator.psf import WINGS
 from rsoconsole.simulator.sensor import SensorModel
 from rsoconsole.sky.angles import separation_deg, unit_to_direction
@@ -118,7 +118,7 @@ def _rough_snr(satellite: Satellite, places: Places, altitude_deg: FloatArray) -
     cos_dec = np.cos(np.radians(places.dec_icrs_deg))
     rate = 3600.0 * np.hypot(places.ra_rate_deg_s * cos_dec, places.dec_rate_deg_s)
     px_s = np.maximum(rate / sensor.scale_arcsec_px, 1e-6)
-    exposure_s = np.minimum(LONGEST_EXPOSURE_S, STREAK_PX / px_s)
+    exposure_s = np.minimum(USUAL_EXPOSURE_S, STREAK_PX / px_s)
     airmass = 1.0 / np.sin(np.radians(np.maximum(altitude_deg, 5.0)))
     magnitude = satellite.magnitude(places) + EXTINCTION_MAG_AIRMASS * (airmass - 1.0)
     electrons = WINGS[0][0] * sensor.electrons(magnitude, 1.0) * exposure_s
@@ -197,7 +197,7 @@ def _overview(
     days: int,
     looks: Sequence[tuple[Look, BoolArray]] = (),
 ) -> Look:
-    """So many days, by light too, every quarter of an hour beside what was looked at."""
+    """Whole days, by light too, every quarter of an hour beside what was looked at."""
     whole_ns = from_utc_ns + np.arange(days * 96 + 1, dtype=np.int64) * (NS_PER_DAY // 96)
     at_ns = np.concatenate([whole_ns, *(seen.t_utc_ns for seen, _ in looks)])
     return look(satellites, site, np.sort(at_ns))
