@@ -341,7 +341,7 @@ def test_a_demo_gives_way_to_an_engine_that_takes_the_usual_place_meanwhile(
         return tmp_path / "night"
 
     @contextlib.contextmanager
-    def observatory(*_: Any) -> Iterator[Any]:
+    def observatory(*_: Any, **__: Any) -> Iterator[Any]:
         yield types.SimpleNamespace(host="", port=1, mount_name="", camera_name="")
 
     monkeypatch.setattr("rsoconsole.cli.demo_night.control_socket", lambda _: None)

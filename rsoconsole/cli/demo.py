@@ -71,9 +71,24 @@ def demo(
     tle: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Element sets to find the satellite's name in; may be repeated. Default: those"
-            " after which the simulated ones move."
+            help="Element sets to find the satellite's name in, and --target; may be repeated."
+            " Default: those after which the simulated ones move."
         ),
+    ] = None,
+    target: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A satellite of the element sets, by catalogue number or name, instead of a"
+            " scenario; may be repeated."
+        ),
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option(help="UTC of a --target night's start. Default: when it can be seen."),
+    ] = None,
+    site: Annotated[
+        str | None,
+        typer.Option(help="LAT,LON,ELEV of a --target night. Default: Daytona Beach."),
     ] = None,
     json_: JsonOption = False,
 ) -> None:
@@ -96,29 +111,61 @@ def demo(
     all with their units, and the laws by which 'random' draws them. What a file
     does not name stays as it is.
 
+    With --target it is a night of any satellites: without --at a time is picked
+    when they are up, lit, in darkness and in one field. Every object of the
+    element sets is in that sky. Beyond 12 deg from the equator it needs the
+    whole sky's stars ('rsoconsole index install').
+
     Example: rsoconsole demo --headless --scenario intelsat-14 --frames 40 --json
+
+    Example: rsoconsole demo --target 26407 --tle gps.tle --site 52.2,21.0,110
+
     Example: rsoconsole demo --world random --seed 7
     """
-    from rsoconsole.simulator.scenarios import all_scenarios, elements_path, scenario_named
+    from rsoconsole.cli.demo_targets import plan_targets, plan_words, planned_config, site_of
+    from rsoconsole.simulator.scenarios import (
+        DAYTONA_BEACH,
+        NIGHT_FRAMES,
+        all_scenarios,
+        elements_path,
+        scenario_named,
+    )
 
     if list_:
         for known in all_scenarios().values():
             row = {"scenario": known.name, "title": known.title, "description": known.description}
             output.emit_json(row) if json_ else output.say(f"{known.name:14} {known.description}")
         return
-    known = scenario_named(scenario)
     catalogue = [each.resolve() for each in tle or [elements_path()]]
-    config = demo_config(known.site, preset=preset, keep_frames=keep_frames, catalogue=catalogue)
-    imperfect = _world_of(world, seed)
-    config = config_in(imperfect, config)
     is_seen = not (headless or json_) and sys.stdin.isatty() and sys.stdout.isatty()
     pace = (0.0 if headless or json_ else 10.0) if speed is None else speed
     if frames is None and not is_seen:
         frames = FRAMES_UNSEEN
     night = Night(scenario=scenario, seed=seed, speed=pace, frames=frames, session=session)
+    if target:
+        config = demo_config(
+            site_of(site) if site else DAYTONA_BEACH,
+            preset=preset,
+            keep_frames=keep_frames,
+            catalogue=catalogue,
+        )
+        plan = plan_targets(target, config, at=at, seed=seed, frames=frames or NIGHT_FRAMES)
+        config = planned_config(config, plan)
+        night = replace(night, scenario=plan.title, plan=plan.to_table())
+        heading = plan_words(plan)
+    elif at or site:
+        raise typer.BadParameter("--at and --site belong to a night of --target")
+    else:
+        known = scenario_named(scenario)
+        config = demo_config(
+            known.site, preset=preset, keep_frames=keep_frames, catalogue=catalogue
+        )
+        heading = f"{known.title}\n{known.description}"
+    imperfect = _world_of(world, seed)
+    config = config_in(imperfect, config)
     night = replace(night, world=imperfect.named())
     if not (headless or json_):
-        output.say(f"{known.title}\n{known.description}")
+        output.say(heading)
     if is_seen and not lines:
         _watch_night(config, night)
         return

@@ -51,6 +51,8 @@ class Night:
     session: Path | None
     world: Mapping[str, Any] = field(default_factory=dict)
     """The imperfections that are named, by section."""
+    plan: dict[str, Any] | None = None
+    """A night of chosen satellites as a table (``NightPlan``), instead of the scenario."""
 
 
 def run_night(
@@ -74,7 +76,12 @@ def run_night(
         truth_path = Path(scratch) / "truth.jsonl"
         socket = control_socket(Path(scratch))
         with start_observatory(
-            night.scenario, night.seed, night.speed, truth_path, world=night.world
+            night.scenario,
+            night.seed,
+            night.speed,
+            truth_path,
+            plan=night.plan,
+            world=night.world,
         ) as observatory:
             indi = config.indi.model_copy(
                 update={
@@ -113,7 +120,7 @@ def run_night(
                 # Another engine has taken the usual place since it was looked at.
                 folder = engine_at(Path(scratch) / BESIDE)
         records = (record for _, _, record in SessionReader(folder).records())
-        figures = summarise(records, read_truth(truth_path))
+        figures = summarise(records, read_truth(truth_path), targets_of(night))
     about = {"scenario": night.scenario, "seed": night.seed, "session": str(folder)}
     return {**about, **figures, "world": dict(night.world)}
 
@@ -125,6 +132,20 @@ def _record_world(night: Night, session: Path) -> None:
 
     if night.world:
         (session / WORLD).write_text(world_to_toml(world_from(night.world)), encoding="utf-8")
+
+
+def targets_of(night: Night) -> dict[int, str]:
+    """The satellites that the night was made for: names by catalogue number."""
+    if night.plan is not None:
+        return dict(zip(night.plan["targets"], night.plan["names"], strict=True))
+    from rsoconsole.simulator.scenarios import scenario_named
+
+    scenario = scenario_named(night.scenario)
+    return {
+        each.element_set.norad_id: each.element_set.name
+        for each in scenario.satellites
+        if each.element_set.norad_id == scenario.target_norad_id
+    }
 
 
 def control_socket(scratch: Path) -> Path | None:

@@ -10,8 +10,10 @@ from functools import singledispatchmethod
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.engine.objects import is_on_a_streak, objects_figures
 from rsoconsole.records import (
     CycleTiming,
+    Detection,
     Detections,
     FollowedAgain,
     FrameTaken,
@@ -40,6 +42,8 @@ class _Frame:
     """By the header."""
     state: str = "SEARCH"
     measurements: list[Measurement] = field(default_factory=list)
+    detections: list[Detection] = field(default_factory=list)
+    identified: Identified | None = None
     predicted: TrackState | None = None
     updated: TrackState | None = None
     refused_nis: list[tuple[Measurement, float]] = field(default_factory=list)
@@ -77,6 +81,7 @@ class _Tally:
     @take.register
     def _(self, record: Detections) -> None:
         self.detections += len(record.detections)
+        self.frames[record.frame_id].detections.extend(record.detections)
 
     @take.register
     def _(self, record: Measurement) -> None:
@@ -121,18 +126,24 @@ class _Tally:
     @take.register
     def _(self, record: Identified) -> None:
         self.identified = record
+        self.frames[record.frame_id].identified = record
 
     @take.register
     def _(self, record: CycleTiming) -> None:
         self.timings.append(record)
 
 
-def summarise(records: Iterable[Any], truth: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def summarise(
+    records: Iterable[Any],
+    truth: Sequence[Mapping[str, Any]],
+    targets: Mapping[int, str] | None = None,
+) -> dict[str, Any]:
     """The figures of ``rsoconsole demo --headless``, without scenario, seed and session.
 
     ``records`` in the session's order; ``truth`` one object an exposure as the simulated
     observatory wrote it. Errors are distances on the sky, root mean square. Where a satellite was
     followed ``measured_rms_arcsec`` is that of its own measurements; its neighbours' count apart.
+    ``targets``: names of the satellites the night was made for, by catalogue number.
     """
     tally = _Tally()
     for record in records:
@@ -146,6 +157,7 @@ def summarise(records: Iterable[Any], truth: Sequence[Mapping[str, Any]]) -> dic
         **_against_truth(tally.frames, truth),
         "orbit": None if tally.orbit is None else _orbit_figures(tally.orbit),
         "identified": None if tally.identified is None else _name_figures(tally.identified),
+        "objects": objects_figures(_with_exposures(tally.frames, truth), targets or {}),
         "latency_ms": _latency(tally.timings),
     }
 
@@ -175,15 +187,23 @@ def read_truth(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
 
 
-def _satellites(truth: Sequence[Mapping[str, Any]], frame: _Frame) -> list[Mapping[str, Any]]:
-    """The satellites of a frame, each where it truly was at the instant that the engine names."""
+def _with_exposures(
+    frames: Mapping[int, _Frame], truth: Sequence[Mapping[str, Any]]
+) -> list[tuple[_Frame, Mapping[str, Any]]]:
+    """Every frame with the truth of its exposure; with an empty one where none is near in time."""
+    return [(frame, _exposure(truth, frame)) for frame in frames.values()]
+
+
+def _exposure(truth: Sequence[Mapping[str, Any]], frame: _Frame) -> Mapping[str, Any]:
+    """The truth of a frame, each satellite where it truly was at the instant the engine names."""
     for exposure in truth:
         t_true_mid_ns = exposure["t_start_utc_ns"] + round(exposure["exposure_s"] * 5e8)
         if abs(t_true_mid_ns - frame.t_mid_utc_ns) < SAME_FRAME_NS:
             t_place_ns = exposure.get("t_place_utc_ns", frame.t_named_utc_ns)
             later_s = (frame.t_named_utc_ns - t_place_ns) / 1e9
-            return [_moved(each, later_s) for each in exposure["satellites"]]
-    return []
+            moved = [_moved(each, later_s) for each in exposure["satellites"]]
+            return {**exposure, "satellites": moved}
+    return {"satellites": ()}
 
 
 def _moved(satellite: Mapping[str, Any], later_s: float) -> Mapping[str, Any]:
@@ -201,14 +221,15 @@ def _against_truth(
     frames: Mapping[int, _Frame], truth: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
     """Figures against what really was there; those of the track against one named satellite."""
-    views = [(frame, _satellites(truth, frame)) for frame in frames.values()]
+    exposures = _with_exposures(frames, truth)
+    views = [(frame, list(exposure["satellites"])) for frame, exposure in exposures]
     target, share = _followed(views)
     predicted, outside, nis = _track_figures(views, target)
     confidences = [found for frame, _ in views if (found := _confidence(frame)) is not None]
     return {
         "target": target,
         "target_share": share,
-        **_measured_figures(views, target),
+        **_measured_figures(exposures, target),
         "prediction_rms_arcsec": _rms(predicted),
         "nis_mean": statistics.fmean(nis) if nis else None,
         "inside_3sigma": None if not outside else 1.0 - sum(outside) / len(outside),
@@ -218,21 +239,27 @@ def _against_truth(
 
 
 def _measured_figures(
-    views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]], target: str | None
+    views: Sequence[tuple[_Frame, Mapping[str, Any]]], target: str | None
 ) -> dict[str, Any]:
-    """Every measurement against the satellite nearest to it; the target's neighbours apart."""
+    """Every measurement against the satellite nearest to it; the target's neighbours apart.
+
+    False is what is far from all of them and on nobody's streak: a cut or a fast one's middle may
+    be far from its own.
+    """
     measured: list[float] = []
     neighbours: list[float] = []
     chi2: list[float] = []
     false_measurements = 0
-    for frame, satellites in views:
+    for frame, exposure in views:
         for measurement in frame.measurements:
             place = _place(measurement)
-            offsets = [(*_offset_arcsec(each, *place), each["name"]) for each in satellites]
+            offsets = [
+                (*_offset_arcsec(each, *place), each["name"]) for each in exposure["satellites"]
+            ]
             nowhere = (math.inf, 0.0, None)
             east, north, name = min(offsets, key=lambda o: math.hypot(o[0], o[1]), default=nowhere)
             if math.hypot(east, north) > SAME_OBJECT_ARCSEC:
-                false_measurements += 1
+                false_measurements += not is_on_a_streak(measurement, exposure)
             elif target is not None and name != target:
                 neighbours.append(math.hypot(east, north))
             else:

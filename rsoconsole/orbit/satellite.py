@@ -4,6 +4,7 @@ import numpy as np
 from sgp4.api import Satrec
 
 from rsoconsole.errors import OrbitError
+from rsoconsole.orbit.catalogue import CatalogueEntry
 from rsoconsole.orbit.elements import ElementSet
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.places import Places, astrometric_places, teme_to_gcrs_rotation
@@ -20,25 +21,24 @@ class Satellite:
     come out as NaN.
     """
 
-    def __init__(self, element_set: ElementSet, standard_magnitude: float = 11.0) -> None:
+    def __init__(
+        self, element_set: ElementSet | CatalogueEntry, standard_magnitude: float = 11.0
+    ) -> None:
         """``standard_magnitude``: fully lit, at 36,000 km."""
         self.element_set = element_set
         self.standard_magnitude = standard_magnitude
-        try:
-            self._record = Satrec.twoline2rv(element_set.line_1, element_set.line_2)
-        except ValueError as error:
-            raise OrbitError(f"satellite {element_set.norad_id}: {error}; fetch it anew") from error
-        if self._record.error:
+        self.record = _record_of(element_set)
+        if self.record.error:
             raise OrbitError(
                 f"satellite {element_set.norad_id}: SGP4 refuses its elements "
-                f"(error {self._record.error}); fetch a newer set"
+                f"(error {self.record.error}); fetch a newer set"
             )
 
     def position_gcrs(self, t_utc_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         """GCRS position (N, 3) km and velocity (N, 3) km/s."""
         t = np.atleast_1d(np.asarray(t_utc_ns, np.int64))
         jd_1, jd_2 = jd_utc(t)
-        failed, r_teme, v_teme = self._record.sgp4_array(
+        failed, r_teme, v_teme = self.record.sgp4_array(
             np.ascontiguousarray(jd_1), np.ascontiguousarray(jd_2)
         )
         rotation = teme_to_gcrs_rotation(t)
@@ -56,6 +56,15 @@ class Satellite:
         lit = lit_fraction(places.position_gcrs_km, places.t_utc_ns)
         phase = phase_angle_deg(places.position_gcrs_km, places.site_gcrs_km, places.t_utc_ns)
         return magnitude(self.standard_magnitude, places.range_km, phase, lit)
+
+
+def _record_of(element_set: ElementSet | CatalogueEntry) -> Satrec:
+    if isinstance(element_set, CatalogueEntry):
+        return element_set.record
+    try:
+        return Satrec.twoline2rv(element_set.line_1, element_set.line_2)
+    except ValueError as error:
+        raise OrbitError(f"satellite {element_set.norad_id}: {error}; fetch it anew") from error
 
 
 def magnitude(

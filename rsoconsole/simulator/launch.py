@@ -71,6 +71,7 @@ def start_observatory(
     height_px: int | None = None,
     log_path: Path | None = None,
     stage: str | None = None,
+    plan: Mapping[str, Any] | None = None,
     weather: Sequence[tuple[float, str]] = (),
     dome: Sequence[tuple[float, str]] = (),
     world: Mapping[str, Any] | None = None,
@@ -79,11 +80,12 @@ def start_observatory(
 
     ``speed``: virtual seconds a wall second, 0 or infinity for at once. ``truth_path``: a file
     that gets one JSON line a frame. ``width_px``, ``height_px``: a smaller sensor. ``stage``:
-    ``module:function`` giving another stage than the scenarios'. ``weather``, ``dome``: what they
-    become, as (seconds since the night's start, "ok" | "warning" | "alert") and (seconds, "open" |
-    "closed" | "moving"); fine and open unless told. ``world``: the imperfections that are named,
-    as ``World.named`` gives them. Raises InstrumentError when the observatory does not come up,
-    with the last of what it said.
+    ``module:function`` giving another stage than the scenarios'. ``plan``: a ``NightPlan`` as a
+    table, instead of the scenario. ``weather``, ``dome``: what they become, as (seconds since the
+    night's start, "ok" | "warning" | "alert") and (seconds, "open" | "closed" | "moving"); fine
+    and open unless told. ``world``: the imperfections that are named, as ``World.named`` gives
+    them. Raises InstrumentError when the observatory does not come up, with the last of what it
+    said.
     """
     settings = {
         "scenario": scenario_name,
@@ -93,6 +95,7 @@ def start_observatory(
         "width_px": width_px,
         "height_px": height_px,
         "stage": stage,
+        "plan": None if plan is None else dict(plan),
         "weather": list(weather),
         "dome": list(dome),
         "world": dict(world or {}),

@@ -13,6 +13,7 @@ from rsoconsole.simulator.psf import FWHM_PER_SIGMA, WINGS
 from rsoconsole.simulator.render import FieldContent, Streak, cloud_at
 from rsoconsole.simulator.sensor import SensorModel, vignetting
 from rsoconsole.simulator.shutter import TrueShutter
+from rsoconsole.simulator.streak_snr import integrated_snr
 from rsoconsole.simulator.truth import SatelliteTruth
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.sun import lit_fraction
@@ -26,7 +27,10 @@ NS = 1_000_000_000
 MARGIN_PX = 250.0
 """How far outside the sensor a source may lie and still be drawn or told of."""
 NODES = 11
-"""Places in time along an exposure in which nothing is unsteady; odd."""
+"""Places in time along an exposure: enough for all but the unsteady and the fastest."""
+_MOST_NODES = 641
+STRAIGHT_PX = 0.05
+"""How far a way may leave the chord between two of its places."""
 _SAME_INSTANT_S = 1e-8
 _FAR_AWAY_S = 10.0
 """A row whose turn comes that late lies far outside any frame."""
@@ -81,26 +85,24 @@ def satellite_passes(
     Directions are those of the instants that the operator would name: what a perfect measurement
     with a perfect clock and shutter would give.
     """
-    share = np.linspace(0.0, 1.0, sight.nodes)
-    offsets = np.rint(share * sight.exposure_s * NS).astype(np.int64)
-    t_utc_ns = np.int64(sight.t_start_utc_ns) + offsets
     found = []
     for satellite, extra_mag in satellites:
-        places = satellite.astrometric_place(sight.site, t_utc_ns)
-        if sight.true is None:
-            # Over a few hundredths of a second the rates of the instant serve.
-            seen, pace = places, np.ones(sight.nodes)
-            x, y = _on_frame(sight, share, places, sight.shutter_error_s)
-        else:
-            seen, x, y, pace = _truly_seen(satellite, sight, sight.true, share)
-        if not np.all(np.isfinite(x)) or not _is_near(sight.sensor, x, y):
+        own = sight
+        places, seen, x, y, pace = _way(satellite, own)
+        if not np.all(np.isfinite(x)) or not _is_near(own.sensor, x, y):
             continue
+        nodes = _nodes_for(x, y)
+        if nodes > own.nodes:
+            own = replace(sight, nodes=nodes)
+            places, seen, x, y, pace = _way(satellite, own)
+            if not np.all(np.isfinite(x)):
+                continue
         magnitude = satellite.magnitude(seen) + extra_mag(seen.t_utc_ns)
-        per_second = sight.sensor.electrons(magnitude, 1.0) * pace
-        mean = float(np.trapezoid(per_second, dx=1.0 / (sight.nodes - 1)))
-        brightness = per_second / mean if mean > 0.0 else np.zeros(sight.nodes)
+        per_second = own.sensor.electrons(magnitude, 1.0) * pace
+        mean = float(np.trapezoid(per_second, dx=1.0 / (own.nodes - 1)))
+        brightness = per_second / mean if mean > 0.0 else np.zeros(own.nodes)
         lit = lit_fraction(seen.position_gcrs_km, seen.t_utc_ns)
-        middle = sight.nodes // 2
+        middle = own.nodes // 2
         found.append(
             SatellitePass(
                 name=satellite.element_set.name,
@@ -118,6 +120,20 @@ def satellite_passes(
             )
         )
     return tuple(found)
+
+
+def _way(
+    satellite: Satellite, sight: Sight
+) -> tuple[Places, Places, FloatArray, FloatArray, FloatArray]:
+    """Places as the operator would name them, as truly seen, pixels, and the pace of time."""
+    share = np.linspace(0.0, 1.0, sight.nodes)
+    offsets = np.rint(share * sight.exposure_s * NS).astype(np.int64)
+    places = satellite.astrometric_place(sight.site, np.int64(sight.t_start_utc_ns) + offsets)
+    if sight.true is None:
+        # Over a few hundredths of a second the rates of the instant serve.
+        x, y = _on_frame(sight, share, places, sight.shutter_error_s)
+        return places, places, x, y, np.ones(sight.nodes)
+    return places, *_truly_seen(satellite, sight, sight.true, share)
 
 
 def _truly_seen(
@@ -156,6 +172,16 @@ def _on_frame(
     return x, y
 
 
+def _nodes_for(x_px: FloatArray, y_px: FloatArray) -> int:
+    """Places that keep the way straight between them, an odd number: one is the middle."""
+    steps = len(x_px) - 1
+    bend_px = float(np.max(np.hypot(np.diff(x_px, 2), np.diff(y_px, 2)), initial=0.0)) / 8.0
+    if bend_px <= STRAIGHT_PX:
+        return len(x_px)
+    finer = math.ceil(math.sqrt(bend_px / STRAIGHT_PX))
+    return max(len(x_px), min(steps * finer + 1, _MOST_NODES))
+
+
 def dimmed(streak: Streak, transmission: float) -> Streak:
     """The same streak through air that lets this share of the light through."""
     return replace(streak, electrons=streak.electrons * transmission)
@@ -166,6 +192,7 @@ def satellite_truth(
 ) -> SatelliteTruth:
     """What there is to know of one streak in this field."""
     x, y = each.streak.x_px, each.streak.y_px
+    middle = len(x) // 2
     clouds = float(np.mean(cloud_at(sensor, content.cloud_transmission, x, y)))
     electrons = each.streak.electrons * air_transmission * clouds
     is_lit = each.streak.electrons > 0.0
@@ -193,6 +220,7 @@ def satellite_truth(
         electrons=electrons,
         snr_peak_pixel=peak,
         snr_matched=matched,
+        snr_integrated=integrated_snr(sensor, content, dimmed(each.streak, air_transmission)),
     )
 
 

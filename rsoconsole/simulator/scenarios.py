@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from rsoconsole.errors import ConfigError
+from rsoconsole.orbit.catalogue import CatalogueEntry
 from rsoconsole.orbit.elements import ElementSet, parse_elements
 from rsoconsole.records import Site
 from rsoconsole.resources import resource
@@ -29,7 +30,7 @@ DEFAULT_SCENARIO = "intelsat-14"
 class ScenarioSatellite:
     """One satellite that is really there."""
 
-    element_set: ElementSet
+    element_set: ElementSet | CatalogueEntry
     standard_magnitude: float
     """Fully lit, at 36,000 km."""
     brightness: BrightnessHistory = STEADY

@@ -18,6 +18,7 @@ from rsoconsole.simulator.brightness_world import flash_nodes, world_extra_mag
 from rsoconsole.simulator.faint_stars import faint_stars
 from rsoconsole.simulator.image_in_motion import blurred, plate_in_motion, plate_of
 from rsoconsole.simulator.imperfections import SHUTTER_SIGMA_S, air_sigma_arcsec
+from rsoconsole.simulator.nearby import Nearby
 from rsoconsole.simulator.passes import (
     MARGIN_PX,
     NODES,
@@ -94,6 +95,7 @@ class Scene:
         self.satellites = tuple(
             Satellite(each.element_set, each.standard_magnitude) for each in scenario.satellites
         )
+        self._nearby = Nearby(self.satellites)
 
     def field_radius_deg(self) -> float:
         """Half the diagonal of the field, with a margin for light from just outside."""
@@ -158,7 +160,7 @@ class Scene:
             motion=motion,
             nodes=max(NODES, flash_nodes(self.world.satellite, exposure_s), motion_nodes),
         )
-        passes = satellite_passes(self._with_brightness(), sight)
+        passes = satellite_passes(self._with_brightness(wcs, t_sky_utc_ns, exposure_s), sight)
         dimming = self._air_transmission(wcs, t_sky_utc_ns)
         crossing, crossed = traffic(
             self.world.traffic, self.seed, t_start_utc_ns, self.sensor, content
@@ -189,8 +191,10 @@ class Scene:
     def _clock_offset_s(self, t_utc_ns: int) -> float:
         return clock_offset_s(self.world, t_utc_ns, self.scenario.t_start_utc_ns)
 
-    def _with_brightness(self) -> list[tuple[Satellite, ExtraMagnitude]]:
-        """Each satellite with the history of its own brightness."""
+    def _with_brightness(
+        self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float
+    ) -> list[tuple[Satellite, ExtraMagnitude]]:
+        """Each satellite that may be seen, with the history of its own brightness."""
 
         def of(history: BrightnessHistory, norad_id: int) -> ExtraMagnitude:
             def extra_mag(t_utc_ns: IntArray) -> FloatArray:
@@ -200,10 +204,16 @@ class Scene:
 
             return extra_mag
 
+        # A corner of the sensor with its margin is further out than the field's radius with it.
+        reach_deg = self.field_radius_deg() + MARGIN_PX * self.sensor.scale_arcsec_px / 3600.0
+        t_mid_utc_ns = t_start_utc_ns + round(exposure_s * NS / 2)
+        centre = (wcs.crval_ra_deg, wcs.crval_dec_deg)
+        near = self._nearby.indices(self.site, t_mid_utc_ns, exposure_s, centre, reach_deg)
         histories = (
-            of(each.brightness, each.element_set.norad_id) for each in self.scenario.satellites
+            of(each.brightness, each.element_set.norad_id)
+            for each in (self.scenario.satellites[i] for i in near)
         )
-        return list(zip(self.satellites, histories, strict=True))
+        return list(zip((self.satellites[i] for i in near), histories, strict=True))
 
     def field_content(
         self, wcs: Wcs, t_start_utc_ns: int, exposure_s: float, t_seed_utc_ns: int | None = None

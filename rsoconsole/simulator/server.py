@@ -50,6 +50,8 @@ class ObservatorySettings:
     height_px: int | None = None
     stage: str | None = None
     """``module:function`` that opens another stage than the scenarios'."""
+    plan: dict[str, Any] | None = None
+    """A ``NightPlan`` as a table, instead of the scenario."""
     weather: Schedule = ()
     """(seconds since the start, "ok" | "warning" | "alert") in order; ok before the first."""
     dome: Schedule = ()

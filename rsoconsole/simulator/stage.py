@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from rsoconsole.config import OpticsConfig
 from rsoconsole.records import Site
 from rsoconsole.simulator.camera_device import SceneLike
+from rsoconsole.simulator.night_plan import plan_of_table, scenario_of, stars_of
 from rsoconsole.simulator.scenarios import scenario_named
 from rsoconsole.simulator.scene import Scene
 from rsoconsole.simulator.world import NAMELESS, World
@@ -34,7 +35,7 @@ class Stage:
 
 
 def open_stage(settings: "ObservatorySettings") -> Stage:
-    """The stage of a named scenario, or of the function that the settings name.
+    """The stage of a named scenario, of a plan, or of the function that the settings name.
 
     Raises ConfigError for a name that no scenario has, and for a world that cannot be.
     """
@@ -46,7 +47,8 @@ def open_stage(settings: "ObservatorySettings") -> Stage:
 
 
 def _scenario_stage(settings: "ObservatorySettings") -> Stage:
-    scenario = scenario_named(settings.scenario)
+    plan = None if settings.plan is None else plan_of_table(settings.plan)
+    scenario = scenario_named(settings.scenario) if plan is None else scenario_of(plan)
     world = world_from(settings.world)
     standard = OpticsConfig()
     optics = standard.model_copy(
@@ -68,6 +70,12 @@ def _scenario_stage(settings: "ObservatorySettings") -> Stage:
         t_start_utc_ns=scenario.t_start_utc_ns,
         start_ra_icrs_deg=float(ra_icrs_deg),
         start_dec_icrs_deg=float(dec_icrs_deg),
-        scene=Scene(scenario, settings.seed, optics=optics, world=world),
+        scene=Scene(
+            scenario,
+            settings.seed,
+            optics=optics,
+            catalogue=None if plan is None else stars_of(plan),
+            world=world,
+        ),
         world=world,
     )

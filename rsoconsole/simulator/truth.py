@@ -39,7 +39,10 @@ class SatelliteTruth:
     snr_peak_pixel: float
     """Signal over noise of the brightest pixel of the streak."""
     snr_matched: float
-    """Signal over noise of the whole streak, weighted by its own shape."""
+    """Signal over noise of the whole streak, weighted by its own shape; a steady straight one
+    under a clear sky."""
+    snr_integrated: float
+    """Integrated SNR of what was rendered of it, pixel by pixel (``streak_snr``)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -210,6 +210,17 @@ def _kept(stars: Stars, kept: npt.NDArray[np.bool_]) -> Stars:
     )
 
 
+def holds_stars(path: Path) -> bool:
+    """Whether ``from_index`` can read this file: a Tycho-2 one. Quick: it looks at headers."""
+    from astropy.io import fits
+
+    try:
+        with fits.open(path) as tables:
+            return any(table.header.get("TTYPE1", "") == "MAG_VT" for table in tables[1:])
+    except OSError:
+        return False
+
+
 @lru_cache(maxsize=2)
 def _load(path: Path) -> StarCatalogue:
     return _read(path)
