@@ -29,6 +29,7 @@ import numpy as np
 from rsoconsole.orbit.elements import parse_elements
 from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky.proper_motion import julian_year
 from rsoconsole.sky.star_catalogue import StarCatalogue, Stars
 from tests.ccd_law import CcdLaw
 
@@ -196,15 +197,24 @@ def _on_sensor(
 
 
 def answer(
-    sky: Sky, centre_deg: tuple[float, float], radius_arcmin: float, asked: tuple[float, float, int]
+    sky: Sky,
+    centre_deg: tuple[float, float],
+    radius_arcmin: float,
+    asked: tuple[float, float, int],
+    t_call_utc_ns: int,
 ) -> list[str]:
-    """The stars' lines, brightest first; ``asked``: brightest and faintest magnitude, lines."""
+    """The stars' lines where they are on that day, brightest first.
+
+    ``asked``: brightest and faintest magnitude, lines.
+    """
     brightest, faintest, lines = asked
     catalogue = StarCatalogue.load(sky.stars)
-    stars = catalogue.cone(*centre_deg, radius_arcmin / 60.0, faintest)
+    stars = catalogue.cone(
+        *centre_deg, radius_arcmin / 60.0, faintest, epoch_jyear=julian_year(t_call_utc_ns)
+    )
     kept = np.flatnonzero(stars.magnitude >= brightest)[: max(lines, 0)]
-    stars = Stars(stars.ra_icrs_deg[kept], stars.dec_icrs_deg[kept], stars.magnitude[kept])
-    return _lines("S", stars, centre_deg)
+    columns = (stars.ra_icrs_deg, stars.dec_icrs_deg, stars.magnitude)
+    return _lines("S", Stars.at_rest(*(column[kept] for column in columns)), centre_deg)
 
 
 def _lines(kind: str, points: Stars, centre_deg: tuple[float, float]) -> list[str]:
@@ -232,8 +242,12 @@ def tell(sky: Sky, arguments: Sequence[str], t_call_utc_ns: int) -> list[str]:
     said = []
     for each in drawn:
         magnitudes = np.full(len(each.ra_icrs_deg), each.point_magnitude)
-        said += _lines("P", Stars(each.ra_icrs_deg, each.dec_icrs_deg, magnitudes), centre_deg)
-    said += answer(sky, centre_deg, asked.r, (asked.m[0], asked.m[1], asked.n - len(said)))
+        said += _lines(
+            "P", Stars.at_rest(each.ra_icrs_deg, each.dec_icrs_deg, magnitudes), centre_deg
+        )
+    said += answer(
+        sky, centre_deg, asked.r, (asked.m[0], asked.m[1], asked.n - len(said)), t_call_utc_ns
+    )
     record = {
         "call": calls,
         "t_start_utc_ns": t_call_utc_ns,

@@ -31,7 +31,7 @@ from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.records import Site
 from rsoconsole.simulator.faint_stars import faint_stars
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
-from rsoconsole.sky.star_catalogue import StarCatalogue
+from rsoconsole.sky.star_catalogue import StarCatalogue, Stars
 from rsoconsole.sky.sun import sun_icrs
 from rsoconsole.sky.times import gmst_deg
 from tests.ccd_law import CcdLaw
@@ -115,13 +115,11 @@ def _stars(ra_deg: float, dec_deg: float) -> StarCatalogue:
     pieces = [faint_stars(ra_deg + off, dec_deg, 3.0, FAINTEST_MAG) for off in range(-10, 11, 5)]
     columns = [
         np.concatenate([getattr(each, name) for each in (bright, *pieces)])
-        for name in ("ra_icrs_deg", "dec_icrs_deg", "magnitude")
+        for name in ("ra_icrs_deg", "dec_icrs_deg", "magnitude", "pm_ra_mas_yr", "pm_dec_mas_yr")
     ]
     # The pieces overlap in whole cells: a star is one row, however often it is told.
     rows = np.unique(np.stack(columns, -1), axis=0)
-    rows = rows[np.argsort(rows[:, 1], kind="stable")]
-    limits = known.dec_min_deg, known.dec_max_deg
-    return StarCatalogue(rows[:, 0] % 360.0, rows[:, 1], rows[:, 2], *limits)
+    return StarCatalogue.of(Stars(*rows.T), known.dec_min_deg, known.dec_max_deg)
 
 
 def config_of(sky: Sky, wanted: dict[str, Any], folder: Path) -> Config:

@@ -167,7 +167,7 @@ def test_whoever_leaves_a_demo_beside_an_engine_is_told_commands_that_reach_it(
     class LeftRunning:
         socket, session = beside, Path("night")
 
-        def __init__(self, *_: object) -> None:
+        def __init__(self, *_: object, **__: object) -> None:
             pass
 
     monkeypatch.setattr(demo, "NightProcess", LeftRunning)

@@ -14,6 +14,7 @@ import pytest
 from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import icrs_to_altaz
+from rsoconsole.sky.proper_motion import julian_year
 from rsoconsole.sky.star_catalogue import StarCatalogue
 from rsoconsole.sky.sun import sun_altitude_deg
 from rsoconsole.sky.times import iso_to_utc_ns
@@ -83,11 +84,12 @@ def test_the_pattern_refuses_a_line_that_lacks_a_field():
     assert read("S1 10.0 5.0 0.2 9.0 0.3 0 0 0000 F 0.1\n")[0] == 11
 
 
-def test_the_stars_are_the_catalogues_places_of_j2000_and_end_where_they_were_asked_to(sky):
+def test_the_stars_are_the_catalogues_on_that_day_and_end_where_they_were_asked_to(sky):
     centre_deg = place(sky)
     said = [line.split() for line in tell(sky, asked(sky, faintest=10.0), T0_UTC_NS)]
     told = {(row[1], row[2]) for row in said if row[0].startswith("S")}
-    stars = StarCatalogue.load().cone(*centre_deg, round(sky.law.radius_arcmin, 1) / 60.0, 10.0)
+    radius_deg, today = round(sky.law.radius_arcmin, 1) / 60.0, julian_year(T0_UTC_NS)
+    stars = StarCatalogue.load().cone(*centre_deg, radius_deg, 10.0, epoch_jyear=today)
     assert told == {
         (f"{ra:.6f}", f"{dec:+.6f}")
         for ra, dec in zip(stars.ra_icrs_deg, stars.dec_icrs_deg, strict=True)

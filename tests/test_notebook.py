@@ -97,7 +97,7 @@ def test_what_it_says_of_the_night_is_so(executed):
         "19 icrs arcsec2",
     ):
         assert figure in said
-    (proof,) = (words(cell) for cell in executed if "is_as_recorded" in "".join(cell["source"]))
+    (proof,) = (words(cell) for cell in executed if "is_alike" in "".join(cell["source"]))
     assert proof == ["True"]
 
 

@@ -118,7 +118,7 @@ def test_a_plate_found_anew_gives_the_same_place(recorded: RecordedFrame, frame:
 def test_without_index_files_the_reason_stands_for_the_plate(
     recorded: RecordedFrame, frame: Frame, monkeypatch: pytest.MonkeyPatch
 ):
-    def none(_dirs: object) -> None:
+    def none(_dirs: object, **_: object) -> None:
         raise SolverError("no usable index files: install some")
 
     monkeypatch.setattr(reprocess, "PlateSolver", none)

@@ -6,7 +6,7 @@ import pytest
 from rsoconsole.config import OpticsConfig
 from rsoconsole.orbit.catalogue import parse_catalogue
 from rsoconsole.orbit.satellite import Satellite
-from rsoconsole.simulator.passes import satellite_passes
+from rsoconsole.simulator.passes import Sight, satellite_passes
 from rsoconsole.simulator.sensor import SensorModel
 from rsoconsole.sky import times
 from rsoconsole.sky.angles import separation_deg
@@ -102,11 +102,13 @@ def test_the_way_of_a_low_satellite_is_drawn_to_a_tenth_of_a_pixel():
         )
         [found] = satellite_passes(
             [(satellite, lambda at: np.zeros(len(at)))],
-            site=site,
-            sensor=SensorModel(),
-            wcs=wcs,
-            t_start_utc_ns=t,
-            exposure_s=exposure_s,
+            Sight(
+                site=site,
+                sensor=SensorModel(),
+                wcs=wcs,
+                t_start_utc_ns=t,
+                exposure_s=exposure_s,
+            ),
         )
         share, nodes = np.linspace(0, 1, 2001), np.linspace(0, 1, len(found.streak.x_px))
         x, y = sky_to_pixel(wcs, places.ra_icrs_deg, places.dec_icrs_deg)

@@ -16,7 +16,7 @@ from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.records import Site
 from rsoconsole.simulator.nearby import Nearby
 from rsoconsole.simulator.night_plan import cadence_for, exposure_for, plan_of_table, scenario_of
-from rsoconsole.simulator.passes import satellite_passes
+from rsoconsole.simulator.passes import Sight, satellite_passes
 from rsoconsole.simulator.render import FieldContent, Streak, expected_electrons, straight_streak
 from rsoconsole.simulator.scenarios import DAYTONA_BEACH, elements_path
 from rsoconsole.simulator.sensor import SensorModel, pixel_defects
@@ -209,11 +209,13 @@ def test_nobody_who_crosses_a_frame_is_passed_over():
         )
         passes = satellite_passes(
             [(each, lambda at: np.zeros(len(at))) for each in everybody],
-            site=DAYTONA_BEACH,
-            sensor=sensor,
-            wcs=wcs,
-            t_start_utc_ns=t,
-            exposure_s=exposure_s,
+            Sight(
+                site=DAYTONA_BEACH,
+                sensor=sensor,
+                wcs=wcs,
+                t_start_utc_ns=t,
+                exposure_s=exposure_s,
+            ),
         )
         mid = t + int(exposure_s * NS / 2)
         near = nearby.indices(DAYTONA_BEACH, mid, exposure_s, (ra, dec), 1.2)

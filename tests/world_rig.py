@@ -36,7 +36,7 @@ RATE_ARCSEC_S = 14.98
 def no_faint_stars(*_: Any) -> Stars:
     """A sky of the catalogue's stars alone."""
     none = np.zeros(0)
-    return Stars(none, none, none)
+    return Stars.at_rest(none, none, none)
 
 
 def grid_px(optics: OpticsConfig = OPTICS, spacing_px: int = 80) -> tuple[np.ndarray, np.ndarray]:
@@ -104,8 +104,8 @@ def expose(
     )
     star_ra, star_dec = pixel_to_sky(plate, *grid_px(optics))
     order = np.argsort(star_dec) if stars else np.zeros(0, dtype=int)
-    catalogue = StarCatalogue(
-        star_ra[order], star_dec[order], np.full(len(order), star_mag), -90.0, 90.0
+    catalogue = StarCatalogue.of(
+        Stars.at_rest(star_ra[order], star_dec[order], np.full(len(order), star_mag))
     )
     scene = Scene(scenario, seed, optics=binned(optics, made), catalogue=catalogue, world=made)
     pixels, truth = scene.expose(

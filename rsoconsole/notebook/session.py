@@ -183,6 +183,7 @@ class Session(SessionPictures, NightPlots):
         """Every folded frame once more, from what is on record, with the session's settings.
 
         A frame's ``is_as_recorded`` tells whether that gave the same bits as it did then.
+        On another processor the last digits may differ: ``is_alike`` allows for that.
         """
         from rsoconsole.pipeline.replay import replay
 

@@ -49,8 +49,7 @@ def faint_stars(
             for column, values in zip(columns, _cell(band, cell, faintest_magnitude), strict=True):
                 column.append(values)
     ra, dec, magnitude = (np.concatenate(column) for column in columns)
-    at_rest = np.zeros(len(ra))
-    return Stars(ra, dec, magnitude, at_rest, at_rest)
+    return Stars.at_rest(ra, dec, magnitude)
 
 
 def _cells_in_band(band: int) -> int:

@@ -46,6 +46,14 @@ class Stars:
     """Times cos(dec); 0 where the catalogue knows none."""
     pm_dec_mas_yr: FloatArray
 
+    @classmethod
+    def at_rest(
+        cls, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, magnitude: FloatArray
+    ) -> "Stars":
+        """Stars whose motion nobody knows, or that have none."""
+        still = np.zeros(len(magnitude))
+        return cls(ra_icrs_deg, dec_icrs_deg, magnitude, still, still)
+
     def __len__(self) -> int:
         """Number of stars."""
         return len(self.magnitude)
