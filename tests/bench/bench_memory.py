@@ -9,7 +9,8 @@ Run from the project's root. The simulated observatory as fast as it goes, befor
 set size (PSS): pages that several processes share count in each for its part. It is read of all
 processes some ten times a second, so a peak of a few milliseconds may pass unseen: ``high_water``
 is the kernel's own (of the resident size, in which shared pages count whole). Flatness is the
-slope of a line through each frame's median, after the first frames.
+slope of a line through each frame's median, after the first frames, of all but files: those count
+for more as soon as any other program of this machine that shares them ends.
 
 At the end all others are ended and the engine's processes read once more while they stand still:
 libraries that the simulator or the console had shared with them then count in full (``alone``).
@@ -51,13 +52,13 @@ TREE = ("engine", "camera", "mount", "solver")
 ALL = "engine and children"
 
 
-def pss_mib(pid: int) -> float:
-    """Proportional set size of one process; 0 where it is gone."""
+def pss_mib(pid: int) -> tuple[float, float]:
+    """Proportional set size of one process, and that without files; zeros where it is gone."""
     with contextlib.suppress(OSError):
-        for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
-            if line.startswith("Pss:"):
-                return int(line.split()[1]) / 1024.0
-    return 0.0
+        lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+        kib = {line.split()[0]: int(line.split()[1]) for line in lines[1:]}
+        return kib["Pss:"] / 1024.0, (kib["Pss:"] - kib["Pss_File:"]) / 1024.0
+    return 0.0, 0.0
 
 
 def high_water_mib(pid: int) -> float:
@@ -73,16 +74,18 @@ class Samples:
     """Readings by process, each with the number of the frame under way."""
 
     def __init__(self) -> None:
-        self.of: dict[str, list[tuple[int, float]]] = {}
+        self.of: dict[str, list[tuple[int, float, float]]] = {}
+        """Frame, proportional set size, and that without files."""
         self.high_water: dict[str, float] = {}
 
     def take(self, pids: dict[str, int], frame: int) -> None:
         """Read all of these once."""
         reading = {label: pss_mib(pid) for label, pid in pids.items()}
-        reading[ALL] = sum(reading.get(label, 0.0) for label in TREE)
-        for label, value in reading.items():
-            if value > 0.0:
-                self.of.setdefault(label, []).append((frame, value))
+        tree = [reading.get(label, (0.0, 0.0)) for label in TREE]
+        reading[ALL] = (sum(whole for whole, _ in tree), sum(own for _, own in tree))
+        for label, (whole, own) in reading.items():
+            if whole > 0.0:
+                self.of.setdefault(label, []).append((frame, whole, own))
         for label, pid in pids.items():
             before = self.high_water.get(label, 0.0)
             self.high_water[label] = max(before, high_water_mib(pid))
@@ -91,13 +94,13 @@ class Samples:
         """Peak, median, and by how much it grows in 300 frames, MiB."""
         taken = self.of[label]
         frames: dict[int, list[float]] = {}
-        for frame, value in taken:
-            frames.setdefault(frame, []).append(value)
+        for frame, _, own in taken:
+            frames.setdefault(frame, []).append(own)
         first = min(frames)
         level = {f: median(v) for f, v in frames.items() if f >= first + WARM_UP_FRAMES}
         found = {
-            "peak": max(value for _, value in taken),
-            "median": median(level.values() or [value for _, value in taken]),
+            "peak": max(whole for _, whole, _ in taken),
+            "median": median(whole for _, whole, _ in taken),
         }
         if len(level) >= WARM_UP_FRAMES:
             slope = np.polyfit(list(level), list(level.values()), 1)[0]
@@ -143,7 +146,7 @@ def watch(
         os.kill(pid, signal.SIGSTOP)
     observatory.process.kill()
     observatory.process.wait()
-    alone = {label: pss_mib(pid) for label, pid in tree.items()}
+    alone = {label: pss_mib(pid)[0] for label, pid in tree.items()}
     return samples, {**alone, ALL: sum(alone.values())}
 
 
