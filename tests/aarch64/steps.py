@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -139,7 +140,9 @@ def _demo(system: System, log: Path) -> Step:
     done = _verb(system, f"{DEMO} --session ~/night", log)
     if done.status != 0:
         return _step(f"demo, {FRAMES} frames", done.status, done.seconds, done.error[-300:])
-    here = _here(*DEMO.split(), "--session", str(log.with_name(f"{system.kind.name}-night-here")))
+    night = log.with_name(f"{system.kind.name}-night-here")
+    shutil.rmtree(night, ignore_errors=True)
+    here = _here(*DEMO.split(), "--session", str(night))
     difference = largest_difference(json.loads(done.out), json.loads(here), UNLIKE)
     found = json.loads(done.out)
     figures = f'measured {found["measured_rms_arcsec"]}" rms, {found["detections"]} detections'

@@ -26,7 +26,7 @@ mount --rbind /proc "$root/proc"
 # Else programs in there read what processor the host has.
 mount --bind "$root/etc/cpuinfo" "$root/proc/cpuinfo"
 mount --rbind /sys "$root/sys"; mount --rbind /dev "$root/dev"
-mkdir -p "$root/home/owner/.cache/pip"; mount --bind "$1" "$root/home/owner/.cache/pip"
+mount --bind "$1" "$root/home/owner/.cache/pip"
 shift
 exec chroot "$root" "$@"
 """
@@ -83,8 +83,10 @@ class System:
         shutil.copy(_CERTIFICATES, self.root / _INSIDE_CERTIFICATES.lstrip("/"))
         (self.root / "etc" / "cpuinfo").write_text(_cpuinfo(os.cpu_count() or 1))
         self.wheels.mkdir(exist_ok=True)
-        owner = (self.root / "home" / USER).stat()
-        os.chown(self.wheels, owner.st_uid, owner.st_gid)
+        owner = self.home().stat()
+        self.home(".cache", "pip").mkdir(parents=True)
+        for folder_of_owner in (self.wheels, self.home(".cache"), self.home(".cache", "pip")):
+            os.chown(folder_of_owner, owner.st_uid, owner.st_gid)
 
     def home(self, *parts: str) -> Path:
         """A path in the user's home as this machine sees it."""
