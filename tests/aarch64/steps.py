@@ -38,6 +38,8 @@ TEST_PACKAGES = (
 """Of ``requirements-test.txt``, what these files need."""
 UNLIKE = {"latency_ms", "session", "ms"}
 """What two machines may not share."""
+SAME = 1e-5
+"""Largest relative difference of two figures that both machines show alike."""
 REFUSED_WITHIN_S = 60.0
 """Of emulated time, an order slower than a Pi."""
 
@@ -232,7 +234,7 @@ def _compared(name: str, seconds: float, difference: float | str, figures: str) 
     if difference > 0.0:
         words = f"as on x86-64, largest relative difference {difference:.1e}"
     found = "; ".join(part for part in (figures, words) if part)
-    return Step(name=name, is_green=difference <= 1e-6, seconds=seconds, found=found)
+    return Step(name=name, is_green=difference <= SAME, seconds=seconds, found=found)
 
 
 def _step(name: str, status: int, seconds: float, found: str) -> Step:
