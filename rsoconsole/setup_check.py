@@ -97,6 +97,8 @@ def header_fault() -> str:
     compiler = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         return "there is no C compiler, and 'astrometry' is compiled on this machine"
+    if shutil.which(compiler.split()[0]) is None:
+        return f"the C compiler '{compiler}' does not run (CC names it, and it is not there)"
     with tempfile.TemporaryDirectory() as scratch:
         source = Path(scratch) / "probe.c"
         source.write_text("#include <Python.h>\n", encoding="ascii")

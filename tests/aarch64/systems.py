@@ -13,8 +13,8 @@ from pathlib import Path
 
 MIRROR = "http://deb.debian.org/debian"
 USER = "owner"
-CPU = "cortex-a72"
-"""What a Raspberry Pi 4 has."""
+CPUS = {"aarch64": "cortex-a72", "arm": "cortex-a7"}
+"""What a Raspberry Pi 4 has, and a Pi 2: the emulator of 32 bits knows no A72."""
 _BASE = "ca-certificates,procps,python3,sudo"
 _BINFMT = Path("/proc/sys/fs/binfmt_misc")
 _CERTIFICATES = Path("/etc/ssl/certs/ca-certificates.crt")
@@ -95,8 +95,9 @@ class System:
     def run(self, script: str, *, folder: str = "", log: Path | None = None) -> Done:
         """Run a script by bash as the user, in a folder of the home, without a terminal."""
         inside = (
-            f"cd ~/{folder} && export QEMU_CPU={CPU} LANG=C.UTF-8 PIP_CERT={_INSIDE_CERTIFICATES}"
-            f" PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_DEFAULT_TIMEOUT=300 PIP_LOG=$HOME/pip.log\n"
+            f"cd ~/{folder} && export QEMU_CPU={CPUS[self.kind.emulator]} LANG=C.UTF-8"
+            f" PIP_CERT={_INSIDE_CERTIFICATES} PIP_DISABLE_PIP_VERSION_CHECK=1"
+            f" PIP_DEFAULT_TIMEOUT=300 PIP_LOG=$HOME/pip.log\n"
         )
         command = ["su", "-", USER, "-c", f"exec bash -euo pipefail -c {_quoted(inside + script)}"]
         started_s = time.monotonic()
@@ -108,7 +109,7 @@ class System:
             errors="replace",
             check=False,
             env={"PATH": "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"}
-            | {"QEMU_CPU": CPU, "TERM": "dumb"},
+            | {"QEMU_CPU": CPUS[self.kind.emulator], "TERM": "dumb"},
         )
         seconds = time.monotonic() - started_s
         if log is not None:
