@@ -142,3 +142,31 @@ def annulus(radius_px: float, obstruction: float = 0.45) -> Float32Array:
     if ring.sum() == 0.0:
         ring[reach, reach] = 1.0
     return np.asarray(ring / ring.sum(), dtype=np.float32)
+
+
+def smear(stands: FloatArray) -> Float32Array:
+    """What a point becomes when the image stood at each (dx, dy) px, of a share of the time.
+
+    ``stands``: (4, n) as in ``FieldContent``; the turn is not looked at. Square of odd width and
+    unit sum. Places between pixels are shared out by the cubic weights of Keys (1981, a = -1/2),
+    which keep the mean and the width of the way as they are.
+    """
+    dx, dy, _, share = stands
+    reach = int(np.ceil(np.abs([dx, dy]).max())) + 2
+    side = 2 * reach + 1
+    kernel = np.zeros((side, side))
+    column, row = np.floor(dx).astype(np.int64), np.floor(dy).astype(np.int64)
+    for i in range(-1, 3):
+        along_y = _keys(dy - row - i) * share
+        for j in range(-1, 3):
+            weight = along_y * _keys(dx - column - j)
+            np.add.at(kernel, (row + i + reach, column + j + reach), weight)
+    return np.asarray(kernel / share.sum(), dtype=np.float32)
+
+
+def _keys(offset: FloatArray) -> FloatArray:
+    """Cubic convolution weights of Keys with a = -1/2 at these offsets, (n,)."""
+    at = np.abs(offset)
+    near = (1.5 * at - 2.5) * at**2 + 1.0
+    far = ((-0.5 * at + 2.5) * at - 4.0) * at + 2.0
+    return np.where(at <= 1.0, near, np.where(at < 2.0, far, 0.0))

@@ -5,13 +5,14 @@ gives the same pixels. It knows nothing of the sky; ``scene`` fills its content 
 orbits, the training of the detector fills it at random.
 """
 
+import math
 from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.simulator.psf import FWHM_PER_SIGMA, add_points, add_sources, annulus
+from rsoconsole.simulator.psf import FWHM_PER_SIGMA, add_points, add_sources, annulus, smear
 from rsoconsole.simulator.sensor import (
     SensorModel,
     amplifier_glow,
@@ -27,6 +28,7 @@ FramePixels = npt.NDArray[np.uint16]
 STREAK_STEP_PX = 0.5
 """Spacing of the points a streak is made of: far finer than any seeing disc."""
 _ROWS_AT_ONCE = 64
+_TURN_SEEN_PX = 0.05
 _POISSON_BELOW_E = 30.0
 """Above this mean a Gaussian stands for the Poisson law (skewness below 0.19)."""
 _EMPTY: FloatArray = np.zeros(0)
@@ -129,9 +131,13 @@ def expected_electrons(sensor: SensorModel, content: FieldContent) -> Float32Arr
     electrons = content.star_electrons * cloud_at(sensor, content.cloud_transmission, x, y)
     if content.star_path_px is not None:
         x, y, electrons = _wandering(x, y, electrons, content.star_path_px)
-    if content.stands is not None:
+    if content.stands is None:
+        add_sources(image_e, x, y, electrons, fwhm_px=content.fwhm_px)
+    elif _is_turned(sensor, content.stands):
         x, y, electrons = _spread(sensor, x, y, electrons, content.stands)
-    add_sources(image_e, x, y, electrons, fwhm_px=content.fwhm_px)
+        add_sources(image_e, x, y, electrons, fwhm_px=content.fwhm_px)
+    else:
+        _add_shaken(image_e, x, y, electrons, content)
     for streak in content.streaks:
         points = streak_points(sensor, content, streak)
         fwhm_px = content.fwhm_px if streak.fwhm_px is None else streak.fwhm_px
@@ -182,6 +188,31 @@ def _wandering(
         (np.asarray(y_px)[:, None] + dy).ravel(),
         np.repeat(electrons / count, count),
     )
+
+
+def _is_turned(sensor: SensorModel, stands: FloatArray) -> bool:
+    """Whether a corner of the frame moved otherwise than its middle."""
+    reach_px = 0.5 * math.hypot(sensor.width_px, sensor.height_px)
+    return bool(np.abs(stands[2]).max() * reach_px > _TURN_SEEN_PX)
+
+
+def _add_shaken(
+    image_e: Float32Array,
+    x_px: FloatArray,
+    y_px: FloatArray,
+    electrons: FloatArray,
+    content: FieldContent,
+) -> None:
+    """Add stars that all moved alike: drawn once, on a wider frame, and smeared along the way."""
+    assert content.stands is not None
+    kernel = smear(content.stands)
+    reach = kernel.shape[0] // 2
+    height, width = image_e.shape
+    still = np.zeros((height + 2 * reach, width + 2 * reach), dtype=np.float32)
+    add_sources(still, x_px + reach, y_px + reach, electrons, fwhm_px=content.fwhm_px)
+    # OpenCV correlates: turned by half a circle it convolves.
+    moved = cv2.filter2D(still, -1, kernel[::-1, ::-1], borderType=cv2.BORDER_CONSTANT)
+    image_e += moved[reach : reach + height, reach : reach + width]
 
 
 def _spread(

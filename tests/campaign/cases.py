@@ -5,14 +5,24 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rsoconsole.simulator.scenarios import elements_path
+from tests import real_sky_night
 
 ELEMENTS = Path(__file__).resolve().parents[3] / "shared" / "data" / "tles"
 """Element files that the project did not make; groups that need them are left out without."""
-FRAMES = 40
+FRAMES = 24
 SCATTERS_S = (0.015, 0.05, 0.1, 0.2, 0.5, 1.0)
 _MIX, _GEO = "mix_20230622.tle", "geo_all_20230622.tle"
 _BELT = (36097, 42432, 38749, 39078, 35942, 40874)
 """Geostationary satellites of the shipped elements that stand high above the paper's site."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RealIndi:
+    """A night of ``tests/real_sky_night.py``, in real time: half a minute a frame."""
+
+    frames: int
+    seed: int
+    scatter_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,10 +31,12 @@ class Case:
 
     group: str
     name: str
-    words: tuple[str, ...]
+    words: tuple[str, ...] = ()
     """What follows ``rsoconsole demo --headless --json``, but for the world."""
     world: str = ""
     """Text of a world file; empty: the world as the demo has it."""
+    real_indi: RealIndi | None = None
+    """Not a demo: a night on INDI's own simulators."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +50,8 @@ class Group:
     seeds: tuple[int, ...]
     """When none are asked for."""
     needs_elements: bool = True
+    lacks: Callable[[], str | None] = lambda: None
+    """Why this machine cannot run them, and the remedy."""
 
 
 def _world(seeds: Sequence[int]) -> list[Case]:
@@ -102,6 +116,18 @@ def _astra(seeds: Sequence[int]) -> list[Case]:
     ]
 
 
+def _indi(seeds: Sequence[int]) -> list[Case]:
+    return [
+        Case(
+            group="indiserver",
+            name=f"scatter-{scatter_s:g}-seed-{seed}",
+            real_indi=RealIndi(frames=FRAMES, seed=seed, scatter_s=scatter_s),
+        )
+        for scatter_s in (0.0, 0.2)
+        for seed in seeds
+    ]
+
+
 _GPS = (26407, 43873, 23833, 27663, 28874, 34661, 39533, 41019)
 _GALILEO = (37846, 40545, 41859, 43058)
 _MOLNIYA = (7276, 8601, 11896, 13890, 17328, 21426)
@@ -151,6 +177,14 @@ GROUPS = {
             title="ten passes of low satellites",
             cases=_objects("low", _MIX, _LOW),
             seeds=(1,),
+        ),
+        Group(
+            name="indiserver",
+            title="INDI's own simulators in real time",
+            cases=_indi,
+            seeds=(1,),
+            needs_elements=False,
+            lacks=real_sky_night.lacks,
         ),
     )
 }

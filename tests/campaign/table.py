@@ -10,6 +10,10 @@ HEADING = (
     "| nights | n | visible frames | detected | in TRACK | identified | measured rms "
     "| predicted rms | false |\n|---|---|---|---|---|---|---|---|---|\n"
 )
+BY_SCATTER = {
+    "shutter": "shutter scattered by",
+    "indiserver": "INDI's own simulators, streaks scattered by",
+}
 
 
 def row(title: str, found: Sequence[Mapping[str, Any]]) -> str:
@@ -34,19 +38,17 @@ def row(title: str, found: Sequence[Mapping[str, Any]]) -> str:
 
 
 def table(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
-    """All groups that have an answer; the shutter's by its scatter."""
+    """All groups that have an answer; those of a scattered shutter by its scatter."""
     lines = [HEADING]
     for name, group in GROUPS.items():
         answers = found.get(name, {})
         if not answers:
             continue
-        if name == "shutter":
+        if name in BY_SCATTER:
             scatters = dict.fromkeys(case.rpartition("-seed-")[0] for case in answers)
             for scatter in scatters:
                 some = [each for case, each in answers.items() if case.startswith(f"{scatter}-")]
-                lines.append(
-                    row(f"shutter scattered by {scatter.removeprefix('scatter-')} s", some)
-                )
+                lines.append(row(f"{BY_SCATTER[name]} {scatter.removeprefix('scatter-')} s", some))
             continue
         lines.append(row(group.title, list(answers.values())))
     return "".join(lines)
