@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from rsoconsole.simulator.psf import FWHM_PER_SIGMA, WINGS, add_points
+from rsoconsole.simulator.psf import FWHM_PER_SIGMA, WINGS, add_points, smear
 from rsoconsole.simulator.render import (
     FieldContent,
     Streak,
@@ -269,3 +269,39 @@ def test_background_and_noise_are_those_of_an_independent_simulator():
     # Their disc has broader wings at the same width: a fifth.
     a_fifth = 0.2
     assert peak_e == pytest.approx(104.1, rel=a_fifth)
+
+
+def test_a_shaken_image_keeps_its_light_its_middle_and_the_width_of_its_way():
+    rng = np.random.default_rng(5)
+    for _ in range(40):
+        way = rng.normal(0.0, rng.uniform(0.1, 6.0), (2, 50))
+        share = rng.uniform(0.1, 1.0, 50)
+        share /= share.sum()
+        kernel = smear(np.stack([*way, np.zeros(50), share])).astype(float)
+        assert kernel.sum() == pytest.approx(1.0, abs=1e-6)
+        offset = np.arange(len(kernel)) - len(kernel) // 2
+        for axis, along in ((0, kernel.sum(axis=0)), (1, kernel.sum(axis=1))):
+            mean = (share * way[axis]).sum()
+            assert (along * offset).sum() == pytest.approx(mean, abs=1e-4)
+            width_px2 = (share * (way[axis] - mean) ** 2).sum()
+            assert (along * (offset - mean) ** 2).sum() == pytest.approx(width_px2, abs=1e-3)
+
+
+def test_stars_smeared_at_once_are_those_drawn_at_each_place_of_the_way():
+    rng = np.random.default_rng(6)
+    share = np.full(60, 1.0 / 60)
+    way = np.cumsum(rng.normal(0.0, 0.7, (2, 60)), axis=1)
+    way -= way.mean(axis=1, keepdims=True)
+    stands = np.stack([*way, np.zeros(60), share])
+    x, y = rng.uniform(-10, 330, 40), rng.uniform(-10, 250, 40)
+    light = rng.uniform(1e3, 1e6, 40)
+    stars = replace(DARK, star_x_px=x, star_y_px=y, star_electrons=light, fwhm_px=2.6)
+    smeared = expected_electrons(PLAIN, replace(stars, stands=stands))
+    one_by_one = sum(
+        expected_electrons(
+            PLAIN, replace(stars, star_x_px=x + dx, star_y_px=y + dy, star_electrons=light / 60)
+        )
+        for dx, dy in way.T
+    )
+    assert np.abs(smeared - one_by_one).max() < 0.02 * one_by_one.max()
+    assert smeared.sum() == pytest.approx(float(one_by_one.sum()), rel=1e-3)

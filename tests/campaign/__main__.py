@@ -6,7 +6,8 @@
     python -m tests.campaign table --write
 
 A full-size frame costs two to three seconds of a core: 100 worlds of 24 frames take two hours.
-Stop it when you like; the same command goes on. Answers lie in ``--folder``; remove it to begin again.
+Stop it when you like; the same command goes on. Answers lie in ``--folder``; remove it to begin
+again.
 """
 
 import argparse
