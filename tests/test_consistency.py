@@ -51,3 +51,11 @@ def test_a_few_updates_say_nothing():
     assert judged.verdict == "too few"
     assert judged.mean == 30.0
     assert consistency([]).mean is None
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 12, 60, 333, 5000])
+def test_the_band_of_a_mean_is_that_of_the_chi_square_law(count):
+    from scipy.stats import chi2
+
+    expected = chi2.ppf([0.025, 0.975], 2 * count) / count
+    assert mean_band(count) == pytest.approx(tuple(expected), rel=1e-10)

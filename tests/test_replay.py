@@ -11,8 +11,10 @@ from rsoconsole.control import Intention
 from rsoconsole.engine.intentions import Wish
 from rsoconsole.engine.states import LimitMet
 from rsoconsole.errors import ConfigError, InstrumentError
+from rsoconsole.pipeline.recorded_frames import recorded_frames
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.pipeline.replay import ReplayedFrame, replay
+from rsoconsole.pipeline.what_if import as_recorded, figures_of
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -180,6 +182,7 @@ def test_a_night_in_which_everything_happens_is_replayed_bit_for_bit(busy_night)
     told = [r for frame in replayed for r in frame.records if isinstance(r, NotFollowed)]
     assert told == busy_night.of(NotFollowed)
     assert len(states) > 60
+    assert as_recorded(busy_night.records) == figures_of(replayed)
 
 
 def test_wherever_a_session_is_cut_off_only_its_last_frame_lacks_anything(busy_night):
@@ -187,6 +190,8 @@ def test_wherever_a_session_is_cut_off_only_its_last_frame_lacks_anything(busy_n
     lacking = 0
     for end in range(1, len(records), 23):
         *whole, last = list(replay(records[:end], CONFIG)) or [None]
+        kept = [(each.taken, each.records, each.state) for each in recorded_frames(records[:end])]
+        assert kept[:-1] == [(each.taken, each.recorded, each.state) for each in whole]
         assert all(frame.is_as_recorded for frame in whole)
         if last is not None:
             assert last.records[: len(last.recorded)] == last.recorded

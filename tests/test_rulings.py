@@ -15,6 +15,7 @@ from rsoconsole.notebook.night import read_night
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.rulings import KEPT
+from rsoconsole.pipeline.what_if import as_recorded, figures_of
 from rsoconsole.records import (
     Event,
     FollowedAgain,
@@ -80,7 +81,9 @@ def say(r: Rig, verb: str, **arguments: Any) -> Outcome:
 
 def replayed(r: Rig) -> list[Any]:
     records = [decode(*encode(record)[::2]) for record in r.memory.records]
-    return list(replay(records, CONFIG))
+    frames = list(replay(records, CONFIG))
+    assert as_recorded(records) == figures_of(frames)
+    return frames
 
 
 def test_a_streak_marked_by_hand_measures_a_frame_that_had_missed():

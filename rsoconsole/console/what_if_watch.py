@@ -2,15 +2,14 @@
 
 import logging
 import threading
-from bisect import bisect_right
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 from rsoconsole.config import Config
 from rsoconsole.console.tune import LAST_FRAMES, Value
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.session.reader import SessionReader
+from rsoconsole.pipeline.what_if_process import LogOfOneSession, Question, WhatIfProcess
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.what_if import TrackFigures
@@ -18,18 +17,11 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 
-class Question(NamedTuple):
-    """What is to be reckoned."""
-
-    folder: Path
-    config: Config
-    tried: dict[str, Value]
-    until_seq: int | None
-    last: int | None
-
-
 class WhatIfWatch:
-    """Takes the newest question only; an older one that is still being reckoned is dropped."""
+    """Takes the newest question only; an older one that is still being reckoned is dropped.
+
+    What was recorded is added up here; what is tried is reckoned in a process of its own.
+    """
 
     def __init__(
         self, on_seen: Callable[["TrackFigures | None", "TrackFigures | None", str], None]
@@ -39,10 +31,7 @@ class WhatIfWatch:
         self._asked: Question | None = None
         self._wake = threading.Event()
         self._is_closing = False
-        self._folder: Path | None = None
-        self._records: list[Any] = []
-        self._seqs: list[int] = []
-        """Their places in the log."""
+        self._log, self._process = LogOfOneSession(), WhatIfProcess()
         self._thread: threading.Thread | None = None
 
     def ask(
@@ -59,7 +48,9 @@ class WhatIfWatch:
         ``until_seq``: as of that place of the log, None: its end; ``last``: over so many frames,
         None: over all.
         """
-        self._asked = Question(folder, config, dict(tried), until_seq, last)
+        self._asked = Question(
+            folder=folder, config=config, tried=dict(tried), until_seq=until_seq, last=last
+        )
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="console-what-if", daemon=True)
             self._thread.start()
@@ -69,6 +60,7 @@ class WhatIfWatch:
         """End."""
         self._is_closing = True
         self._wake.set()
+        self._process.close()
 
     def _run(self) -> None:
         while True:
@@ -82,29 +74,16 @@ class WhatIfWatch:
             try:
                 self._answer(asked)
             except RsoconsoleError as error:
-                self._on_seen(None, None, str(error))
+                if not self._is_closing:
+                    self._on_seen(None, None, str(error))
             except Exception as error:  # the seat must hear of it, whatever it is
                 log.exception("the effect cannot be reckoned")
                 self._on_seen(None, None, f"the effect cannot be reckoned: {error}")
 
     def _answer(self, asked: Question) -> None:
-        from rsoconsole.pipeline.what_if import what_if
+        from rsoconsole.pipeline.what_if import as_recorded
 
-        self._read(asked.folder)
-        records = self._records
-        if asked.until_seq is not None:
-            records = records[: bisect_right(self._seqs, asked.until_seq)]
-        config, tried, last = asked.config, asked.tried, asked.last
-        now = what_if(records, config, {}, last)
-        then = what_if(records, config, tried, last) if tried else None
+        now = as_recorded(self._log.until(asked.folder, asked.until_seq), asked.last)
+        then = self._process.reckon(asked) if asked.tried else None
         if self._asked is None and not self._is_closing:
             self._on_seen(now, then, "")
-
-    def _read(self, folder: Path) -> None:
-        """What has been recorded since the last question."""
-        if folder != self._folder:
-            self._folder, self._records, self._seqs = folder, [], []
-        since = self._seqs[-1] if self._seqs else 0
-        for seq, _, record in SessionReader(folder).records(since_seq=since):
-            self._records.append(record)
-            self._seqs.append(seq)

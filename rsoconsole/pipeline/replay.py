@@ -66,6 +66,11 @@ class ReplayedFrame:
     """What it made of it then."""
 
     @property
+    def state(self) -> LoopState:
+        """After it."""
+        return self.after.state
+
+    @property
     def is_as_recorded(self) -> bool:
         """Whether both are the same, bit for bit; a session that was cut off may lack its end."""
         return self.records == self.recorded

@@ -4,11 +4,12 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.replay import ReplayedFrame, replay
-from rsoconsole.records import Miss, StateChange, TrackState
+from rsoconsole.pipeline.recorded_frames import recorded_frames
+from rsoconsole.pipeline.replay import replay
+from rsoconsole.records import FrameTaken, LoopState, Miss, StateChange, TrackState
 from rsoconsole.tracking.consistency import mean_band
 from rsoconsole.tracking.follow import three_sigma_deg
 
@@ -59,13 +60,35 @@ class TrackFigures:
         return self.nis_band[0] <= self.nis_mean <= self.nis_band[1]
 
 
-def once_each(frames: Iterable[ReplayedFrame]) -> list[ReplayedFrame]:
+class FollowedFrame(Protocol):
+    """One folded frame, as recorded or as replayed."""
+
+    @property
+    def taken(self) -> FrameTaken:
+        """Of what it was."""
+        ...
+
+    @property
+    def records(self) -> tuple[Any, ...]:
+        """TrackState, NotFollowed, Miss, StateChange, in order."""
+        ...
+
+    @property
+    def state(self) -> LoopState:
+        """After it."""
+        ...
+
+
+_Followed = TypeVar("_Followed", bound=FollowedFrame)
+
+
+def once_each(frames: Iterable[_Followed]) -> list[_Followed]:
     """In order of their numbers; of a frame that was followed again, what counts in the end."""
     by_number = {each.taken.frame_id: each for each in frames}
     return [by_number[number] for number in sorted(by_number)]
 
 
-def figures_of(frames: Iterable[ReplayedFrame], last: int | None = None) -> TrackFigures:
+def figures_of(frames: Iterable[FollowedFrame], last: int | None = None) -> TrackFigures:
     """Figures of the last so many frames, of all with None; a frame followed again counts once."""
     chosen = once_each(frames)
     chosen = chosen if last is None else chosen[-last:]
@@ -77,7 +100,7 @@ def figures_of(frames: Iterable[ReplayedFrame], last: int | None = None) -> Trac
     north = _mean_square([residual[1] for residual in residuals])
     nis = [u.nis for u in updates if u.nis is not None]
     inside = [_is_inside(u) for u in updates]
-    locked = next((n for n, each in enumerate(chosen) if each.after.state == "TRACK"), None)
+    locked = next((n for n, each in enumerate(chosen) if each.state == "TRACK"), None)
     return TrackFigures(
         frames=len(chosen),
         locked_after_frames=None if locked is None else chosen[locked].taken.frame_id,
@@ -94,9 +117,14 @@ def figures_of(frames: Iterable[ReplayedFrame], last: int | None = None) -> Trac
         inside_3sigma=sum(inside) / len(inside) if inside else None,
         max_3sigma_arcmin=max((three_sigma_deg(p) * 60.0 for p in predicted), default=None),
         carried_by_orbit=sum(u.foretold_by == "orbit" for u in updates),
-        state=chosen[-1].after.state if chosen else "",
-        states=dict(Counter(each.after.state for each in chosen)),
+        state=chosen[-1].state if chosen else "",
+        states=dict(Counter(each.state for each in chosen)),
     )
+
+
+def as_recorded(records: Iterable[Any], last: int | None = None) -> TrackFigures:
+    """The night as it was: nothing is reckoned again."""
+    return figures_of(recorded_frames(records), last)
 
 
 def what_if(
@@ -113,13 +141,13 @@ def _mean_square(values: Sequence[float]) -> float | None:
     return sum(value**2 for value in values) / len(values) if values else None
 
 
-def _seconds_between(first: ReplayedFrame, later: ReplayedFrame) -> float | None:
+def _seconds_between(first: FollowedFrame, later: FollowedFrame) -> float | None:
     begin, end = first.taken.t_mid_utc_ns, later.taken.t_mid_utc_ns
     return None if begin is None or end is None else (end - begin) / 1e9
 
 
-def _share_in_track(frames: Sequence[ReplayedFrame]) -> float | None:
-    in_track = sum(each.after.state == "TRACK" for each in frames)
+def _share_in_track(frames: Sequence[FollowedFrame]) -> float | None:
+    in_track = sum(each.state == "TRACK" for each in frames)
     return in_track / len(frames) if frames else None
 
 

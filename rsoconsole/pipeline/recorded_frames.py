@@ -1,0 +1,133 @@
+"""Every followed frame as it is on record: what the fold made of it then, without folding again.
+
+For figures of the night as it was nothing has to be reckoned: no filter is loaded.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from rsoconsole.pipeline.replay import FOLDED, FOLDS, is_from_outside
+from rsoconsole.records import (
+    CycleTiming,
+    Detections,
+    Event,
+    FollowedAgain,
+    FrameTaken,
+    LoopState,
+    Miss,
+    ParameterChange,
+    Ruling,
+    StateChange,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedFrame:
+    """One folded frame."""
+
+    taken: FrameTaken
+    records: tuple[Any, ...]
+    """TrackState, NotFollowed, Miss, StateChange, in order."""
+    state: LoopState
+    """After it."""
+
+
+def recorded_frames(records: Iterable[Any]) -> Iterator[RecordedFrame]:
+    """Every frame that the session folded, in order; one that was followed again comes again.
+
+    ``records``: a session's log in its order, of all kinds.
+    """
+    walk = _Walk()
+    for record in records:
+        yield from walk.hear(record)
+    yield from walk.close()
+
+
+@dataclass(slots=True, kw_only=True)
+class _Open:
+    taken: FrameTaken
+    before: LoopState
+    records: list[Any] = field(default_factory=list)
+
+    def closed(self) -> RecordedFrame:
+        changes = [each.after for each in self.records if isinstance(each, StateChange)]
+        return RecordedFrame(
+            taken=self.taken,
+            records=tuple(self.records),
+            state=changes[-1] if changes else self.before,
+        )
+
+
+@dataclass(slots=True, kw_only=True)
+class _Walk:
+    """Where the reading stands in the log."""
+
+    state: LoopState = "SEARCH"
+    taken: FrameTaken | None = None
+    open: _Open | None = None
+    alarms: set[str] = field(default_factory=set)
+    """Said since the last frame came."""
+    followed: dict[int, _Open] = field(default_factory=dict)
+    """Frames without anything from outside after them, which a ruling may have followed again."""
+    is_ruled: bool = False
+    """A ruling has come, and none of the frames that it has followed again."""
+    is_first_again: bool = False
+
+    def hear(self, record: Any) -> Iterator[RecordedFrame]:
+        """One record; gives the frame that it shows to be complete."""
+        match record:
+            case FrameTaken():
+                yield from self.close()
+                self.taken = record
+                self.alarms.clear()
+            case Detections():
+                if self.taken is not None:
+                    self.open = _Open(taken=self.taken, before=self.state)
+            case CycleTiming() | ParameterChange():
+                yield from self.close()
+            case Ruling():
+                yield from self.close()
+                self.is_ruled = self.is_first_again = True
+            case FollowedAgain():
+                yield from self.close()
+                self._follow_again(record)
+            case StateChange() if is_from_outside(record):
+                yield from self.close()
+                self.followed.clear()
+                self.state = record.after
+            case Event():
+                if record.level == "alarm":
+                    self.alarms.add(record.text)
+            case _ if isinstance(record, FOLDS) and self.open is not None:
+                if not self._is_loops_own(record):
+                    self.open.records.append(record)
+
+    def close(self) -> Iterator[RecordedFrame]:
+        """The open frame, if there is one that was followed."""
+        done = self.open
+        if done is None:
+            return
+        self.open = self.taken = None
+        if done.before not in FOLDED or done.taken.t_mid_utc_ns is None:
+            return
+        self.followed[done.taken.frame_id] = done
+        closed = done.closed()
+        self.state = closed.state
+        yield closed
+
+    def _follow_again(self, record: FollowedAgain) -> None:
+        """A frame whose records come once more: those before it stand."""
+        self.is_ruled = False
+        old = self.followed.get(record.frame_id)
+        if old is None:
+            return
+        before = old.before if self.is_first_again else self.state
+        self.is_first_again = False
+        self.open = _Open(taken=old.taken, before=before)
+
+    def _is_loops_own(self, record: Any) -> bool:
+        """An instrument that failed, or what a ruling came to in words: nothing of the fold's."""
+        if isinstance(record, Miss):
+            return record.reason in self.alarms
+        return isinstance(record, StateChange) and self.is_ruled

@@ -1,0 +1,178 @@
+"""Other settings tried on a night in a process of their own, for whoever must stay small and quick.
+
+Filter and orbits bring libraries of tens of megabytes with them, and reckon while a screen would
+wait for them. The process is started by the first question, keeps what it has read of the log, and
+ends when nobody has asked for a while, or with its parent: its socket closes then.
+"""
+
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+import threading
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rsoconsole.config import Config
+from rsoconsole.errors import RsoconsoleError, SessionError
+from rsoconsole.session.reader import SessionReader
+
+if TYPE_CHECKING:
+    from rsoconsole.pipeline.what_if import TrackFigures
+
+IDLE_S = 60.0
+"""Without a question the process ends."""
+STEP_BACK = 10
+"""Added to its niceness: it stands behind an engine that observes on the same computer."""
+_PROGRAM = (
+    "import sys; from rsoconsole.pipeline.what_if_process import main; main(int(sys.argv[1]))"
+)
+_LEAVES_S = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """What is to be reckoned."""
+
+    folder: Path
+    config: Config
+    """That of the session's beginning."""
+    tried: Mapping[str, float | str]
+    until_seq: int | None = None
+    """As of that place of the log; None: its end."""
+    last: int | None = None
+    """Over so many frames; None: over all."""
+
+
+class LogOfOneSession:
+    """The records of the session that was asked for last; only what is new is read again."""
+
+    def __init__(self) -> None:
+        self._folder: Path | None = None
+        self._records: list[Any] = []
+        self._seqs: list[int] = []
+
+    def until(self, folder: Path, seq: int | None) -> list[Any]:
+        """All up to that place, None: all there are. Raises SessionError."""
+        if folder != self._folder:
+            self._folder, self._records, self._seqs = folder, [], []
+        since = self._seqs[-1] if self._seqs else 0
+        for at, _, record in SessionReader(folder).records(since_seq=since):
+            self._records.append(record)
+            self._seqs.append(at)
+        return self._records if seq is None else self._records[: bisect_right(self._seqs, seq)]
+
+
+class WhatIfProcess:
+    """The parent's end. One thread asks; any may close."""
+
+    def __init__(self, idle_s: float = IDLE_S) -> None:
+        """``idle_s``: without a question for so long the process ends; the next one starts it."""
+        self._idle_s = idle_s
+        self._process: subprocess.Popen[bytes] | None = None
+        self._connection: Connection | None = None
+        self._idle: threading.Timer | None = None
+        self._lock = threading.Lock()
+        self._is_closed = False
+
+    @property
+    def pid(self) -> int | None:
+        """Of the process while there is one."""
+        process = self._process
+        return None if process is None or process.poll() is not None else process.pid
+
+    def reckon(self, question: Question) -> "TrackFigures":
+        """Wait for the answer; raises RsoconsoleError where there is none, with the reason."""
+        with self._lock:
+            if self._idle is not None:
+                self._idle.cancel()
+            connection = self._started()
+        try:
+            connection.send(question)
+            answer = connection.recv()
+        except (EOFError, OSError) as error:
+            with self._lock:
+                self._end()
+            reason = "the process that reckons the effect has ended: try once more"
+            raise SessionError(reason) from error
+        with self._lock:
+            self._idle = threading.Timer(self._idle_s, self._end_if_idle)
+            self._idle.daemon = True
+            self._idle.start()
+        if isinstance(answer, RsoconsoleError):
+            raise answer
+        figures: TrackFigures = answer
+        return figures
+
+    def close(self) -> None:
+        """End the process; whoever waits for an answer hears that there is none."""
+        with self._lock:
+            self._is_closed = True
+            self._end()
+
+    def _started(self) -> Connection:
+        if self._is_closed:
+            raise SessionError("nobody reckons any more: the console closes")
+        if self._connection is not None and self.pid is not None:
+            return self._connection
+        self._end()
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _PROGRAM, str(theirs.fileno())],
+                pass_fds=(theirs.fileno(),),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+        self._connection = Connection(ours.detach())
+        return self._connection
+
+    def _end_if_idle(self) -> None:
+        with self._lock:
+            if self._idle is threading.current_thread():
+                self._end()
+
+    def _end(self) -> None:
+        process, connection = self._process, self._connection
+        self._process = self._connection = None
+        if self._idle is not None:
+            self._idle.cancel()
+            self._idle = None
+        if process is not None:
+            process.kill()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(_LEAVES_S)
+        if connection is not None:
+            connection.close()
+
+
+def main(socket_fd: int) -> None:
+    """Answer one question after the other until the parent's end of the socket closes."""
+    from rsoconsole.pipeline.what_if import what_if
+
+    os.nice(STEP_BACK)
+    connection, log = Connection(socket_fd), LogOfOneSession()
+    while True:
+        try:
+            asked: Question = connection.recv()
+        except (EOFError, OSError):
+            return
+        answer: TrackFigures | RsoconsoleError
+        try:
+            records = log.until(asked.folder, asked.until_seq)
+            answer = what_if(records, asked.config, asked.tried, asked.last)
+        except RsoconsoleError as error:
+            answer = error
+        except Exception as error:  # the seat must hear of it, whatever it is
+            answer = SessionError(f"the effect cannot be reckoned: {error!r}")
+        try:
+            connection.send(answer)
+        except OSError:
+            return
