@@ -1,10 +1,13 @@
 """Mount, camera and clock ports against the simulated observatory, through their processes."""
 
+import gc
 import os
 import signal
 import socket
 import time
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -404,3 +407,22 @@ def test_nothing_to_connect_to_is_an_error_that_says_what_to_start(tmp_path):
         connect_instruments(config, log_dir=tmp_path),
     ):
         pass
+
+
+def test_a_wire_keeps_nothing_of_what_it_has_read():
+    """A night's worth of vectors must not stay in memory."""
+    vector = (
+        '<setNumberVector device="Clock" name="NOW" state="Ok" timestamp="2023-06-22T00:00:00">'
+        '<oneNumber name="T">1</oneNumber></setNumberVector>'
+    )
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        wire = IndiWire(*listener.getsockname())
+        served, _ = listener.accept()
+        with served, closing(wire):
+            for _ in range(5):
+                served.sendall(vector.encode() * 200)
+                for _ in range(200):
+                    assert wire.wait(lambda heard: heard.name == "NOW", 5.0) is not None
+            gc.collect()
+            kept = sum(isinstance(each, ET.Element) for each in gc.get_objects())
+    assert kept < 20

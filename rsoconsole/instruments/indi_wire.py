@@ -56,6 +56,7 @@ class IndiWire:
         # Typeshed gives the events one type for every kind of parser.
         self._parser: Any = ET.XMLPullParser(events=("start", "end"))
         self._parser.feed(b"<indi>")
+        self._root: ET.Element | None = None
         self._depth = 0
         self._waiting: list[IndiVector] = []
         self.last_message = ""
@@ -127,12 +128,15 @@ class IndiWire:
             raise self._hung_up(error) from error
         for event, element in events:
             if event == "start":
+                self._root = element if self._root is None else self._root
                 self._depth += 1
                 continue
             self._depth -= 1
             if self._depth == 1:
                 self._take(element)
-                element.clear()
+                # The stream is one element that never ends: what is read must not stay in it.
+                assert self._root is not None
+                self._root.remove(element)
 
     def _take(self, element: ET.Element) -> None:
         self.last_message = element.get("message") or self.last_message
