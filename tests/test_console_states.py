@@ -154,7 +154,11 @@ def test_an_indi_server_that_dies_is_a_fault_on_the_screen_with_its_remedy(tmp_p
             sky.process.kill()
             for seat in (wide, narrow):
                 wait_for(lambda seat=seat: seat.shows("FAULT", "nobody has the mount"), "a fault")
-            wait_for(lambda: wide.shows("start indiserver"), "its remedy")
+            wait_for(
+                lambda: wide.shows("start indiserver"),
+                "its remedy",
+                seen_instead=lambda: (engine.status(), log_events(engine), wide.text[-4000:]),
+            )
             assert engine.status()["holder"] == "nobody"
 
 
@@ -186,6 +190,11 @@ def anew(seat: Terminal) -> str:
         known = seat.resize(60, lines)
         wait_for(lambda since=known: seat.shows("x STOP", "F1", since=since), "a screen")
     return seat.text[known:]
+
+
+def log_events(engine: WholeEngine) -> list[str]:
+    """What the log says aloud."""
+    return [each.text for _, _, each in engine.reader.records() if isinstance(each, Event)]
 
 
 def log_faults(engine: WholeEngine) -> list[str]:

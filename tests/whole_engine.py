@@ -148,7 +148,12 @@ def whole_engine(
         engine.close()
 
 
-def wait_for(condition: Callable[[], Any], what: str, timeout_s: float = 60.0) -> Any:
+def wait_for(
+    condition: Callable[[], Any],
+    what: str,
+    timeout_s: float = 60.0,
+    seen_instead: Callable[[], Any] = lambda: "",
+) -> Any:
     """Wait until something is true, and return it."""
     ends_s = time.monotonic() + timeout_s
     while True:
@@ -156,7 +161,10 @@ def wait_for(condition: Callable[[], Any], what: str, timeout_s: float = 60.0) -
             found = condition()
             if found:
                 return found
-        assert time.monotonic() < ends_s, f"in {timeout_s:g} s there was no sign of: {what}"
+        if time.monotonic() >= ends_s:
+            raise AssertionError(
+                f"in {timeout_s:g} s there was no sign of: {what}\n{seen_instead()}"
+            )
         time.sleep(EVERY_S)
 
 
