@@ -97,6 +97,8 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         "UsePAM no\nStrictModes no\nPasswordAuthentication no\n",
         encoding="utf-8",
     )
+    with contextlib.suppress(OSError):
+        Path("/run/sshd").mkdir(mode=0o755, exist_ok=True)  # else made when the system starts
     run = [programs["sshd"], "-f", str(settings)]
     trial = subprocess.run([*run, "-t"], capture_output=True, text=True, check=False)
     if trial.returncode:
