@@ -386,7 +386,7 @@ def runtime_dir() -> Path:
     """A folder that only its owner can enter, made if need be: the control socket lies there.
 
     In ``$XDG_RUNTIME_DIR`` where the system gives one, else in the user's cache: a shared
-    temporary folder is nobody's.
+    temporary folder is nobody's. Raises ConfigError where neither can be written.
     """
     given = os.environ.get("XDG_RUNTIME_DIR")
     cache = Path(platformdirs.user_cache_path(APP)) / "run"
@@ -395,7 +395,13 @@ def runtime_dir() -> Path:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError:
         path = cache
-        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        try:
+            path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(
+                f"no folder for the engine's socket can be made ({path}: {error.strerror}): make "
+                "~/.cache writable, or set XDG_RUNTIME_DIR to a folder of your own"
+            ) from error
     path.chmod(0o700)
     return path
 

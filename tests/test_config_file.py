@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsoconsole.config import Config, load_config, walk
+from rsoconsole.config import Config, load_config, runtime_dir, walk
 from rsoconsole.config_file import (
     config_faults,
     config_to_toml,
@@ -191,3 +191,10 @@ def test_targets_of_a_search_come_back_from_their_toml(tmp_path: Path) -> None:
     path = tmp_path / "targets.toml"
     path.write_text(config_to_toml(config), encoding="utf-8")
     assert load_config(path) == config
+
+
+def test_without_a_folder_for_the_socket_the_operator_hears_what_to_make(monkeypatch):
+    for name in ("XDG_RUNTIME_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.setenv(name, "/proc/none")
+    with pytest.raises(ConfigError, match="set XDG_RUNTIME_DIR to a folder of your own"):
+        runtime_dir()
