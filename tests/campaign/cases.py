@@ -175,7 +175,7 @@ GROUPS = {
         Group(
             name="low",
             title="ten passes of low satellites",
-            cases=_objects("low", _MIX, _LOW),
+            cases=_objects("low", _MIX, _LOW, frames=10),
             seeds=(1,),
         ),
         Group(
