@@ -43,6 +43,12 @@ def test_a_row_adds_up_over_objects_and_nights() -> None:
     assert cells == ["title", "3 (1 failed)", "20", "60 %", "50 %", "1 of 2", '0.50"', '1.00"', "2"]
 
 
+def test_what_is_found_in_invisible_frames_does_not_make_up_for_what_is_missed() -> None:
+    found = [night(visible_frames=2), night(detections=0, track_frames=0)]
+    cells = [cell.strip() for cell in row("title", found).split("|")[1:-1]]
+    assert cells[2:5] == ["12", "17 %", "17 %"]
+
+
 def test_a_night_without_anything_visible_gives_no_share() -> None:
     cells = row("title", [night(visible_frames=0)]).split("|")
     assert [cell.strip() for cell in cells[3:6]] == ["0", "-", "-"]
