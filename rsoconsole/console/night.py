@@ -80,9 +80,8 @@ class FrameDetail:
         """The measurement the track took."""
         if self.ruling is not None and self.ruling.taken is not None:
             return self.ruling.taken
-        refused = {(n.measurement.x_px, n.measurement.y_px) for n in self.not_followed}
-        taken = [m for m in self.measurements if (m.x_px, m.y_px) not in refused]
-        return taken[0] if self.updated is not None and taken else None
+        named = None if self.updated is None else self.updated.measurement_id
+        return next((m for m in self.measurements if m.measurement_id == named), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,7 +141,7 @@ class NightView:
     def is_orbit_past(self) -> bool:
         """Whether the orbit is of something that is followed no more."""
         orbit = self.orbit
-        return orbit is not None and (self.track is None or orbit.frame_id < self.track_frame_id)
+        return orbit is not None and (self.track is None or orbit.track_id != self.track.track_id)
 
     def setting(self, name: str) -> Any:
         """What a setting is now; None where the session does not say."""
@@ -393,6 +392,8 @@ class Night:
 
     @_fold.register
     def _(self, record: TrackState, _t_utc_ns: int) -> None:
+        if not record.is_lead:
+            return
         self._now.track = record
         if record.kind == "initial":
             self._now.track_frame_id = record.frame_id
@@ -414,14 +415,14 @@ class Night:
     def _(self, record: OrbitEstimate, t_utc_ns: int) -> None:
         now = self._now
         now.orbit, now.orbit_utc_ns = record, t_utc_ns
-        if now.identified is not None and now.identified.frame_id < now.track_frame_id:
+        if now.identified is not None and now.identified.track_id != record.track_id:
             now.identified = None  # of what was followed before
 
     @_fold.register
     def _(self, record: Identified, _t_utc_ns: int) -> None:
         now = self._now
         now.identified = record
-        if now.orbit is not None and now.orbit.frame_id < now.track_frame_id:
+        if now.orbit is not None and now.orbit.track_id != record.track_id:
             now.orbit = now.orbit_utc_ns = None  # of what was followed before
 
     @_fold.register

@@ -10,7 +10,7 @@ from functools import singledispatchmethod
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.engine.objects import is_on_a_streak, objects_figures
+from rsoconsole.engine.objects import is_on_a_streak, objects_figures, taken_of
 from rsoconsole.records import (
     CycleTiming,
     Detection,
@@ -26,7 +26,6 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.sky.angles import wrap_180
-from rsoconsole.tracking.lqe import measured_direction_deg
 
 SAME_OBJECT_ARCSEC = 60.0
 SAME_FRAME_NS = 1_000_000_000
@@ -89,6 +88,8 @@ class _Tally:
 
     @take.register
     def _(self, record: TrackState) -> None:
+        if not record.is_lead:
+            return
         if record.kind == "predicted":
             self.frames[record.frame_id].predicted = record
         else:
@@ -275,11 +276,8 @@ def _measured_figures(
 
 def _confidence(frame: _Frame) -> float | None:
     """Of the measurement the track took."""
-    if frame.updated is None or not frame.measurements:
-        return None
-    at = measured_direction_deg(frame.updated, frame.predicted)
-    taken = min(frame.measurements, key=lambda m: math.hypot(*_apart_arcsec(*_place(m), *at)))
-    return taken.confidence
+    taken = taken_of(frame)
+    return None if taken is None else taken.confidence
 
 
 def _hidden(

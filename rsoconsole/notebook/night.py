@@ -19,7 +19,6 @@ from rsoconsole.records import (
 )
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.sky.angles import wrap_180
-from rsoconsole.tracking.lqe import measured_direction_deg
 
 SAME_FRAME_S = 1.0
 KINDS_OF_FRAME = (Measurement, TrackState, Miss, FollowedAgain)
@@ -136,6 +135,8 @@ def _put(frame: NightFrame, record: Any, measured: dict[int, list[Measurement]])
         frame.predicted = frame.corrected = frame.missed = None
     elif isinstance(record, Miss):
         frame.missed = record.reason
+    elif not record.is_lead:
+        return
     elif record.kind == "predicted":
         frame.predicted = record
     else:
@@ -143,15 +144,10 @@ def _put(frame: NightFrame, record: Any, measured: dict[int, list[Measurement]])
 
 
 def _tell_apart(frame: NightFrame, candidates: list[Measurement]) -> None:
-    """Which measurement the track took: the one its innovation speaks of."""
+    """Which measurement the track took: the one that it names."""
     if frame.corrected is not None:
-        ra_deg, dec_deg = measured_direction_deg(frame.corrected, frame.predicted)
-        frame.measured = min(
-            candidates,
-            key=lambda m: math.hypot(
-                *offset_arcsec(m.ra_icrs_deg, m.dec_icrs_deg, ra_deg, dec_deg)
-            ),
-        )
+        named = frame.corrected.measurement_id
+        frame.measured = next((m for m in candidates if m.measurement_id == named), None)
     frame.others = tuple(m for m in candidates if m is not frame.measured)
 
 

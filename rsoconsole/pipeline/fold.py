@@ -46,6 +46,8 @@ class Shown:
     measurements: tuple[Measurement, ...]
     ruling: Ruling | None = None
     """The operator's word on them."""
+    rulings: int = 0
+    """How many words have been said on them."""
     orbit: OrbitEstimate | None = None
     """The orbit on record when the frame came."""
 

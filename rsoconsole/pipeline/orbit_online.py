@@ -145,7 +145,7 @@ class OnlineOrbit:
             target.rivals.filter_failed()
         elif foretold is not None and (by_filter := self._by_filter(track)) is not None:
             target.rivals.hear(foretold.short, by_filter)
-        estimate = self._estimate(track.last.frame_id, orbit, seen, foretold)
+        estimate = self._estimate(track, orbit, seen, foretold)
         words, target.words = [*target.words, *_news(target, estimate, was_guide=was_guide)], []
         return Refined(estimate=estimate, words=tuple(words))
 
@@ -266,12 +266,13 @@ class OnlineOrbit:
         return Foretold(nis=track.last.nis, log_size=log_size)
 
     def _estimate(
-        self, frame_id: int, orbit: Orbit, seen: Sightings, foretold: "_Told | None"
+        self, track: Track, orbit: Orbit, seen: Sightings, foretold: "_Told | None"
     ) -> OrbitEstimate:
         elements = elements_of(orbit.r_km, orbit.v_km_s)
         r, v = orbit.r_km, orbit.v_km_s
         return OrbitEstimate(
-            frame_id=frame_id,
+            frame_id=track.last.frame_id,
+            track_id=track.track_id,
             label=orbit.label,
             prior=orbit.prior,
             reason=orbit.reason,

@@ -50,7 +50,8 @@ class Orbits:
             records.append(refined.estimate)
             records += [Event(level="info", text=w, frame_id=frame_id) for w in refined.words]
             seen = self.online.seen
-            name = None if seen is None else self._naming.ask(frame_id, seen)
+            track_id = refined.estimate.track_id
+            name = None if seen is None else self._naming.ask(frame_id, track_id, seen)
             if name is not None:
                 records.append(name)
         except OrbitError as error:

@@ -306,14 +306,15 @@ class Walk:
                 self.suspended = self.following
             elif self.following.state in FOLDED:
                 self.suspended = None
-            self.following = Following(state="MANUAL")
+            self.following = self.following.without_track("MANUAL")
             return
         if change.after != "COAST":
-            self.following = Following(state=change.after)
+            self.following = self.following.without_track(change.after)
         elif self.suspended is not None:
             self.following = replace(self.suspended, state="COAST", candidates=())
         else:
-            self.following = Following()  # there was a track then; under what is tried there is not
+            # There was a track then; under what is tried there is not.
+            self.following = self.following.without_track("SEARCH")
         self.suspended = None
 
 

@@ -76,7 +76,9 @@ class Folds:
         before = self._folds[place].before
         again: list[Fold] = []
         for old in self._folds[place:]:
-            shown = replace(old.shown, ruling=ruling) if not again else old.shown
+            shown = old.shown
+            if not again:
+                shown = replace(shown, ruling=ruling, rulings=shown.rulings + 1)
             folded = fold(before, old.stars_before, shown, old.config)
             again.append(replace(old, before=before, shown=shown, folded=folded))
             before = folded.following

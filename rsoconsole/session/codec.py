@@ -83,8 +83,10 @@ def encode(record: Record) -> tuple[str, int | None, str]:
     return kind, getattr(record, "frame_id", None), body
 
 
-def decode(kind: str, body: str) -> Record:
-    """The record that ``encode`` was given.
+def decode(
+    kind: str, body: str, upgraded: Callable[[str, Any], Any] = lambda _, fields: fields
+) -> Record:
+    """The record that ``encode`` was given; ``upgraded``: makes its fields those of today.
 
     Raises SessionError when the kind is unknown or the body is not such a record.
     """
@@ -92,7 +94,7 @@ def decode(kind: str, body: str) -> Record:
     if record_type is None:
         raise SessionError(f"this version knows no record {kind!r}: update rsoconsole")
     try:
-        decoded: Record = _decoder(record_type)(json.loads(body))
+        decoded: Record = _decoder(record_type)(upgraded(kind, json.loads(body)))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise SessionError(f"a {kind} of this session is damaged: {error}") from error
     return decoded

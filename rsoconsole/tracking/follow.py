@@ -99,6 +99,19 @@ class Following:
     """The last measurement the track took."""
     neighbours: tuple[Neighbour, ...] = ()
     """What moves alike beside it."""
+    last_track_id: int = 0
+    """Of the session's last track that has begun; 0 before the first."""
+
+    @property
+    def track_id(self) -> int | None:
+        """Of what is followed; None where nothing is."""
+        return None if self.track is None else self.track.track_id
+
+    def without_track(
+        self, state: LoopState, candidates: tuple[Measurement, ...] = ()
+    ) -> "Following":
+        """Nothing is followed any more; the next track is another one."""
+        return Following(state=state, candidates=candidates, last_track_id=self.last_track_id)
 
 
 def follow(
@@ -112,6 +125,7 @@ def follow(
     else:
         after, records = _follow_track(before, before.track, seen, settings)
     records += tuple(_not_followed(m, REFUSED) for m in seen.refused)
+    records = _of_track(records)
     if after.state != before.state:
         change = StateChange(
             frame_id=seen.frame_id,
@@ -121,6 +135,15 @@ def follow(
         )
         records = (*records, change)
     return after, records
+
+
+def _of_track(records: tuple[Record, ...]) -> tuple[Record, ...]:
+    """What was not taken and what was missed, each with the track of this frame."""
+    track_id = next((each.track_id for each in records if isinstance(each, TrackState)), None)
+    return tuple(
+        replace(each, track_id=track_id) if isinstance(each, NotFollowed | Miss) else each
+        for each in records
+    )
 
 
 def _reason(before: Following, after: Following, records: tuple[Record, ...], seen: Seen) -> str:
@@ -167,18 +190,20 @@ def _acquire(
             others = tuple(
                 m for m in (*before.candidates, *usable) if m is not first and m is not second
             )
-            track = lqe.initialise(first, second, settings.filter)
+            track_id = before.last_track_id + 1
+            track = lqe.initialise(first, second, settings.filter, track_id=track_id)
             told = (_not_followed(m, "another one leads") for m in others)
             after = Following(
                 state="TRACK",
                 track=track,
                 taken=second,
                 neighbours=_beside((), track, second, seen),
+                last_track_id=track_id,
             )
             return after, (track, *told, *clipped)
     alone = tuple(_not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
-    return Following(state=state, candidates=usable), (*alone, *clipped)
+    return before.without_track(state, usable), (*alone, *clipped)
 
 
 def _rank(m: Measurement) -> tuple[float, float]:
@@ -254,6 +279,7 @@ def _taken_by(
         track=updated[chosen],
         taken=chosen,
         neighbours=_beside(before.neighbours, updated[chosen], chosen, seen),
+        last_track_id=before.last_track_id,
     )
     return after, (predicted, updated[chosen], *_verdicts(reasons, updated)), reasons
 
@@ -270,12 +296,13 @@ def _follow_chosen(
     others = tuple(_not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
     updated = lqe.update(predicted, chosen, settings.filter)
     if _nis(updated) > ANOTHER_OBJECT_NIS:
-        return Following(state="ACQUIRE", candidates=(chosen,)), (predicted, *others)
+        return before.without_track("ACQUIRE", (chosen,)), (predicted, *others)
     after = Following(
         state="TRACK",
         track=updated,
         taken=chosen,
         neighbours=_beside(before.neighbours, updated, chosen, seen),
+        last_track_id=before.last_track_id,
     )
     return after, (predicted, updated, *others)
 
@@ -387,7 +414,7 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     elif coasted_s > settings.filter.max_coast_s:
         lost = f"coasted for {coasted_s / 60:.0f} min"
     if lost is not None:
-        return Following(state="LOST"), (*records, replace(miss, reason=f"{reason}; {lost}"))
+        return before.without_track("LOST"), (*records, replace(miss, reason=f"{reason}; {lost}"))
     after = replace(before, state="COAST", track=predicted, candidates=())
     return after, (*records, miss)
 
