@@ -9,7 +9,7 @@ centre of the first pixel (x = column, y = row of the array as stored), UTC nano
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -450,6 +450,33 @@ class Event:
     level: Literal["info", "warning", "alarm"]
     text: str
     frame_id: int | None = None
+
+
+Record: TypeAlias = (
+    FrameTaken
+    | Detections
+    | Solution
+    | NotSolved
+    | Measurement
+    | NotFollowed
+    | Miss
+    | TrackState
+    | SlewCommand
+    | StateChange
+    | ParameterChange
+    | OperatorAction
+    | CycleTiming
+    | Closeup
+    | Ruling
+    | FollowedAgain
+    | OrbitEstimate
+    | Identified
+    | Event
+)
+"""What the log of a session holds."""
+
+FoldRecord: TypeAlias = TrackState | NotFollowed | Miss | StateChange
+"""What the fold over the frames puts on record."""
 
 
 def _middle_utc_ns(t_start_utc_ns: int | None, exposure_s: float | None) -> int | None:

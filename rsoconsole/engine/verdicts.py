@@ -17,6 +17,7 @@ from rsoconsole.records import (
     Detection,
     Measurement,
     NotFollowed,
+    Record,
     Ruling,
     Solution,
     StateChange,
@@ -187,7 +188,7 @@ def _measured(
     return measured
 
 
-def verdict_words(ruling: Ruling, records: tuple[Any, ...]) -> str:
+def verdict_words(ruling: Ruling, records: tuple[Record, ...]) -> str:
     """What a ruling came to, for the log."""
     what = "rejected" if ruling.taken is None else "taken"
     if ruling.taken is not None and ruling.taken.source == "operator":

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias, assert_never
 
 from rsoconsole import __version__
 from rsoconsole.config import Config
@@ -12,14 +12,14 @@ from rsoconsole.records import (
     FollowedAgain,
     FrameTaken,
     Measurement,
-    Miss,
     NotFollowed,
     Ruling,
     TrackState,
 )
 from rsoconsole.session.reader import SessionReader
 
-KINDS = (FrameTaken, Measurement, TrackState, NotFollowed, Miss, Ruling, FollowedAgain)
+OfFrame: TypeAlias = Measurement | TrackState | NotFollowed | Ruling | FollowedAgain
+KINDS = (FrameTaken, Measurement, TrackState, NotFollowed, Ruling, FollowedAgain)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,11 +131,10 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
     config = reader.config()
     about.pop("config", None)
     stories: dict[int, _FrameStory] = {}
-    record: Any
     for _, _, record in reader.records(kinds=KINDS):
         if isinstance(record, FrameTaken):
             stories[record.frame_id] = _FrameStory(taken=record)
-        elif record.frame_id in stories:
+        elif isinstance(record, OfFrame) and record.frame_id in stories:
             _hear(stories[record.frame_id], record)
     rows = sorted(_rows(stories, everything), key=lambda row: row.t_mid_utc_ns)
     name = session.resolve().name
@@ -148,7 +147,7 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
     )
 
 
-def _hear(story: _FrameStory, record: Any) -> None:
+def _hear(story: _FrameStory, record: OfFrame) -> None:
     match record:
         case Measurement():
             if record.source == "network":
@@ -166,6 +165,8 @@ def _hear(story: _FrameStory, record: Any) -> None:
             story.last.predicted = record
         case TrackState():
             story.last.corrected = record
+        case _:
+            assert_never(record)
 
 
 def _rows(stories: Mapping[int, _FrameStory], everything: bool) -> Iterator[MeasuredRow]:

@@ -3,7 +3,6 @@
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.errors import FrameError
@@ -20,6 +19,7 @@ from rsoconsole.records import (
     Measurement,
     NotSolved,
     OrbitEstimate,
+    Record,
     Ruling,
     Solution,
     TrackState,
@@ -58,7 +58,7 @@ class Folded:
 
     following: Following
     stars: StarHistory
-    records: tuple[Any, ...]
+    records: tuple[Record, ...]
     """What the fold puts on record, in order."""
 
 

@@ -8,7 +8,6 @@ satellite that is found again keeps its orbit.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from rsoconsole.orbit.two_body import elements_of
 from rsoconsole.pipeline.foretelling import Foretold, Rivals, may_guide
 from rsoconsole.pipeline.sightings_of import sightings_of
 from rsoconsole.pipeline.tracks_taken import Track, TracksTaken
-from rsoconsole.records import Measurement, OrbitEstimate, TrackState
+from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.tracking import lqe
 
@@ -87,7 +86,7 @@ class OnlineOrbit:
         """Take new tunables."""
         self._config = config
 
-    def hear(self, record: Any) -> None:
+    def hear(self, record: Record) -> None:
         """One record of the log."""
         self._tracks.hear(record)
         if isinstance(record, TrackState) and record.kind == "initial":

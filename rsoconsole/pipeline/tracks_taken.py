@@ -2,9 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
-from rsoconsole.records import FollowedAgain, Measurement, TrackState
+from rsoconsole.records import FollowedAgain, Measurement, Record, TrackState
 
 
 @dataclass(slots=True)
@@ -50,7 +49,7 @@ class TracksTaken:
         self._measured: dict[str, Measurement] = {}
         """By id."""
 
-    def hear(self, record: Any) -> None:
+    def hear(self, record: Record) -> None:
         """One record."""
         match record:
             case Measurement():

@@ -17,50 +17,7 @@ from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_typ
 import numpy as np
 
 from rsoconsole.errors import SessionError
-from rsoconsole.records import (
-    Closeup,
-    CycleTiming,
-    Detections,
-    Event,
-    FollowedAgain,
-    FrameTaken,
-    Identified,
-    Measurement,
-    Miss,
-    NotFollowed,
-    NotSolved,
-    OperatorAction,
-    OrbitEstimate,
-    ParameterChange,
-    Ruling,
-    SlewCommand,
-    Solution,
-    StateChange,
-    TrackState,
-)
-
-Record: TypeAlias = (
-    FrameTaken
-    | Detections
-    | Solution
-    | NotSolved
-    | Measurement
-    | NotFollowed
-    | Miss
-    | TrackState
-    | SlewCommand
-    | StateChange
-    | ParameterChange
-    | OperatorAction
-    | CycleTiming
-    | Closeup
-    | Ruling
-    | FollowedAgain
-    | OrbitEstimate
-    | Identified
-    | Event
-)
-"""What the log of a session holds."""
+from rsoconsole.records import Record
 
 KINDS: Mapping[str, type] = types.MappingProxyType(
     {record.__name__: record for record in get_args(Record)}

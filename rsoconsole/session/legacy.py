@@ -6,24 +6,33 @@ the two that began it by its first slope; both were exact when they were written
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, assert_never
 
 from rsoconsole.records import (
+    Closeup,
     CycleTiming,
+    Detections,
+    Event,
     FollowedAgain,
     FrameTaken,
     Identified,
     Measurement,
     Miss,
     NotFollowed,
+    NotSolved,
+    OperatorAction,
     OrbitEstimate,
+    ParameterChange,
+    Record,
     Ruling,
     SlewCommand,
+    Solution,
+    StateChange,
     TrackState,
     mark_id_of,
     measurement_id_of,
 )
-from rsoconsole.session.codec import Record, decode
+from rsoconsole.session.codec import decode
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.times import NS_PER_S
 from rsoconsole.tracking.lqe import measured_direction_deg
@@ -162,7 +171,7 @@ class IdGiver:
         self._is_ruled = False
         """A ruling has come, and none of the frames that it has followed again."""
 
-    def ids_of(self, record: Record) -> Ids:  # noqa: PLR0911 -- one case a kind
+    def ids_of(self, record: Record) -> Ids:  # noqa: PLR0911, PLR0912 -- one case a kind
         """What this record is to be given; nothing for most kinds."""
         match record:
             case FrameTaken():
@@ -187,6 +196,12 @@ class IdGiver:
                 return Ids(self._track_id)
             case SlewCommand():
                 return Ids(max(self._tracks, 1) if record.reason in _OF_TRACK else None)
+            case Detections() | Solution() | NotSolved() | StateChange() | Event():
+                pass
+            case ParameterChange() | OperatorAction() | Closeup():
+                pass
+            case _:
+                assert_never(record)
         return Ids()
 
     def _frame(self, frame_id: int) -> _Frame:

@@ -25,8 +25,8 @@ from pydantic import ValidationError
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
-from rsoconsole.records import Event
-from rsoconsole.session.codec import KINDS, Record, decode
+from rsoconsole.records import Event, Record
+from rsoconsole.session.codec import KINDS, decode
 from rsoconsole.session.database import connect_to_read, finish_copy
 from rsoconsole.session.legacy import KINDS as IDENTIFYING
 from rsoconsole.session.legacy import LAST_SCHEMA, IdGiver, Ids, decode_old, in_columns, with_ids

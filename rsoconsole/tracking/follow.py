@@ -9,10 +9,11 @@ from outside.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import (
+    FoldRecord,
     LoopState,
     Measurement,
     Miss,
@@ -36,7 +37,6 @@ from rsoconsole.tracking.neighbours import (
     remembered,
 )
 
-Record = Any
 Choice = Literal["nearest", "most confident"]
 AS_GOOD_AS_CERTAIN = 0.9
 """Confidence from which on how well its place is known says which of two to follow."""
@@ -116,7 +116,7 @@ class Following:
 
 def follow(
     before: Following, seen: Seen, settings: FollowSettings
-) -> tuple[Following, tuple[Record, ...]]:
+) -> tuple[Following, tuple[FoldRecord, ...]]:
     """The next state, and what to put on the record, in order."""
     if before.state not in ("TRACK", "COAST") or before.track is None:
         after, records = _acquire(before, seen, settings)
@@ -137,7 +137,7 @@ def follow(
     return after, records
 
 
-def _of_track(records: tuple[Record, ...]) -> tuple[Record, ...]:
+def _of_track(records: tuple[FoldRecord, ...]) -> tuple[FoldRecord, ...]:
     """What was not taken and what was missed, each with the track of this frame."""
     track_id = next((each.track_id for each in records if isinstance(each, TrackState)), None)
     return tuple(
@@ -146,7 +146,9 @@ def _of_track(records: tuple[Record, ...]) -> tuple[Record, ...]:
     )
 
 
-def _reason(before: Following, after: Following, records: tuple[Record, ...], seen: Seen) -> str:
+def _reason(
+    before: Following, after: Following, records: tuple[FoldRecord, ...], seen: Seen
+) -> str:
     if after.state == "TRACK":
         return "measured again" if before.state == "COAST" else "two frames agree on one motion"
     if after.state == "ACQUIRE":
@@ -159,7 +161,7 @@ def _reason(before: Following, after: Following, records: tuple[Record, ...], se
 
 def _acquire(
     before: Following, seen: Seen, settings: FollowSettings
-) -> tuple[Following, tuple[Record, ...]]:
+) -> tuple[Following, tuple[FoldRecord, ...]]:
     """Two successive frames whose measurements agree on one motion start a track.
 
     The most confident one that has a partner leads; of those as good as certain, the one whose
@@ -167,7 +169,7 @@ def _acquire(
     once: a candidate that waits for a second frame hears it with that frame.
     """
     usable = tuple(m for m in seen.measurements if not m.is_clipped)
-    told_of_choice: tuple[Record, ...] = ()
+    told_of_choice: tuple[NotFollowed, ...] = ()
     if seen.chosen is not None:
         told_of_choice = tuple(_not_followed(m, NOT_CHOSEN) for m in usable if m != seen.chosen)
         usable = (seen.chosen,)
@@ -236,7 +238,7 @@ def _beside(
 
 def _follow_track(
     before: Following, track: TrackState, seen: Seen, settings: FollowSettings
-) -> tuple[Following, tuple[Record, ...]]:
+) -> tuple[Following, tuple[FoldRecord, ...]]:
     predicted = lqe.predict(track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     after, records, reasons = _taken_by(predicted, before, seen, settings)
     if after is None and seen.measurements and seen.by_orbit is not None:
@@ -257,7 +259,7 @@ def _follow_track(
 
 def _taken_by(
     predicted: TrackState, before: Following, seen: Seen, settings: FollowSettings
-) -> tuple[Following | None, tuple[Record, ...], dict[Measurement, str]]:
+) -> tuple[Following | None, tuple[FoldRecord, ...], dict[Measurement, str]]:
     """The measurement that fits a prediction: what is followed then, None where none does.
 
     With what belongs on the record, and why the others do not fit.
@@ -290,7 +292,7 @@ def _follow_chosen(
     chosen: Measurement,
     seen: Seen,
     settings: FollowSettings,
-) -> tuple[Following, tuple[Record, ...]]:
+) -> tuple[Following, tuple[FoldRecord, ...]]:
     """What the operator wants followed is taken whatever the gates say, or begins a new track."""
     predicted = lqe.predict(track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(_not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
@@ -398,9 +400,9 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     predicted: TrackState,
     seen: Seen,
     settings: FollowSettings,
-    records: tuple[Record, ...],
+    records: tuple[FoldRecord, ...],
     reason: str,
-) -> tuple[Following, tuple[Record, ...]]:
+) -> tuple[Following, tuple[FoldRecord, ...]]:
     miss = Miss(frame_id=seen.frame_id, reason=reason)
     since_ns = predicted.t_utc_ns if before.taken is None else before.taken.t_mid_utc_ns
     coasted_s = (seen.t_mid_utc_ns - since_ns) / 1e9
