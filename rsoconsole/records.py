@@ -9,7 +9,7 @@ centre of the first pixel (x = column, y = row of the array as stored), UTC nano
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -196,6 +196,8 @@ class NotSolved:
 class Measurement:
     """A direction on the sky at mid-exposure: what the filter is fed."""
 
+    measurement_id: str
+    """Unique in the session: the frame's number and the candidate's, as ``measurement_id_of``."""
     frame_id: int
     t_mid_utc_ns: int
     ra_icrs_deg: float
@@ -210,6 +212,19 @@ class Measurement:
     ends_icrs_deg: tuple[tuple[float, float], tuple[float, float]] | None = None
     """RA, Dec of the streak's two ends, order unknown."""
     is_clipped: bool = False
+
+
+def measurement_id_of(frame_id: int, candidate: int) -> str:
+    """The id of what is measured of a frame's candidate.
+
+    ``candidate``: its place among the detections and, behind them, the rejected ones, from 0.
+    """
+    return f"{frame_id}-{candidate}"
+
+
+def mark_id_of(frame_id: int, mark: int) -> str:
+    """The id of what the operator has marked by hand in a frame, from 0."""
+    return f"{frame_id}-m{mark}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,6 +249,8 @@ class FollowedAgain:
 class TrackState:
     """The filter at one instant: x = [alpha, alpha rate, delta, delta rate], deg and deg/s."""
 
+    track_id: int
+    """From 1, in the order in which the session's tracks began."""
     kind: Literal["initial", "predicted", "updated"]
     frame_id: int
     t_utc_ns: int
@@ -254,6 +271,12 @@ class TrackState:
     """Measurements that have updated the track since its two first ones."""
     foretold_by: Literal["filter", "orbit"] = "filter"
     """Whose prediction it is, or was updated: the orbit's where the filter's has failed."""
+    measurement_id: str | None = None
+    """The measurement that the track took; None after a mere prediction."""
+    begun_with: tuple[str, str] | None = None
+    """The two measurements that a track began with, the earlier one first; None later on."""
+    is_lead: bool = True
+    """Whether the telescope follows this one of the frame's tracks."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -265,6 +288,8 @@ class SlewCommand:
     dec_icrs_deg: float
     t_aim_utc_ns: int
     reason: str
+    track_id: int | None = None
+    """The track that it leads to; None where it leads to none, as while searching."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -276,6 +301,8 @@ class NotFollowed:
     reason: str
     nis: float | None = None
     """Its normalised innovation squared, where there was a prediction to compare with."""
+    track_id: int | None = None
+    """The track that did not take it; None where there was none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,6 +311,8 @@ class Miss:
 
     frame_id: int
     reason: str
+    track_id: int | None = None
+    """The track that misses it; None where there was none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -291,6 +320,7 @@ class OrbitEstimate:
     """The orbit of what is followed, through everything measured of it up to this frame."""
 
     frame_id: int
+    track_id: int
     label: str
     """"free", "constrained by prior", "weak geometry" or "not observable"."""
     prior: str
@@ -341,6 +371,7 @@ class Identified:
     """Which catalogued object what is followed is, by its directions up to this frame."""
 
     frame_id: int
+    track_id: int
     verdict: Literal["identified", "ambiguous", "unknown"]
     reason: str
     hint: str
@@ -419,6 +450,33 @@ class Event:
     level: Literal["info", "warning", "alarm"]
     text: str
     frame_id: int | None = None
+
+
+Record: TypeAlias = (
+    FrameTaken
+    | Detections
+    | Solution
+    | NotSolved
+    | Measurement
+    | NotFollowed
+    | Miss
+    | TrackState
+    | SlewCommand
+    | StateChange
+    | ParameterChange
+    | OperatorAction
+    | CycleTiming
+    | Closeup
+    | Ruling
+    | FollowedAgain
+    | OrbitEstimate
+    | Identified
+    | Event
+)
+"""What the log of a session holds."""
+
+FoldRecord: TypeAlias = TrackState | NotFollowed | Miss | StateChange
+"""What the fold over the frames puts on record."""
 
 
 def _middle_utc_ns(t_start_utc_ns: int | None, exposure_s: float | None) -> int | None:

@@ -21,7 +21,15 @@ from rsoconsole.instruments.ports import (
     StopResult,
 )
 from rsoconsole.pipeline.reduce import Reduction
-from rsoconsole.records import Detections, Frame, Measurement, Site, Solution, Wcs
+from rsoconsole.records import (
+    Detections,
+    Frame,
+    Measurement,
+    Site,
+    Solution,
+    Wcs,
+    measurement_id_of,
+)
 from rsoconsole.sky.frames import altaz_to_icrs
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 
@@ -161,7 +169,12 @@ class ScriptedReducer:
             since_s = (frame.t_mid_utc_ns - T0_UTC_NS) / NS
             here = geo_measurement(2, ra_deg=START_DEG[0], dec_deg=START_DEG[1], cadence_s=since_s)
             found = (
-                dataclasses.replace(here, frame_id=frame.frame_id, t_mid_utc_ns=frame.t_mid_utc_ns),
+                dataclasses.replace(
+                    here,
+                    measurement_id=measurement_id_of(frame.frame_id, 0),
+                    frame_id=frame.frame_id,
+                    t_mid_utc_ns=frame.t_mid_utc_ns,
+                ),
             )
         return Reduction(
             detections=Detections(

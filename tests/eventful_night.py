@@ -97,7 +97,8 @@ def _ruling(writer: SessionWriter, n: int) -> None:
         if again == ruled:
             writer.append(Miss(frame_id=again, reason="rejected by the operator"), ns)
         else:
-            writer.append(night.state_of(again, ra, dec, "updated"), ns)
+            named = geo_measurement(again, cadence_s=night.CADENCE_S).measurement_id
+            writer.append(night.state_of(again, ra, dec, "updated", named), ns)
     writer.append(action, ns)
 
 

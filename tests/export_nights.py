@@ -30,6 +30,7 @@ def measurement(frame_id: int, north_arcsec: float = 0.0, **more: Any) -> Measur
     ra, dec = (359.1 + 15.04 * ARCSEC * t_s) % 360.0, -0.25 + (wobble + north_arcsec) * ARCSEC
     half = 75.2 * ARCSEC
     values: dict[str, Any] = {
+        "measurement_id": f"{frame_id}-{round(north_arcsec)}",
         "frame_id": frame_id,
         "t_mid_utc_ns": T0 + 30 * frame_id * NS,
         "ra_icrs_deg": ra,

@@ -121,14 +121,19 @@ def _track(writer: SessionWriter, n: int, measurement: Measurement) -> None:
     kind = "initial" if n == FIRST_MEASURED + 1 else "updated"
     if kind == "updated":
         writer.append(state_of(n, ra, dec, "predicted"), t_of(n))
-    writer.append(state_of(n, ra, dec, kind), t_of(n))
+    writer.append(state_of(n, ra, dec, kind, measurement.measurement_id), t_of(n))
 
 
-def state_of(n: int, ra: float, dec: float, kind: Any) -> TrackState:
+def state_of(
+    n: int, ra: float, dec: float, kind: Any, measurement_id: str | None = None
+) -> TrackState:
     """The filter after a frame."""
     is_updated = kind == "updated"
     variance = (1.0 / 3600) ** 2
     return TrackState(
+        track_id=1,
+        measurement_id=measurement_id,
+        begun_with=(_first_id(), measurement_id) if kind == "initial" and measurement_id else None,
         kind=kind,
         frame_id=n,
         t_utc_ns=t_of(n),
@@ -144,6 +149,10 @@ def state_of(n: int, ra: float, dec: float, kind: Any) -> TrackState:
         sigma_innovation_arcsec=(0.7, 0.6) if is_updated else None,
         misses=1 if kind == "predicted" else 0,
     )
+
+
+def _first_id() -> str:
+    return geo_measurement(FIRST_MEASURED, cadence_s=CADENCE_S).measurement_id
 
 
 def taken(n: int, ra: float, dec: float) -> FrameTaken:

@@ -27,6 +27,7 @@ def geo_measurement(
     dec = dec_deg + rate_dec_deg_s * since_s
     half_s = exposure_s / 2.0
     values: dict[str, Any] = {
+        "measurement_id": f"{frame_id}-{round((ra + dec) * 36_000.0)}",
         "frame_id": frame_id,
         "t_mid_utc_ns": T0_UTC_NS + round(since_s * NS),
         "ra_icrs_deg": ra % 360.0,

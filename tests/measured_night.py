@@ -119,6 +119,7 @@ def _shown(
         ),
         measurements=(
             Measurement(
+                measurement_id=f"{frame_id}-0",
                 frame_id=frame_id,
                 t_mid_utc_ns=t_ns,
                 ra_icrs_deg=ra,

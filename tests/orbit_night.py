@@ -38,6 +38,7 @@ def estimate_of(n: int, **changes: Any) -> OrbitEstimate:
     sigmas = (4.0, 4.0, 0.5, 3e-4, 3e-4, 2e-4)
     record = OrbitEstimate(
         frame_id=n,
+        track_id=1,
         label="constrained by prior",
         prior="geo",
         reason="a satellite over the equator: eccentricity about 0.002",
@@ -70,6 +71,7 @@ def identified_of(n: int, **changes: Any) -> Identified:
     """The name after a frame."""
     record = Identified(
         frame_id=n,
+        track_id=1,
         verdict="identified",
         reason='INTELSAT 14 (36097) is 3.1" off, the runner-up SES 10 (42432) is 0.20 deg off',
         hint="",
@@ -115,9 +117,9 @@ def folded(*records: Any, before: Night | None = None) -> Night:
     return found
 
 
-def state(n: int, kind: str = "updated") -> Any:
+def state(n: int, kind: str = "updated", track_id: int = 1) -> Any:
     """The filter after a frame."""
-    return night.state_of(n, 150.0, -5.0, kind)
+    return replace(night.state_of(n, 150.0, -5.0, kind), track_id=track_id)
 
 
 def to(n: int, before: Any, after: Any) -> StateChange:

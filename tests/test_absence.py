@@ -49,6 +49,7 @@ def direction(t_utc_ns: int, slot_deg: float = SLOT_DEG) -> tuple[float, float]:
 def track(t_utc_ns: int, *, rate_deg_s: float = GEO_RATE_DEG_S) -> TrackState:
     ra_deg, dec_deg = direction(t_utc_ns)
     return TrackState(
+        track_id=1,
         kind="updated",
         frame_id=1,
         t_utc_ns=t_utc_ns,

@@ -377,6 +377,7 @@ def test_gooding_of_two_files_is_wrong_usage(night: Path) -> None:
 
 def measurement(frame_id: int, t_utc_ns: int, ra: float, dec: float) -> Measurement:
     return Measurement(
+        measurement_id=f"{frame_id}-{ra % 360.0:.6f}",
         frame_id=frame_id,
         t_mid_utc_ns=t_utc_ns,
         ra_icrs_deg=ra % 360.0,
@@ -389,8 +390,12 @@ def measurement(frame_id: int, t_utc_ns: int, ra: float, dec: float) -> Measurem
     )
 
 
-def state(kind: Any, taken: Measurement, rate_deg_s: float, frame_id: int) -> TrackState:
+def state(
+    kind: Any, taken: Measurement, rate_deg_s: float, frame_id: int, track_id: int
+) -> TrackState:
     return TrackState(
+        track_id=track_id,
+        measurement_id=None if kind == "predicted" else taken.measurement_id,
         kind=kind,
         frame_id=frame_id,
         t_utc_ns=taken.t_mid_utc_ns,
@@ -417,12 +422,13 @@ def write_track(
             dt_s = (at - int(t[0])) / NS_PER_S
             rate = (taken[1].ra_icrs_deg - taken[0].ra_icrs_deg) / dt_s
             slope = (taken[1].dec_icrs_deg - taken[0].dec_icrs_deg) / dt_s
-            begun = state("initial", taken[1], rate, frame)
+            begun = state("initial", taken[1], rate, frame, first_frame)
+            both = (taken[0].measurement_id, taken[1].measurement_id)
             x = (begun.x[0], rate, begun.x[2], slope)
-            writer.append(TrackState(**{**_fields(begun), "x": x}), at)
+            writer.append(TrackState(**{**_fields(begun), "x": x, "begun_with": both}), at)
         elif n > 1:
-            writer.append(state("predicted", taken[n], 0.004, frame), at)
-            writer.append(state("updated", taken[n], 0.004, frame), at)
+            writer.append(state("predicted", taken[n], 0.004, frame, first_frame), at)
+            writer.append(state("updated", taken[n], 0.004, frame, first_frame), at)
     return taken
 
 
@@ -446,8 +452,8 @@ def session(tmp_path: Path) -> tuple[Path, list[Measurement], list[Measurement]]
         last.frame_id, last.t_mid_utc_ns, last.ra_icrs_deg + 0.1, last.dec_icrs_deg - 0.1
     )
     writer.append(FollowedAgain(frame_id=last.frame_id), last.t_mid_utc_ns)
-    writer.append(state("predicted", decoy, 0.004, last.frame_id), last.t_mid_utc_ns)
-    writer.append(state("updated", decoy, 0.004, last.frame_id), last.t_mid_utc_ns)
+    writer.append(state("predicted", decoy, 0.004, last.frame_id, 20), last.t_mid_utc_ns)
+    writer.append(state("updated", decoy, 0.004, last.frame_id, 20), last.t_mid_utc_ns)
     writer.close()
     return tmp_path / "session", ours, [*theirs[:-1], decoy]
 

@@ -55,6 +55,7 @@ def track(ra: float, dec: float, east_arcsec: float, north_arcsec: float) -> Tra
     cos_dec = math.cos(math.radians(dec))
     diagonal = [(east_arcsec / 3600 / cos_dec) ** 2, 1e-12, (north_arcsec / 3600) ** 2, 1e-12]
     return TrackState(
+        track_id=1,
         kind="predicted",
         frame_id=1,
         t_utc_ns=1,

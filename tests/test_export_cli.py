@@ -223,6 +223,11 @@ def _later(record, shift, by, replace):
             changes[name] = getattr(record, name) + by
     if hasattr(record, "measurement"):
         changes["measurement"] = _later(record.measurement, shift, by, replace)
+    for name in ("measurement_id", "track_id"):
+        if (named := getattr(record, name, None)) is not None and shift:
+            changes[name] = f"{named} later" if name == "measurement_id" else named + 1
+    if getattr(record, "begun_with", None) is not None and shift:
+        changes["begun_with"] = tuple(f"{named} later" for named in record.begun_with)
     return replace(record, **changes)
 
 

@@ -32,6 +32,7 @@ def measurement(frame_id: int, north_arcsec: float = 0.0, **more: Any) -> Measur
     offset_arcsec = 0.2 if frame_id % 2 else -0.2
     return Measurement(
         **{
+            "measurement_id": f"{frame_id}-{round(north_arcsec)}",
             "frame_id": frame_id,
             "t_mid_utc_ns": T0 + round(t_s * 1e9),
             "ra_icrs_deg": (359.1 + 15.04 * ARCSEC * t_s) % 360.0,

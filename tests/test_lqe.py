@@ -22,6 +22,7 @@ def measurement(
     k: int, ra_deg: float, dec_deg: float, sigma_arcsec: float = 4.0, dt_s: float = CADENCE_S
 ) -> Measurement:
     return Measurement(
+        measurement_id=f"{k}-0",
         frame_id=k,
         t_mid_utc_ns=T0 + round(k * dt_s * 1e9),
         ra_icrs_deg=ra_deg % 360.0,

@@ -49,6 +49,7 @@ def measured(places: Places, sigma_arcsec: float, seed: int) -> list[Measurement
     noise[:, 0] /= np.cos(np.radians(places.dec_icrs_deg))
     return [
         Measurement(
+            measurement_id=f"{k}-0",
             frame_id=k,
             t_mid_utc_ns=int(places.t_utc_ns[k]),
             ra_icrs_deg=float((places.ra_icrs_deg[k] + noise[k, 0]) % 360),

@@ -54,7 +54,9 @@ NO_TIMING_ERROR = ExposureConfig(timing_sigma_s=0.0)
 
 
 def test_the_midpoint_belongs_to_the_middle_of_the_exposure():
-    found = measure(straight_detection(), solution(), frame(), NO_TIMING_ERROR)
+    found = measure(
+        straight_detection(), solution(), frame(), NO_TIMING_ERROR, measurement_id="1-0"
+    )
     assert found is not None
     assert found.t_mid_utc_ns == T0_UTC_NS + 5_000_000_000
     ra, dec = pixel_to_sky(solution().wcs, 300.0, 200.0)
@@ -63,7 +65,7 @@ def test_the_midpoint_belongs_to_the_middle_of_the_exposure():
 
 def test_the_cameras_latency_is_added():
     late = ExposureConfig(header_latency_s=0.25)
-    found = measure(straight_detection(), solution(), frame(), late)
+    found = measure(straight_detection(), solution(), frame(), late, measurement_id="1-0")
     assert found is not None
     assert found.t_mid_utc_ns == T0_UTC_NS + 5_250_000_000
 
@@ -73,7 +75,11 @@ def test_the_cameras_latency_is_added():
 def test_the_covariance_is_long_along_the_streak_on_the_sky(angle_deg, rotation_deg):
     """Along 0.6 px, across 0.2 px: their eigenvalues on the sky, whichever way it lies."""
     found = measure(
-        straight_detection(angle_deg=angle_deg), solution(rotation_deg), frame(), NO_TIMING_ERROR
+        straight_detection(angle_deg=angle_deg),
+        solution(rotation_deg),
+        frame(),
+        NO_TIMING_ERROR,
+        measurement_id="1-0",
     )
     assert found is not None
     ee, en, nn = found.cov_sky_arcsec2
@@ -92,8 +98,10 @@ def test_the_covariance_is_long_along_the_streak_on_the_sky(angle_deg, rotation_
 def test_a_wrong_clock_widens_it_along_the_streak_only():
     """0.1 s of timing is 1.5 arcsec for something that moves at 15 arcsec/s."""
     uncertain = ExposureConfig(timing_sigma_s=0.1)
-    sharp = measure(straight_detection(), solution(), frame(), NO_TIMING_ERROR)
-    blurred = measure(straight_detection(), solution(), frame(), uncertain)
+    sharp = measure(
+        straight_detection(), solution(), frame(), NO_TIMING_ERROR, measurement_id="1-0"
+    )
+    blurred = measure(straight_detection(), solution(), frame(), uncertain, measurement_id="1-0")
     assert sharp is not None
     assert blurred is not None
     along = math.sqrt(blurred.cov_sky_arcsec2[0] - sharp.cov_sky_arcsec2[0])
@@ -102,4 +110,9 @@ def test_a_wrong_clock_widens_it_along_the_streak_only():
 
 
 def test_a_frame_without_a_time_makes_no_measurement():
-    assert measure(straight_detection(), solution(), frame(None), NO_TIMING_ERROR) is None
+    assert (
+        measure(
+            straight_detection(), solution(), frame(None), NO_TIMING_ERROR, measurement_id="1-0"
+        )
+        is None
+    )

@@ -52,6 +52,7 @@ def exposure(*satellites: dict) -> dict[str, Any]:
 
 def measured(y_px: float, x_px: float = 1000.0, north_arcsec: float = 0.0, **more) -> Measurement:
     return Measurement(
+        measurement_id=f"1-{x_px}-{y_px}",
         frame_id=1,
         t_mid_utc_ns=0,
         ra_icrs_deg=40.0 - (x_px - 1000.0) * PX_ARCSEC * ARCSEC,
@@ -90,6 +91,8 @@ def state(kind: str, y_px: float, misses: int = 0, north_arcsec: float = 0.0) ->
     dec_deg = (y_px * PX_ARCSEC + north_arcsec) * ARCSEC
     zero = (0.0,) * 4
     return TrackState(
+        track_id=1,
+        measurement_id=None if kind == "predicted" else f"1-1000.0-{y_px}",
         kind=kind,
         frame_id=1,
         t_utc_ns=0,
@@ -115,6 +118,7 @@ def named(number: int, verdict: str = "identified") -> Identified:
     )
     return Identified(
         frame_id=1,
+        track_id=1,
         verdict=verdict,
         reason="",
         hint="",

@@ -34,19 +34,20 @@ def test_after_a_loss_they_stay_as_of_the_past_until_another_track_has_an_orbit(
     found = folded(*FOLLOWED, identified_of(5), to(7, "COAST", "LOST"))
     assert found.view().is_orbit_past
     assert found.view().orbit == estimate_of(5)
-    folded(state(11, "initial"), to(11, "ACQUIRE", "TRACK"), before=found)
+    folded(state(11, "initial", 2), to(11, "ACQUIRE", "TRACK"), before=found)
     assert found.view().is_orbit_past
     assert found.view().identified == identified_of(5)
-    folded(state(12), estimate_of(12), before=found)
+    folded(state(12, track_id=2), estimate_of(12, track_id=2), before=found)
     assert not found.view().is_orbit_past
-    assert found.view().orbit == estimate_of(12)
+    assert found.view().orbit == estimate_of(12, track_id=2)
     assert found.view().identified is None
 
 
 def test_a_name_of_another_track_is_none_of_the_orbit_before() -> None:
-    found = folded(*FOLLOWED, to(7, "COAST", "LOST"), state(11, "initial"), identified_of(12))
+    name = identified_of(12, track_id=2)
+    found = folded(*FOLLOWED, to(7, "COAST", "LOST"), state(11, "initial", 2), name)
     assert found.view().orbit is None
-    assert found.view().identified == identified_of(12)
+    assert found.view().identified == name
 
 
 def test_what_the_operator_took_the_mount_from_is_followed_again_with_its_orbit() -> None:

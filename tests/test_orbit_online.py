@@ -168,6 +168,7 @@ def measured_at(
     ra = float(places.ra_icrs_deg[n]) + east / math.cos(math.radians(dec))
     d_ra, d_dec = (5.0 * float(r[n]) for r in (places.ra_rate_deg_s, places.dec_rate_deg_s))
     return Measurement(
+        measurement_id=f"{frame_id}-0",
         frame_id=frame_id,
         t_mid_utc_ns=int(places.t_utc_ns[n]),
         ra_icrs_deg=ra % 360.0,
@@ -498,8 +499,8 @@ def test_new_files_are_asked_at_once(tmp_path):
     watched.see(every_frame(flight(*GEO), 12))
     seen = watched.orbit.seen
     assert seen is not None
-    assert naming.ask(1, seen) is None
+    assert naming.ask(1, 1, seen) is None
     naming.configure(config(catalogue={"tle_files": [str(TLE)]}))
-    found = naming.ask(1, seen)
+    found = naming.ask(1, 1, seen)
     assert found is not None
     assert found.verdict == "unknown"

@@ -19,6 +19,7 @@ NIGHT = iso_to_utc_ns("2026-03-10T03:00:00Z")
 def track(ra: float, dec: float, ra_rate_deg_s: float, t_utc_ns: int) -> TrackState:
     covariance = tuple(tuple(float(v) for v in row) for row in np.eye(4) * 1e-8)
     return TrackState(
+        track_id=1,
         kind="updated",
         frame_id=1,
         t_utc_ns=t_utc_ns,

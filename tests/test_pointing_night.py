@@ -89,6 +89,7 @@ class TruthReducer:
         ends = [self.mover.at(frame.t_mid_utc_ns + sign * half_ns) for sign in (-1, 1)]
         return (
             Measurement(
+                measurement_id=f"{frame.frame_id}-0",
                 frame_id=frame.frame_id,
                 t_mid_utc_ns=frame.t_mid_utc_ns,
                 ra_icrs_deg=ra_deg,

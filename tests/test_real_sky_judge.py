@@ -40,7 +40,14 @@ def state(kind, frame_id, misses=0):
     cov = tuple(tuple(1e-8 * (i == j) for j in range(4)) for i in range(4))
     at = (exact.ra_icrs_deg, 15.04 * ARCSEC, -5.0 + ARCSEC, 0.0)
     return TrackState(
-        kind=kind, frame_id=frame_id, t_utc_ns=exact.t_mid_utc_ns, x=at, P=cov, misses=misses
+        track_id=1,
+        measurement_id=None if kind == "predicted" else exact.measurement_id,
+        kind=kind,
+        frame_id=frame_id,
+        t_utc_ns=exact.t_mid_utc_ns,
+        x=at,
+        P=cov,
+        misses=misses,
     )
 
 

@@ -26,6 +26,7 @@ from rsoconsole.records import (
     Rejection,
     StateChange,
     TrackState,
+    measurement_id_of,
 )
 from rsoconsole.session.codec import decode, encode
 from rsoconsole.session.reader import SessionReader
@@ -53,6 +54,7 @@ class BusyReducer(ScriptedReducer):
         beside = tuple(
             dataclasses.replace(
                 m,
+                measurement_id=measurement_id_of(m.frame_id, 1),
                 ra_icrs_deg=m.ra_icrs_deg + 90.0 * AN_ARCSEC,
                 confidence=0.7,
                 cov_sky_arcsec2=(0.09, 0.01, 0.05),

@@ -73,6 +73,7 @@ STREAK = Detection(
     method="line",
 )
 MEASUREMENT = Measurement(
+    measurement_id="1-0",
     frame_id=1,
     t_mid_utc_ns=T0_UTC_NS + 5,
     ra_icrs_deg=320.1,
@@ -127,6 +128,8 @@ NIGHT = (
     MEASUREMENT,
     NotFollowed(frame_id=1, measurement=MEASUREMENT, reason="innovation"),
     TrackState(
+        track_id=1,
+        measurement_id="1-0",
         kind="updated",
         frame_id=1,
         t_utc_ns=T0_UTC_NS + 5,
@@ -259,6 +262,8 @@ def test_the_views_spread_every_record_into_columns(writer: SessionWriter, folde
         "preview",
         "file_sha256",
         "frame_id",
+        "track_id",
+        "first_measurement_id",
     }
 
 

@@ -77,6 +77,7 @@ def test_every_record_of_the_loop_can_be_recorded() -> None:
 
 def test_numbers_of_numpy_are_recorded_as_plain_ones() -> None:
     state = TrackState(
+        track_id=1,
         kind="updated",
         frame_id=3,
         t_utc_ns=np.int64(1_800_000_000_000_000_001),  # type: ignore[arg-type]
@@ -139,7 +140,7 @@ def test_a_damaged_body_is_an_error_in_words(kind: str, body: str, says: str) ->
 
 def test_a_pair_that_lost_a_member_is_damaged() -> None:
     _, _, body = encode(
-        TrackState(kind="initial", frame_id=1, t_utc_ns=1, x=(1.0, 2.0, 3.0, 4.0), P=())
+        TrackState(track_id=1, kind="initial", frame_id=1, t_utc_ns=1, x=(1.0, 2.0, 3.0, 4.0), P=())
     )
     with pytest.raises(SessionError, match="damaged"):
         decode("TrackState", body.replace("[1.0,2.0,3.0,4.0]", "[1.0,2.0,3.0]"))

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import singledispatch
-from typing import Any, Literal
+from typing import Literal
 
 from rsoconsole.console.wish_words import wish_words, without_console
 from rsoconsole.control import printable
@@ -15,6 +15,7 @@ from rsoconsole.records import (
     NotSolved,
     OperatorAction,
     ParameterChange,
+    Record,
     StateChange,
 )
 
@@ -77,13 +78,13 @@ def _forget_acceptance(log: list[LogLine], line: LogLine) -> None:
 
 
 @singledispatch
-def _words(record: Any) -> tuple[Level, str] | None:
+def _words(record: Record) -> tuple[Level, str] | None:
     """Kinds that are routine have no line."""
     _ = record
     return None
 
 
-def line_of(record: Any, t_utc_ns: int) -> LogLine | None:
+def line_of(record: Record, t_utc_ns: int) -> LogLine | None:
     """The record's line; None for what is routine."""
     words = _words(record)
     if words is None:
@@ -91,15 +92,15 @@ def line_of(record: Any, t_utc_ns: int) -> LogLine | None:
     # Control characters would reach the terminal, whoever wrote them.
     text = printable(words[1]).replace("\n", " ")
     frame_id = getattr(record, "frame_id", None) or None
-    is_action = isinstance(record, OperatorAction)
+    action = record if isinstance(record, OperatorAction) else None
     return LogLine(
         t_utc_ns=t_utc_ns,
         frame_id=frame_id,
         level=words[0],
         text=text,
         kind=type(record).__name__,
-        asked=f"{record.by} {wish_words(record.verb, record.arguments)}" if is_action else "",
-        is_accepted=is_action and record.outcome == ACCEPTED,
+        asked=f"{action.by} {wish_words(action.verb, action.arguments)}" if action else "",
+        is_accepted=action is not None and action.outcome == ACCEPTED,
     )
 
 

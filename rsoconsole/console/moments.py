@@ -18,7 +18,7 @@ from rsoconsole.console.night import FrameDetail, KeptNight, Night, NightView
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.picture_files import read_picture
 from rsoconsole.console.timeline import TOLD_BY_RECORD, FrameMark, Timeline, TimelineFold
-from rsoconsole.records import FrameTaken, ParameterChange, StateChange
+from rsoconsole.records import FrameTaken, ParameterChange, Record, StateChange
 from rsoconsole.session.reader import SessionReader
 
 KEPT_EVERY_FRAMES = 50
@@ -140,7 +140,7 @@ class Moments:
             self._timeline.hear(seq, t_utc_ns, kind, frame_id, told.get(seq))
         self._outlined_seq = self._timeline.last_seq
 
-    def _take(self, seq: int, t_utc_ns: int, record: Any) -> None:
+    def _take(self, seq: int, t_utc_ns: int, record: Record) -> None:
         is_frame = isinstance(record, FrameTaken)
         if is_frame:
             self._end_frame(is_over=True)
@@ -155,7 +155,7 @@ class Moments:
         if seq > self._outlined_seq:
             frame_id = getattr(record, "frame_id", None)
             self._timeline.hear(seq, t_utc_ns, type(record).__name__, frame_id, record)
-        if is_frame:
+        if isinstance(record, FrameTaken):
             self._last_frame = FrameMark(seq, t_utc_ns, record.frame_id)
 
     def _end_frame(self, *, is_over: bool) -> None:

@@ -3,9 +3,8 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import singledispatchmethod
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.console.log_lines import LogLine, append_line, line_of
@@ -13,6 +12,7 @@ from rsoconsole.records import (
     Closeup,
     CycleTiming,
     Detections,
+    Event,
     FollowedAgain,
     FrameTaken,
     Identified,
@@ -21,8 +21,10 @@ from rsoconsole.records import (
     Miss,
     NotFollowed,
     NotSolved,
+    OperatorAction,
     OrbitEstimate,
     ParameterChange,
+    Record,
     Ruling,
     SlewCommand,
     Solution,
@@ -80,9 +82,8 @@ class FrameDetail:
         """The measurement the track took."""
         if self.ruling is not None and self.ruling.taken is not None:
             return self.ruling.taken
-        refused = {(n.measurement.x_px, n.measurement.y_px) for n in self.not_followed}
-        taken = [m for m in self.measurements if (m.x_px, m.y_px) not in refused]
-        return taken[0] if self.updated is not None and taken else None
+        named = None if self.updated is None else self.updated.measurement_id
+        return next((m for m in self.measurements if m.measurement_id == named), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,7 +143,7 @@ class NightView:
     def is_orbit_past(self) -> bool:
         """Whether the orbit is of something that is followed no more."""
         orbit = self.orbit
-        return orbit is not None and (self.track is None or orbit.frame_id < self.track_frame_id)
+        return orbit is not None and (self.track is None or orbit.track_id != self.track.track_id)
 
     def setting(self, name: str) -> Any:
         """What a setting is now; None where the session does not say."""
@@ -297,7 +298,7 @@ class Night:
         """The session is closed: nothing more will come."""
         self._now.is_closed = True
 
-    def take(self, t_utc_ns: int, record: Any, seq: int | None = None) -> None:
+    def take(self, t_utc_ns: int, record: Record, seq: int | None = None) -> None:
         """One record of the log, in order; ``seq``: its place there, None: the next one."""
         now = self._now
         # A record that could not be written leaves an alarm at instant 0 in its place.
@@ -309,12 +310,48 @@ class Night:
         if line is not None and not (isinstance(record, Identified) and _is_same(named, record)):
             append_line(self._log, replace(line, seq=now.seq))
 
-    @singledispatchmethod
-    def _fold(self, record: Any, t_utc_ns: int) -> None:
-        """Kinds that change nothing but the log."""
+    def _fold(self, record: Record, t_utc_ns: int) -> None:  # noqa: PLR0912 -- one case a kind
+        match record:
+            case FrameTaken():
+                self._frame_taken(record, t_utc_ns)
+            case Detections():
+                self._detections(record, t_utc_ns)
+            case Solution():
+                self._solution(record, t_utc_ns)
+            case NotSolved():
+                self._not_solved(record, t_utc_ns)
+            case Measurement():
+                self._measurement(record, t_utc_ns)
+            case NotFollowed():
+                self._not_followed(record, t_utc_ns)
+            case Ruling():
+                self._ruling(record, t_utc_ns)
+            case FollowedAgain():
+                self._followed_again(record, t_utc_ns)
+            case Closeup():
+                self._closeup(record, t_utc_ns)
+            case TrackState():
+                self._track_state(record, t_utc_ns)
+            case OrbitEstimate():
+                self._orbit_estimate(record, t_utc_ns)
+            case Identified():
+                self._identified(record, t_utc_ns)
+            case Miss():
+                self._miss(record, t_utc_ns)
+            case StateChange():
+                self._state_change(record, t_utc_ns)
+            case ParameterChange():
+                self._parameter_change(record, t_utc_ns)
+            case CycleTiming():
+                self._cycle_timing(record, t_utc_ns)
+            case SlewCommand():
+                self._slew_command(record, t_utc_ns)
+            case OperatorAction() | Event():
+                pass  # they change nothing but the log
+            case _:
+                assert_never(record)
 
-    @_fold.register
-    def _(self, record: FrameTaken, t_utc_ns: int) -> None:
+    def _frame_taken(self, record: FrameTaken, t_utc_ns: int) -> None:
         self._now.frame = record
         ra, dec = record.pointing_ra_icrs_deg, record.pointing_dec_icrs_deg
         if ra is not None and dec is not None:
@@ -324,8 +361,7 @@ class Night:
         while len(self._details) > FRAMES_IN_DETAIL:
             del self._details[next(iter(self._details))]
 
-    @_fold.register
-    def _(self, record: Detections, _t_utc_ns: int) -> None:
+    def _detections(self, record: Detections, _t_utc_ns: int) -> None:
         best = max((d.confidence for d in record.detections), default=None)
         rejected = max(record.rejected, key=lambda r: r.detection.confidence, default=None)
         refused = None if rejected is None else (rejected.detection.confidence, rejected.reason)
@@ -338,27 +374,23 @@ class Night:
         )
         self._detail(record.frame_id, detections=record)
 
-    @_fold.register
-    def _(self, record: Solution, t_utc_ns: int) -> None:
+    def _solution(self, record: Solution, t_utc_ns: int) -> None:
         taken = self.detail(record.frame_id).taken
         t_ns = taken.t_start_utc_ns if taken is not None else None
         self._look(t_ns or t_utc_ns, record.ra_icrs_deg, record.dec_icrs_deg)
         self._change(record.frame_id, is_solved=True)
         self._detail(record.frame_id, solution=record)
 
-    @_fold.register
-    def _(self, record: NotSolved, _t_utc_ns: int) -> None:
+    def _not_solved(self, record: NotSolved, _t_utc_ns: int) -> None:
         self._change(record.frame_id, is_solved=False)
         self._detail(record.frame_id, solution=record)
 
-    @_fold.register
-    def _(self, record: Measurement, _t_utc_ns: int) -> None:
+    def _measurement(self, record: Measurement, _t_utc_ns: int) -> None:
         if record.frame_id in self._details:
             before = self._details[record.frame_id].measurements
             self._detail(record.frame_id, measurements=(*before, record))
 
-    @_fold.register
-    def _(self, record: NotFollowed, _t_utc_ns: int) -> None:
+    def _not_followed(self, record: NotFollowed, _t_utc_ns: int) -> None:
         row = self._rows.get(record.frame_id)
         confidence = record.measurement.confidence
         if row is not None and (row.refused is None or row.refused[0] < confidence):
@@ -367,16 +399,14 @@ class Night:
             before = self._details[record.frame_id].not_followed
             self._detail(record.frame_id, not_followed=(*before, record))
 
-    @_fold.register
-    def _(self, record: Ruling, _t_utc_ns: int) -> None:
+    def _ruling(self, record: Ruling, _t_utc_ns: int) -> None:
         if record.frame_id in self._details:
             # Marks before this one count no more.
             found = self._details[record.frame_id].measurements
             kept = tuple(m for m in found if m.source != "operator")
             self._detail(record.frame_id, ruling=record, measurements=kept)
 
-    @_fold.register
-    def _(self, record: FollowedAgain, _t_utc_ns: int) -> None:
+    def _followed_again(self, record: FollowedAgain, _t_utc_ns: int) -> None:
         blank = {"miss": None, "residual_arcsec": None, "sigma_arcsec": None, "nis": None}
         self._change(record.frame_id, is_followed=False, **blank)
         self._detail(record.frame_id, predicted=None, updated=None, not_followed=())
@@ -387,12 +417,12 @@ class Night:
         if now.identified is not None and now.identified.frame_id == record.frame_id:
             now.identified = None
 
-    @_fold.register
-    def _(self, record: Closeup, _t_utc_ns: int) -> None:
+    def _closeup(self, record: Closeup, _t_utc_ns: int) -> None:
         self._detail(record.frame_id, closeup=record)
 
-    @_fold.register
-    def _(self, record: TrackState, _t_utc_ns: int) -> None:
+    def _track_state(self, record: TrackState, _t_utc_ns: int) -> None:
+        if not record.is_lead:
+            return
         self._now.track = record
         if record.kind == "initial":
             self._now.track_frame_id = record.frame_id
@@ -410,26 +440,22 @@ class Night:
                 nis=record.nis,
             )
 
-    @_fold.register
-    def _(self, record: OrbitEstimate, t_utc_ns: int) -> None:
+    def _orbit_estimate(self, record: OrbitEstimate, t_utc_ns: int) -> None:
         now = self._now
         now.orbit, now.orbit_utc_ns = record, t_utc_ns
-        if now.identified is not None and now.identified.frame_id < now.track_frame_id:
+        if now.identified is not None and now.identified.track_id != record.track_id:
             now.identified = None  # of what was followed before
 
-    @_fold.register
-    def _(self, record: Identified, _t_utc_ns: int) -> None:
+    def _identified(self, record: Identified, _t_utc_ns: int) -> None:
         now = self._now
         now.identified = record
-        if now.orbit is not None and now.orbit.frame_id < now.track_frame_id:
+        if now.orbit is not None and now.orbit.track_id != record.track_id:
             now.orbit = now.orbit_utc_ns = None  # of what was followed before
 
-    @_fold.register
-    def _(self, record: Miss, _t_utc_ns: int) -> None:
+    def _miss(self, record: Miss, _t_utc_ns: int) -> None:
         self._change(record.frame_id, miss=record.reason, is_reduced=True)
 
-    @_fold.register
-    def _(self, record: StateChange, t_utc_ns: int) -> None:
+    def _state_change(self, record: StateChange, t_utc_ns: int) -> None:
         now = self._now
         if record.after in {"TRACK", "COAST"}:
             # What was followed before the operator took the mount is followed again.
@@ -441,19 +467,16 @@ class Night:
         if record.before in {"IDLE", "FAULT"}:
             now.slew = None  # where it was sent before it was armed again says nothing of now
 
-    @_fold.register
-    def _(self, record: ParameterChange, _t_utc_ns: int) -> None:
+    def _parameter_change(self, record: ParameterChange, _t_utc_ns: int) -> None:
         # A new mapping: views that were given away keep theirs.
         self._now.changed = {**self._now.changed, record.name: record.after}
         if record.name == "detector.tau" and not isinstance(record.after, str):
             self._now.tau = float(record.after)
 
-    @_fold.register
-    def _(self, record: CycleTiming, _t_utc_ns: int) -> None:
+    def _cycle_timing(self, record: CycleTiming, _t_utc_ns: int) -> None:
         self._now.timing = record
 
-    @_fold.register
-    def _(self, record: SlewCommand, _t_utc_ns: int) -> None:
+    def _slew_command(self, record: SlewCommand, _t_utc_ns: int) -> None:
         self._now.slew = record
         self._look(record.t_aim_utc_ns, record.ra_icrs_deg, record.dec_icrs_deg, is_ordered=True)
 

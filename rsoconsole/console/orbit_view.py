@@ -39,7 +39,7 @@ def orbit_shown(night: NightView, engine: EngineView, ahead: OrbitAhead | None) 
     now = present_utc_ns(night, engine)
     ahead = ahead if ahead is not None and _is_near(ahead, night, now) else None
     if night.orbit is None and ahead is not None and ahead.is_reckoned:
-        is_past = night.track is None or ahead.estimate.frame_id < night.track_frame_id
+        is_past = night.track is None or ahead.estimate.track_id != night.track.track_id
         return OrbitShown(
             estimate=ahead.estimate,
             identified=ahead.identified,
@@ -74,8 +74,9 @@ def _is_of(ahead: OrbitAhead, night: NightView) -> bool:
         return False
     if ahead.estimate == night.orbit:
         return True
-    first = night.track_frame_id
-    return not night.is_orbit_past and first <= ahead.estimate.frame_id < night.orbit.frame_id
+    is_same_track = ahead.estimate.track_id == night.orbit.track_id
+    is_before = ahead.estimate.frame_id < night.orbit.frame_id
+    return not night.is_orbit_past and is_same_track and is_before
 
 
 def _absence(night: NightView, engine: EngineView) -> str:

@@ -3,14 +3,14 @@
 import contextlib
 import logging
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.engine.preview import closeup_of, preview_of
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.records import Closeup, Event, Frame
+from rsoconsole.records import Closeup, Event, Frame, Record
 
 log = logging.getLogger(__name__)
 
@@ -20,7 +20,7 @@ _LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "alarm": loggin
 class Recorder(Protocol):
     """Where the loop puts what happened; must return at once and never raise."""
 
-    def append(self, record: Any, t_utc_ns: int) -> int:
+    def append(self, record: Record, t_utc_ns: int) -> int:
         """One record, in order."""
 
     def save_frame(self, frame: Frame) -> bool:
@@ -40,7 +40,7 @@ class Chronicle:
         self,
         record: Recorder,
         now_utc_ns: Callable[[], int],
-        on_record: Callable[[Any], None] | None = None,
+        on_record: Callable[[Record], None] | None = None,
     ) -> None:
         """``on_record`` hears every record, on the thread that appends it."""
         self._record = record
@@ -50,7 +50,7 @@ class Chronicle:
         self.frame_id = 0
         """The exposure that what is said belongs to."""
 
-    def append(self, record: Any) -> None:
+    def append(self, record: Record) -> None:
         """One record, in order."""
         self._record.append(record, self.last_utc_ns())
         if self._on_record is not None:
@@ -61,7 +61,7 @@ class Chronicle:
         self.append(Event(level=level, text=text, frame_id=self.frame_id))
         log.log(_LOG_LEVELS[level], "%s", text)
 
-    def tell(self, records: Iterable[Any]) -> None:
+    def tell(self, records: Iterable[Record]) -> None:
         """Records in order; words among them also into the program's log."""
         for record in records:
             self.append(record)

@@ -459,7 +459,8 @@ class Engine:
             return
         self._faults.append(words)
         self.chronicle.say("alarm", words)
-        self.chronicle.append(Miss(frame_id=self.frame_id, reason=words))
+        track_id = self.following.track_id
+        self.chronicle.append(Miss(frame_id=self.frame_id, reason=words, track_id=track_id))
         self.happen(Failed(words=words, is_final=is_final))
 
     def _enter(self, charge: Charge, reason: str) -> None:

@@ -13,7 +13,6 @@ from typing import Any, Protocol
 
 from rsoconsole.records import Detection, Identified, Measurement, TrackState
 from rsoconsole.sky.angles import wrap_180
-from rsoconsole.tracking.lqe import measured_direction_deg
 
 VISIBLE_SNR = 20.0
 """Integrated SNR from which a satellite in the field counts as visible."""
@@ -81,8 +80,8 @@ def objects_figures(
                 of(number).measured_arcsec.append(error)
         if followed is not None:
             _judge_prediction(of(followed) if followed in there else None, frame, there, followed)
-        if frame.updated is not None and frame.measurements:
-            taken = _taken(frame, frame.updated)
+        taken = taken_of(frame)
+        if frame.updated is not None and taken is not None:
             number = _object_at(taken.x_px, taken.y_px, there, width_px)
             if frame.updated.kind == "initial" or followed is None:
                 followed = number
@@ -164,16 +163,10 @@ def _judge_prediction(
         tally.predicted_arcsec.append(math.hypot(east, north) * 3600.0)
 
 
-def _taken(frame: JudgedFrame, updated: TrackState) -> Measurement:
-    """The measurement that the track took."""
-    ra_deg, dec_deg = measured_direction_deg(updated, frame.predicted)
-    cos_dec = math.cos(math.radians(dec_deg))
-    return min(
-        frame.measurements,
-        key=lambda m: math.hypot(
-            wrap_180(m.ra_icrs_deg - ra_deg) * cos_dec, m.dec_icrs_deg - dec_deg
-        ),
-    )
+def taken_of(frame: JudgedFrame) -> Measurement | None:
+    """The measurement that the track took; None where it took none."""
+    named = None if frame.updated is None else frame.updated.measurement_id
+    return next((m for m in frame.measurements if m.measurement_id == named), None)
 
 
 def _is_right(found: Identified, followed: int) -> bool | None:

@@ -236,7 +236,8 @@ class Planner:
         moves = following.track is None or needs_recentre(
             self._config.search, self._config.optics.field_deg, self._centre, direction
         )
-        slew = slew_to(self._frame_id, direction, t_mid_ns, reason) if moves else None
+        to = following.track_id
+        slew = slew_to(self._frame_id, direction, t_mid_ns, reason, to) if moves else None
         self._planned = (slew, now_utc_ns)
         return Plan(t_start_utc_ns=t_start_ns, t_mid_utc_ns=t_mid_ns, slew=slew)
 

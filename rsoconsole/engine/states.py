@@ -206,17 +206,17 @@ def _step(happening: Any, charge: Charge) -> Step:  # noqa: ARG001
 def _(happening: Armed, charge: Charge) -> Step:
     if charge.is_autonomous:
         return Step(charge=charge, refusal="it is armed already")
-    return _enter("SEARCH", f"armed by {happening.by}", "start search", "forget plate")
+    return _enter(charge, "SEARCH", f"armed by {happening.by}", "start search", "forget plate")
 
 
 @_step.register
-def _(happening: Disarmed, charge: Charge) -> Step:  # noqa: ARG001 -- from every state the same
-    return _enter("IDLE", f"disarmed by {happening.by}")
+def _(happening: Disarmed, charge: Charge) -> Step:
+    return _enter(charge, "IDLE", f"disarmed by {happening.by}")
 
 
 @_step.register
-def _(happening: Stopped, charge: Charge) -> Step:  # noqa: ARG001
-    return _enter("IDLE", f"STOP by {happening.by}", "abort")
+def _(happening: Stopped, charge: Charge) -> Step:
+    return _enter(charge, "IDLE", f"STOP by {happening.by}", "abort")
 
 
 @_step.register
@@ -227,7 +227,9 @@ def _(happening: Taken, charge: Charge) -> Step:
         has_track = charge.state in ("TRACK", "COAST")
         suspended, is_resumable = (charge.following if has_track else None), True
     after = Charge(
-        following=Following(state="MANUAL"), suspended=suspended, is_resumable=is_resumable
+        following=charge.following.without_track("MANUAL"),
+        suspended=suspended,
+        is_resumable=is_resumable,
     )
     return Step(charge=after, actions=("forget plate",), reason=f"{happening.by} moves the mount")
 
@@ -251,7 +253,7 @@ def _(happening: Resumed, charge: Charge) -> Step:
         return Step(charge=charge, refusal="it was not armed before you took the mount: arm it")
     reason = f"resumed by {happening.by}"
     if charge.suspended is None:
-        return _enter("SEARCH", reason, "start search", "forget plate")
+        return _enter(charge, "SEARCH", reason, "start search", "forget plate")
     after = Charge(following=replace(charge.suspended, state="COAST", candidates=()))
     return Step(charge=after, actions=("forget plate",), reason=reason)
 
@@ -262,7 +264,7 @@ def _(happening: Sought, charge: Charge) -> Step:
         return Step(charge=charge, refusal="autonomy does not have the mount: arm or resume first")
     if charge.state == "SEARCH":
         return Step(charge=charge)
-    after = replace(charge, following=Following(state="SEARCH"))
+    after = replace(charge, following=charge.following.without_track("SEARCH"))
     return Step(charge=after, reason=f"{SOUGHT_AGAIN} by {happening.by}")
 
 
@@ -280,7 +282,7 @@ def _(happening: Failed, charge: Charge) -> Step:
     if charge.state == "FAULT":
         return Step(charge=charge)
     if happening.is_final or failures >= FAILURES_IN_A_ROW:
-        return _enter("FAULT", happening.words, "abort")
+        return _enter(charge, "FAULT", happening.words, "abort")
     return Step(charge=replace(charge, failures=failures))
 
 
@@ -290,10 +292,12 @@ def _(happening: LimitMet, charge: Charge) -> Step:
         return Step(charge=charge)
     failures = charge.failures + 1
     if failures >= FAILURES_IN_A_ROW:
-        return _enter("FAULT", f"{happening.words}; move away by hand or park, then arm again")
+        return _enter(
+            charge, "FAULT", f"{happening.words}; move away by hand or park, then arm again"
+        )
     # What was followed has set, or stands behind the wall: the search goes on where it began.
     # A hold stays a hold: what the operator has stopped does not go on by itself.
-    after = replace(charge, following=Following(state="SEARCH"), failures=failures)
+    after = replace(charge, following=charge.following.without_track("SEARCH"), failures=failures)
     actions: tuple[Action, ...] = ("search home", "forget plate")
     return Step(charge=after, actions=actions, reason=f"{LIMIT_MET}: {happening.words}")
 
@@ -303,7 +307,7 @@ def _(happening: ClockSet, charge: Charge) -> Step:
     # A track lives by its times, and those before this are wrong; what was seen is still near.
     if not charge.is_autonomous:
         return Step(charge=replace(charge, suspended=None))
-    after = replace(charge, following=Following(state="SEARCH"))
+    after = replace(charge, following=charge.following.without_track("SEARCH"))
     actions: tuple[Action, ...] = ("start search", "forget plate")
     return Step(charge=after, actions=actions, reason=f"{CLOCK_SET} by {happening.step_s:+.1f} s")
 
@@ -313,15 +317,16 @@ def _(happening: NightEnded, charge: Charge) -> Step:
     if not charge.is_responsible:
         return Step(charge=charge)
     actions: tuple[Action, ...] = ("abort", "park") if happening.parks else ("abort",)
-    return _enter("IDLE", f"the night ends: {happening.words}", *actions)
+    return _enter(charge, "IDLE", f"the night ends: {happening.words}", *actions)
 
 
 @_step.register
 def _(happening: NotPointing, charge: Charge) -> Step:
     if not charge.is_autonomous:
         return Step(charge=charge)
-    return _enter("IDLE", f"not armed: {happening.words}")
+    return _enter(charge, "IDLE", f"not armed: {happening.words}")
 
 
-def _enter(state: LoopState, reason: str, *actions: Action) -> Step:
-    return Step(charge=Charge(following=Following(state=state)), actions=actions, reason=reason)
+def _enter(charge: Charge, state: LoopState, reason: str, *actions: Action) -> Step:
+    after = Charge(following=charge.following.without_track(state))
+    return Step(charge=after, actions=actions, reason=reason)

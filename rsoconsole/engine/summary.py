@@ -6,27 +6,34 @@ import statistics
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import singledispatchmethod
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
-from rsoconsole.engine.objects import is_on_a_streak, objects_figures
+from rsoconsole.engine.objects import is_on_a_streak, objects_figures, taken_of
 from rsoconsole.records import (
+    Closeup,
     CycleTiming,
     Detection,
     Detections,
+    Event,
     FollowedAgain,
     FrameTaken,
     Identified,
     Measurement,
     Miss,
     NotFollowed,
+    NotSolved,
+    OperatorAction,
     OrbitEstimate,
+    ParameterChange,
+    Record,
+    Ruling,
+    SlewCommand,
+    Solution,
     StateChange,
     TrackState,
 )
 from rsoconsole.sky.angles import wrap_180
-from rsoconsole.tracking.lqe import measured_direction_deg
 
 SAME_OBJECT_ARCSEC = 60.0
 SAME_FRAME_NS = 1_000_000_000
@@ -69,72 +76,91 @@ class _Tally:
         self.locked_after: int | None = None
         self._state = "SEARCH"
 
-    @singledispatchmethod
-    def take(self, record: Any) -> None:
-        """One record, in order; kinds that no figure needs pass by."""
+    def take(self, record: Record) -> None:  # noqa: PLR0912 -- one case a kind
+        """One record, in order."""
+        match record:
+            case FrameTaken():
+                self._frame_taken(record)
+            case Detections():
+                self._detections(record)
+            case Measurement():
+                self._measurement(record)
+            case TrackState():
+                self._track_state(record)
+            case NotFollowed():
+                self._not_followed(record)
+            case Miss():
+                self._miss(record)
+            case FollowedAgain():
+                self._followed_again(record)
+            case StateChange():
+                self._state_change(record)
+            case OrbitEstimate():
+                self._orbit_estimate(record)
+            case Identified():
+                self._identified(record)
+            case CycleTiming():
+                self._cycle_timing(record)
+            case Solution() | NotSolved() | SlewCommand() | Ruling() | Closeup():
+                pass  # no figure needs them
+            case ParameterChange() | OperatorAction() | Event():
+                pass
+            case _:
+                assert_never(record)
 
-    @take.register
-    def _(self, record: FrameTaken) -> None:
+    def _frame_taken(self, record: FrameTaken) -> None:
         t_mid_ns = (record.t_start_utc_ns or 0) + round((record.exposure_s or 0.0) * 5e8)
         self.frames[record.frame_id] = _Frame(t_mid_ns, self._state)
 
-    @take.register
-    def _(self, record: Detections) -> None:
+    def _detections(self, record: Detections) -> None:
         self.detections += len(record.detections)
         self.frames[record.frame_id].detections.extend(record.detections)
 
-    @take.register
-    def _(self, record: Measurement) -> None:
+    def _measurement(self, record: Measurement) -> None:
         self.frames[record.frame_id].measurements.append(record)
 
-    @take.register
-    def _(self, record: TrackState) -> None:
+    def _track_state(self, record: TrackState) -> None:
+        if not record.is_lead:
+            return
         if record.kind == "predicted":
             self.frames[record.frame_id].predicted = record
         else:
             self.frames[record.frame_id].updated = record
 
-    @take.register
-    def _(self, record: NotFollowed) -> None:
+    def _not_followed(self, record: NotFollowed) -> None:
         if record.nis is not None:
             self.frames[record.frame_id].refused_nis.append((record.measurement, record.nis))
 
-    @take.register
-    def _(self, record: Miss) -> None:
+    def _miss(self, record: Miss) -> None:
         self.missed[record.frame_id] += 1
 
-    @take.register
-    def _(self, record: FollowedAgain) -> None:
+    def _followed_again(self, record: FollowedAgain) -> None:
         # By the operator's word: what was made of the frame before counts no more.
         self.missed.pop(record.frame_id, None)
         frame = self.frames[record.frame_id]
         frame.predicted = frame.updated = None
         frame.refused_nis.clear()
 
-    @take.register
-    def _(self, record: StateChange) -> None:
+    def _state_change(self, record: StateChange) -> None:
         self._state = record.after
         if record.frame_id in self.frames:
             self.frames[record.frame_id].state = record.after
         if record.after == "TRACK" and self.locked_after is None:
             self.locked_after = record.frame_id
 
-    @take.register
-    def _(self, record: OrbitEstimate) -> None:
+    def _orbit_estimate(self, record: OrbitEstimate) -> None:
         self.orbit = record
 
-    @take.register
-    def _(self, record: Identified) -> None:
+    def _identified(self, record: Identified) -> None:
         self.identified = record
         self.frames[record.frame_id].identified = record
 
-    @take.register
-    def _(self, record: CycleTiming) -> None:
+    def _cycle_timing(self, record: CycleTiming) -> None:
         self.timings.append(record)
 
 
 def summarise(
-    records: Iterable[Any],
+    records: Iterable[Record],
     truth: Sequence[Mapping[str, Any]],
     targets: Mapping[int, str] | None = None,
 ) -> dict[str, Any]:
@@ -275,11 +301,8 @@ def _measured_figures(
 
 def _confidence(frame: _Frame) -> float | None:
     """Of the measurement the track took."""
-    if frame.updated is None or not frame.measurements:
-        return None
-    at = measured_direction_deg(frame.updated, frame.predicted)
-    taken = min(frame.measurements, key=lambda m: math.hypot(*_apart_arcsec(*_place(m), *at)))
-    return taken.confidence
+    taken = taken_of(frame)
+    return None if taken is None else taken.confidence
 
 
 def _hidden(

@@ -13,7 +13,17 @@ from rsoconsole.engine.states import Followed
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import measure
 from rsoconsole.pipeline.rulings import Folds
-from rsoconsole.records import Detection, Measurement, NotFollowed, Ruling, Solution, StateChange
+from rsoconsole.records import (
+    Detection,
+    Measurement,
+    NotFollowed,
+    Record,
+    Ruling,
+    Solution,
+    StateChange,
+    mark_id_of,
+    measurement_id_of,
+)
 from rsoconsole.tracking.follow import Following
 
 if TYPE_CHECKING:
@@ -142,7 +152,8 @@ def _mark(shown: Shown, arguments: Mapping[str, Any], by: str, config: Config) -
         is_clipped=False,
         method="operator",
     )
-    return Ruling(frame_id=taken.frame_id, taken=_measured(detection, shown, config), by=by)
+    made = _measured(detection, mark_id_of(taken.frame_id, shown.rulings), shown, config)
+    return Ruling(frame_id=taken.frame_id, taken=made, by=by)
 
 
 def _measurement_of(detection: Detection, shown: Shown, config: Config) -> Measurement:
@@ -150,22 +161,34 @@ def _measurement_of(detection: Detection, shown: Shown, config: Config) -> Measu
     for each in shown.measurements:
         if (each.x_px, each.y_px) == (detection.x_px, detection.y_px):
             return each
-    return _measured(detection, shown, config)
+    found = shown.detections
+    candidates = [*found.detections, *(each.detection for each in found.rejected)]
+    named = measurement_id_of(shown.taken.frame_id, candidates.index(detection))
+    return _measured(detection, named, shown, config)
 
 
-def _measured(detection: Detection, shown: Shown, config: Config) -> Measurement:
+def _measured(
+    detection: Detection, measurement_id: str, shown: Shown, config: Config
+) -> Measurement:
     if not isinstance(shown.solution, Solution):
         raise ValueError(
             f"frame {shown.taken.frame_id} was not solved: without stars a streak has no place"
             " on the sky"
         )
-    measured = measure(detection, shown.solution, shown.taken, config.exposure, source="operator")
+    measured = measure(
+        detection,
+        shown.solution,
+        shown.taken,
+        config.exposure,
+        measurement_id=measurement_id,
+        source="operator",
+    )
     if measured is None:
         raise ValueError(f"frame {shown.taken.frame_id} has no time: nothing can be measured on it")
     return measured
 
 
-def verdict_words(ruling: Ruling, records: tuple[Any, ...]) -> str:
+def verdict_words(ruling: Ruling, records: tuple[Record, ...]) -> str:
     """What a ruling came to, for the log."""
     what = "rejected" if ruling.taken is None else "taken"
     if ruling.taken is not None and ruling.taken.source == "operator":

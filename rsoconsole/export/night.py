@@ -1,10 +1,9 @@
 """A session gathered for others: who observed with what, and every measurement that counts."""
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias, assert_never
 
 from rsoconsole import __version__
 from rsoconsole.config import Config
@@ -13,18 +12,14 @@ from rsoconsole.records import (
     FollowedAgain,
     FrameTaken,
     Measurement,
-    Miss,
     NotFollowed,
     Ruling,
     TrackState,
 )
 from rsoconsole.session.reader import SessionReader
-from rsoconsole.sky.angles import separation_deg, wrap_180, wrap_360
-from rsoconsole.tracking.lqe import measured_direction_deg
 
-KINDS = (FrameTaken, Measurement, TrackState, NotFollowed, Miss, Ruling, FollowedAgain)
-FIRST_WITHIN_DEG = 1e-6
-"""How exactly a track's first slope leads back to the measurement it came from."""
+OfFrame: TypeAlias = Measurement | TrackState | NotFollowed | Ruling | FollowedAgain
+KINDS = (FrameTaken, Measurement, TrackState, NotFollowed, Ruling, FollowedAgain)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +37,7 @@ class ExportedNight:
 
     @property
     def tracks(self) -> tuple[int, ...]:
-        """Numbers of the tracks that took something."""
+        """Ids of the tracks that took something."""
         return tuple(sorted({row.track for row in self.rows if row.track is not None}))
 
     def of_track(self, track: int) -> tuple[MeasuredRow, ...]:
@@ -92,13 +87,9 @@ class _Followed:
     """By the measurement's place in ``measured``."""
 
     def taken(self) -> Measurement | None:
-        """The one that its innovation speaks of."""
-        if self.corrected is None or not self.measured:
-            return None
-        place = measured_direction_deg(self.corrected, self.predicted)
-        return min(
-            self.measured, key=lambda m: separation_deg(m.ra_icrs_deg, m.dec_icrs_deg, *place)
-        )
+        """The one that the track took."""
+        named = None if self.corrected is None else self.corrected.measurement_id
+        return next((m for m in self.measured if m.measurement_id == named), None)
 
     def refuse(self, record: NotFollowed) -> None:
         for place, each in enumerate(self.measured):
@@ -140,11 +131,10 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
     config = reader.config()
     about.pop("config", None)
     stories: dict[int, _FrameStory] = {}
-    record: Any
     for _, _, record in reader.records(kinds=KINDS):
         if isinstance(record, FrameTaken):
             stories[record.frame_id] = _FrameStory(taken=record)
-        elif record.frame_id in stories:
+        elif isinstance(record, OfFrame) and record.frame_id in stories:
             _hear(stories[record.frame_id], record)
     rows = sorted(_rows(stories, everything), key=lambda row: row.t_mid_utc_ns)
     name = session.resolve().name
@@ -157,7 +147,7 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
     )
 
 
-def _hear(story: _FrameStory, record: Any) -> None:
+def _hear(story: _FrameStory, record: OfFrame) -> None:
     match record:
         case Measurement():
             if record.source == "network":
@@ -169,48 +159,43 @@ def _hear(story: _FrameStory, record: Any) -> None:
             story.told.append(_Followed(measured=story.measured_again()))
         case NotFollowed():
             story.last.refuse(record)
+        case TrackState(is_lead=False):
+            pass
         case TrackState(kind="predicted"):
             story.last.predicted = record
         case TrackState():
             story.last.corrected = record
+        case _:
+            assert_never(record)
 
 
 def _rows(stories: Mapping[int, _FrameStory], everything: bool) -> Iterator[MeasuredRow]:
     firsts = _firsts(stories)
-    track = 0
-    numbers: dict[int, int] = {}
-    for frame_id in sorted(stories, key=lambda n: (_instant(stories[n]), n)):
-        corrected = stories[frame_id].last.corrected
-        track += corrected is not None and corrected.kind == "initial"
-        numbers[frame_id] = track
     for story in stories.values():
         for told in story.told:
             is_last = told is story.last
             if is_last or everything:
-                yield from _rows_of(story, told, firsts if is_last else {}, numbers)
-
-
-def _instant(story: _FrameStory) -> int:
-    return story.taken.t_start_utc_ns or 0
+                yield from _rows_of(story, told, firsts if is_last else {})
 
 
 def _rows_of(
     story: _FrameStory,
     told: _Followed,
-    firsts: Mapping[int, tuple[Measurement, int]],
-    numbers: Mapping[int, int],
+    firsts: Mapping[str, int],
 ) -> Iterator[MeasuredRow]:
     is_last = told is story.last
     taken = told.taken()
-    first, started_by = firsts.get(story.taken.frame_id, (None, 0))
     for place, measurement in enumerate(told.measured):
-        is_taken = measurement is taken or measurement is first
+        began = firsts.get(measurement.measurement_id)
+        is_taken = measurement is taken or began is not None
         refusal = told.refusals.get(place)
-        frame_id = started_by if measurement is first else story.taken.frame_id
+        track = began
+        if began is None and told.corrected is not None:
+            track = told.corrected.track_id
         yield row_of(
             measurement,
             story.taken,
-            track=(numbers.get(frame_id) or None) if is_taken and is_last else None,
+            track=track if is_taken and is_last else None,
             is_taken=is_taken,
             reason=_reason(story, measurement, refusal, is_taken=is_taken and is_last),
             nis=None if refusal is None or is_taken else refusal.nis,
@@ -231,33 +216,11 @@ def _reason(
     return None if refusal is None else refusal.reason
 
 
-def _firsts(stories: Mapping[int, _FrameStory]) -> dict[int, tuple[Measurement, int]]:
-    """By frame: the measurement with which a track began, and the frame that told so.
-
-    A track starts with its second measurement, with the slope from the first: back along it.
-    """
-    firsts: dict[int, tuple[Measurement, int]] = {}
-    for frame_id, story in stories.items():
-        state = story.last.corrected
-        if state is None or state.kind != "initial":
-            continue
-        best: tuple[float, Measurement] | None = None
-        for other in stories.values():
-            for measurement in other.last.measured:
-                off_deg = _off_slope_deg(state, measurement)
-                if off_deg is not None and (best is None or off_deg < best[0]):
-                    best = off_deg, measurement
-        if best is not None and best[0] < FIRST_WITHIN_DEG:
-            firsts[best[1].frame_id] = best[1], frame_id
-    return firsts
-
-
-def _off_slope_deg(state: TrackState, measurement: Measurement) -> float | None:
-    dt_s = (measurement.t_mid_utc_ns - state.t_utc_ns) / 1e9
-    if dt_s >= 0.0:
-        return None
-    ra_deg = wrap_360(state.x[0] + state.x[1] * dt_s)
-    dec_deg = state.x[2] + state.x[3] * dt_s
-    return math.hypot(
-        wrap_180(measurement.ra_icrs_deg - ra_deg), measurement.dec_icrs_deg - dec_deg
-    )
+def _firsts(stories: Mapping[int, _FrameStory]) -> dict[str, int]:
+    """By id: the measurements with which tracks began a frame before, and those tracks."""
+    begun = (story.last.corrected for story in stories.values())
+    return {
+        state.begun_with[0]: state.track_id
+        for state in begun
+        if state is not None and state.begun_with is not None
+    }

@@ -2,7 +2,6 @@
 
 from collections import deque
 from pathlib import Path
-from typing import Any
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import ConfigError
@@ -16,6 +15,7 @@ from rsoconsole.records import (
     NotFollowed,
     OperatorAction,
     ParameterChange,
+    Record,
     SlewCommand,
     StateChange,
 )
@@ -37,7 +37,7 @@ class LiveNight:
         """The configuration of the session's beginning."""
         self.config: Config = self.begun_with
         """In force now."""
-        self.records: list[Any] = []
+        self.records: list[Record] = []
         self.slew: SlewCommand | None = None
         self.log: deque[tuple[int, str, str]] = deque(maxlen=LOG_LINES)
         """(t_utc_ns, level, words), the newest last."""
@@ -69,7 +69,7 @@ class LiveNight:
         frames = self.night().frames
         return next((f.measured for f in reversed(frames) if f.frame_id == frame_id), None)
 
-    def _take(self, t_utc_ns: int, record: Any) -> None:
+    def _take(self, t_utc_ns: int, record: Record) -> None:
         self._fold.take(record)
         if isinstance(record, FrameTaken):
             self._facts[record.frame_id] = FrameFacts()
@@ -107,7 +107,7 @@ class LiveNight:
         return False
 
 
-def _line(record: Any) -> tuple[str, str] | None:
+def _line(record: Record) -> tuple[str, str] | None:
     """(level, words) of what belongs into the log; None for what is routine."""
     level, words = "info", ""
     match record:

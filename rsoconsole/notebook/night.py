@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias, assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
@@ -15,15 +15,15 @@ from rsoconsole.records import (
     Measurement,
     Miss,
     ParameterChange,
+    Record,
     TrackState,
 )
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.sky.angles import wrap_180
-from rsoconsole.tracking.lqe import measured_direction_deg
 
 SAME_FRAME_S = 1.0
-KINDS_OF_FRAME = (Measurement, TrackState, Miss, FollowedAgain)
-KINDS = (FrameTaken, *KINDS_OF_FRAME, ParameterChange)
+OfFrame: TypeAlias = Measurement | TrackState | Miss | FollowedAgain
+KINDS = (FrameTaken, Measurement, TrackState, Miss, FollowedAgain, ParameterChange)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -81,7 +81,7 @@ class NightFold:
         self._changed: set[int] = set()
         """Frames with measurements of which it is not settled which one the track took."""
 
-    def take(self, record: Any) -> None:
+    def take(self, record: Record) -> None:
         """One record; of kinds that it does not know it takes no notice."""
         if isinstance(record, ParameterChange):
             self._tau = float(record.after) if record.name == "detector.tau" else self._tau
@@ -91,7 +91,7 @@ class NightFold:
                     frame_id=record.frame_id, t_mid_utc_ns=record.t_mid_utc_ns, tau=self._tau
                 )
                 self._measured.pop(record.frame_id, None)
-        elif isinstance(record, KINDS_OF_FRAME) and record.frame_id in self._frames:
+        elif isinstance(record, OfFrame) and record.frame_id in self._frames:
             _put(self._frames[record.frame_id], record, self._measured)
             self._changed.add(record.frame_id)
 
@@ -128,30 +128,30 @@ def with_frames(night: Night, session: Path) -> Night:
     return night
 
 
-def _put(frame: NightFrame, record: Any, measured: dict[int, list[Measurement]]) -> None:
-    if isinstance(record, Measurement):
-        measured.setdefault(frame.frame_id, []).append(record)
-    elif isinstance(record, FollowedAgain):
-        # By the operator's word: what was made of it before counts no more.
-        frame.predicted = frame.corrected = frame.missed = None
-    elif isinstance(record, Miss):
-        frame.missed = record.reason
-    elif record.kind == "predicted":
-        frame.predicted = record
-    else:
-        frame.corrected = record
+def _put(frame: NightFrame, record: OfFrame, measured: dict[int, list[Measurement]]) -> None:
+    match record:
+        case Measurement():
+            measured.setdefault(frame.frame_id, []).append(record)
+        case FollowedAgain():
+            # By the operator's word: what was made of it before counts no more.
+            frame.predicted = frame.corrected = frame.missed = None
+        case Miss():
+            frame.missed = record.reason
+        case TrackState(is_lead=False):
+            pass
+        case TrackState(kind="predicted"):
+            frame.predicted = record
+        case TrackState():
+            frame.corrected = record
+        case _:
+            assert_never(record)
 
 
 def _tell_apart(frame: NightFrame, candidates: list[Measurement]) -> None:
-    """Which measurement the track took: the one its innovation speaks of."""
+    """Which measurement the track took: the one that it names."""
     if frame.corrected is not None:
-        ra_deg, dec_deg = measured_direction_deg(frame.corrected, frame.predicted)
-        frame.measured = min(
-            candidates,
-            key=lambda m: math.hypot(
-                *offset_arcsec(m.ra_icrs_deg, m.dec_icrs_deg, ra_deg, dec_deg)
-            ),
-        )
+        named = frame.corrected.measurement_id
+        frame.measured = next((m for m in candidates if m.measurement_id == named), None)
     frame.others = tuple(m for m in candidates if m is not frame.measured)
 
 

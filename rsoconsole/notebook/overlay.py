@@ -6,7 +6,6 @@ In pixels of the whole frame, whatever size the picture is shown at.
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from rsoconsole.records import (
     FrameTaken,
     Measurement,
     NotSolved,
+    Record,
     Solution,
     TrackState,
 )
@@ -40,7 +40,7 @@ class FrameFacts:
     measurements: tuple[Measurement, ...] = ()
     predicted: TrackState | None = None
 
-    def take(self, record: Any) -> None:
+    def take(self, record: Record) -> None:
         """One record of the frame, in the order of the log."""
         if isinstance(record, FrameTaken):
             self.taken = record

@@ -89,11 +89,12 @@ VIEWS: dict[str, View] = {
         Measurement,
         "t_mid_utc_ns ra_icrs_deg dec_icrs_deg x_px y_px confidence source is_clipped "
         "cov_ee_arcsec2=cov_sky_arcsec2.0 cov_en_arcsec2=cov_sky_arcsec2.1 "
-        "cov_nn_arcsec2=cov_sky_arcsec2.2 ends_icrs_deg",
+        "cov_nn_arcsec2=cov_sky_arcsec2.2 ends_icrs_deg measurement_id",
     ),
     "not_followed": _view(
         NotFollowed,
-        "ra_icrs_deg=measurement.ra_icrs_deg dec_icrs_deg=measurement.dec_icrs_deg reason",
+        "ra_icrs_deg=measurement.ra_icrs_deg dec_icrs_deg=measurement.dec_icrs_deg reason "
+        "measurement_id=measurement.measurement_id track_id",
         is_followed_again=True,
     ),
     "track": _view(
@@ -102,11 +103,12 @@ VIEWS: dict[str, View] = {
         "dec_rate_deg_s=x.3 covariance=P nis innovation_east_arcsec=innovation_arcsec.0 "
         "innovation_north_arcsec=innovation_arcsec.1 "
         "sigma_east_arcsec=sigma_innovation_arcsec.0 "
-        "sigma_north_arcsec=sigma_innovation_arcsec.1 misses foretold_by",
+        "sigma_north_arcsec=sigma_innovation_arcsec.1 misses foretold_by "
+        "track_id measurement_id first_measurement_id=begun_with.0 is_lead",
         is_followed_again=True,
     ),
-    "slews": _view(SlewCommand, "ra_icrs_deg dec_icrs_deg t_aim_utc_ns reason"),
-    "misses": _view(Miss, "reason", is_followed_again=True),
+    "slews": _view(SlewCommand, "ra_icrs_deg dec_icrs_deg t_aim_utc_ns reason track_id"),
+    "misses": _view(Miss, "reason track_id", is_followed_again=True),
     "states": _view(StateChange, "before after reason"),
     "parameters": _view(ParameterChange, "name before after by"),
     "actions": _view(OperatorAction, "verb arguments outcome by"),

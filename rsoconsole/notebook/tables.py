@@ -26,7 +26,7 @@ _UNITS = (
     ("_px", "pix"),
     ("_s", "s"),
 )
-_WHOLE = frozenset(("seq", "frame_id", "number", "matched", "misses"))
+_WHOLE = frozenset(("seq", "frame_id", "number", "matched", "misses", "track_id"))
 _NUMBERS = frozenset(("confidence", "snr", "unevenness", "nis"))
 _NOT_PLAIN = frozenset(("covariance", "ends_icrs_deg"))
 _SHAPES = {"covariance": (4, 4), "ends_icrs_deg": (2, 2)}

@@ -250,7 +250,11 @@ def needs_recentre(
 
 
 def slew_to(
-    frame_id: int, direction: tuple[float, float], t_aim_utc_ns: int, reason: str
+    frame_id: int,
+    direction: tuple[float, float],
+    t_aim_utc_ns: int,
+    reason: str,
+    track_id: int | None = None,
 ) -> SlewCommand:
     """The command for the record."""
     return SlewCommand(
@@ -259,4 +263,5 @@ def slew_to(
         dec_icrs_deg=direction[1],
         t_aim_utc_ns=t_aim_utc_ns,
         reason=reason,
+        track_id=track_id,
     )

@@ -4,7 +4,6 @@ import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.errors import FrameError
@@ -13,7 +12,7 @@ from rsoconsole.pipeline.cycle import Cycle, taken_record
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.orbits import Orbits
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
-from rsoconsole.records import Frame
+from rsoconsole.records import Frame, Record
 from rsoconsole.tracking.follow import Following
 
 
@@ -26,7 +25,7 @@ class Processed:
     t_mid_utc_ns: int | None
     reduction: Reduction
     after: Following
-    records: tuple[Any, ...]
+    records: tuple[Record, ...]
     """All that belongs on the record, in order."""
 
 
@@ -47,7 +46,7 @@ def process_files(
     for number, path in zip(numbers or itertools.count(1), paths, strict=False):
         try:
             frame = read_frame(path, number)
-            outcomes: tuple[Any, ...] = ()
+            outcomes: tuple[Record, ...] = ()
             if frame.t_mid_utc_ns is None or frame.exposure_s is None:
                 reduction = reducer.reduce(frame)
             else:

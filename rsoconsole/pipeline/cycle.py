@@ -5,14 +5,13 @@ The engine, ``process`` and every replay run this, so that the same frames give 
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.absence import StarHistory, cloud_words, stars_of
 from rsoconsole.pipeline.fold import Shown, fold, looked_at, when
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.rulings import Fold, Folds, on_record_again
-from rsoconsole.records import Frame, FrameTaken, OrbitEstimate, Ruling
+from rsoconsole.records import Frame, FrameTaken, OrbitEstimate, Record, Ruling
 from rsoconsole.tracking.follow import Following
 
 
@@ -22,7 +21,7 @@ class CycleResult:
 
     reduction: Reduction
     after: Following
-    records: tuple[Any, ...]
+    records: tuple[Record, ...]
     """All that belongs on the record behind ``FrameTaken``, in order."""
 
 
@@ -60,7 +59,7 @@ class Cycle:
         """The last frames followed, on which the operator may say a word."""
         return self._folds
 
-    def rule(self, ruling: Ruling) -> tuple[Following, tuple[Any, ...]]:
+    def rule(self, ruling: Ruling) -> tuple[Following, tuple[Record, ...]]:
         """Follow a frame and those after it again by the operator's word.
 
         What is followed then, and what belongs on the record. Raises ValueError where nothing
@@ -69,7 +68,7 @@ class Cycle:
         again = self._folds.rule(ruling)
         return again[-1].folded.following, on_record_again(ruling, again)
 
-    def look(self, frame: Frame) -> tuple[Reduction, tuple[Any, ...]]:
+    def look(self, frame: Frame) -> tuple[Reduction, tuple[Record, ...]]:
         """Reduce a frame that is not followed; (what it shows, what belongs on the record)."""
         reduction = self._reducer.reduce(frame)
         shown = _shown(taken_record(frame), reduction)
@@ -122,7 +121,7 @@ def _shown(taken: FrameTaken, reduction: Reduction, orbit: OrbitEstimate | None 
     )
 
 
-def _on_record(reduction: Reduction) -> tuple[Any, ...]:
+def _on_record(reduction: Reduction) -> tuple[Record, ...]:
     solution = () if reduction.solution is None else (reduction.solution,)
     return (reduction.detections, *solution, *reduction.measurements)
 

@@ -3,7 +3,6 @@
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.errors import FrameError
@@ -20,6 +19,7 @@ from rsoconsole.records import (
     Measurement,
     NotSolved,
     OrbitEstimate,
+    Record,
     Ruling,
     Solution,
     TrackState,
@@ -46,6 +46,8 @@ class Shown:
     measurements: tuple[Measurement, ...]
     ruling: Ruling | None = None
     """The operator's word on them."""
+    rulings: int = 0
+    """How many words have been said on them."""
     orbit: OrbitEstimate | None = None
     """The orbit on record when the frame came."""
 
@@ -56,7 +58,7 @@ class Folded:
 
     following: Following
     stars: StarHistory
-    records: tuple[Any, ...]
+    records: tuple[Record, ...]
     """What the fold puts on record, in order."""
 
 

@@ -1,11 +1,23 @@
 """A streak in pixels and a plate solution make a direction on the sky with its covariance."""
 
+import itertools
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from rsoconsole.config import ExposureConfig
-from rsoconsole.records import Detection, Frame, FrameTaken, Measurement, Solution, Source
+from rsoconsole.records import (
+    Detection,
+    Detections,
+    Frame,
+    FrameTaken,
+    Measurement,
+    Solution,
+    Source,
+    measurement_id_of,
+)
 from rsoconsole.sky.wcs import jacobian_arcsec_px, pixel_to_sky
 
 AIR_ARCSEC_ROOT_S = 0.40
@@ -27,6 +39,8 @@ def measure(
     solution: Solution,
     frame: Frame | FrameTaken,
     exposure: ExposureConfig,
+    *,
+    measurement_id: str,
     source: Source = "network",
 ) -> Measurement | None:
     """The streak's midpoint on the sky at mid-exposure; None when the frame has no time.
@@ -49,6 +63,7 @@ def measure(
         np.array([detection.y_a_px, detection.y_b_px]),
     )
     return Measurement(
+        measurement_id=measurement_id,
         frame_id=frame.frame_id,
         t_mid_utc_ns=t_mid_ns,
         ra_icrs_deg=float(ra),
@@ -67,6 +82,46 @@ def measure(
             )
         ),
         is_clipped=detection.is_clipped,
+    )
+
+
+def measured(
+    found: Detections,
+    solution: Solution,
+    frame: Frame | FrameTaken,
+    exposure: ExposureConfig,
+) -> tuple[Measurement, ...]:
+    """What is measured of a frame's detections, in their order."""
+    made = (
+        measure(
+            each,
+            solution,
+            frame,
+            exposure,
+            measurement_id=measurement_id_of(frame.frame_id, number),
+        )
+        for number, each in enumerate(found.detections)
+    )
+    return tuple(m for m in made if m is not None)
+
+
+def numbered_like(
+    measurements: Sequence[Measurement], recorded: Sequence[Measurement], found: Detections
+) -> tuple[Measurement, ...]:
+    """What a frame shows when it is reduced once more, under ids that mean nothing else.
+
+    What is as ``recorded`` keeps its id; all else gets a number behind the recorded candidates
+    (``found``), which the operator may have spoken of.
+    """
+    numbers = itertools.count(len(found.detections) + len(found.rejected))
+    same = {replace(each, measurement_id=""): each.measurement_id for each in recorded}
+    return tuple(
+        replace(
+            each,
+            measurement_id=same.get(replace(each, measurement_id=""))
+            or measurement_id_of(each.frame_id, next(numbers)),
+        )
+        for each in measurements
     )
 
 

@@ -66,8 +66,8 @@ class Naming:
             self._due = FIRST_AT
         self._config = config
 
-    def ask(self, frame_id: int, seen: Sightings) -> Identified | None:
-        """A name for what was seen, where it is time to ask and there is a catalogue.
+    def ask(self, frame_id: int, track_id: int, seen: Sightings) -> Identified | None:
+        """A name for what a track saw, where it is time to ask and there is a catalogue.
 
         Raises OrbitError where the catalogue cannot be read.
         """
@@ -79,6 +79,7 @@ class Naming:
         self._due = max(round(_MORE * len(seen)), len(seen) + 1)
         return identified(
             frame_id,
+            track_id,
             longest_arc(seen),
             self._config.site.to_site(),
             self._catalogue.entries(),
@@ -88,6 +89,7 @@ class Naming:
 
 def identified(
     frame_id: int,
+    track_id: int,
     seen: Sightings,
     site: Site,
     entries: Sequence[CatalogueEntry],
@@ -98,6 +100,7 @@ def identified(
     found: Identification = identify(seen, site, entries, gate_deg=gate_deg)
     return Identified(
         frame_id=frame_id,
+        track_id=track_id,
         verdict=found.verdict,
         reason=found.reason,
         hint=found.hint,

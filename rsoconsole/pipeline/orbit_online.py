@@ -8,7 +8,6 @@ satellite that is found again keeps its orbit.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from rsoconsole.orbit.two_body import elements_of
 from rsoconsole.pipeline.foretelling import Foretold, Rivals, may_guide
 from rsoconsole.pipeline.sightings_of import sightings_of
 from rsoconsole.pipeline.tracks_taken import Track, TracksTaken
-from rsoconsole.records import Measurement, OrbitEstimate, TrackState
+from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.tracking import lqe
 
@@ -87,7 +86,7 @@ class OnlineOrbit:
         """Take new tunables."""
         self._config = config
 
-    def hear(self, record: Any) -> None:
+    def hear(self, record: Record) -> None:
         """One record of the log."""
         self._tracks.hear(record)
         if isinstance(record, TrackState) and record.kind == "initial":
@@ -145,7 +144,7 @@ class OnlineOrbit:
             target.rivals.filter_failed()
         elif foretold is not None and (by_filter := self._by_filter(track)) is not None:
             target.rivals.hear(foretold.short, by_filter)
-        estimate = self._estimate(track.last.frame_id, orbit, seen, foretold)
+        estimate = self._estimate(track, orbit, seen, foretold)
         words, target.words = [*target.words, *_news(target, estimate, was_guide=was_guide)], []
         return Refined(estimate=estimate, words=tuple(words))
 
@@ -266,12 +265,13 @@ class OnlineOrbit:
         return Foretold(nis=track.last.nis, log_size=log_size)
 
     def _estimate(
-        self, frame_id: int, orbit: Orbit, seen: Sightings, foretold: "_Told | None"
+        self, track: Track, orbit: Orbit, seen: Sightings, foretold: "_Told | None"
     ) -> OrbitEstimate:
         elements = elements_of(orbit.r_km, orbit.v_km_s)
         r, v = orbit.r_km, orbit.v_km_s
         return OrbitEstimate(
-            frame_id=frame_id,
+            frame_id=track.last.frame_id,
+            track_id=track.track_id,
             label=orbit.label,
             prior=orbit.prior,
             reason=orbit.reason,

@@ -35,5 +35,6 @@ def recorded_orbit(
     if not entries:
         return refined.estimate, None
     arc, site = longest_arc(online.seen), config.site.to_site()
-    frame_id = refined.estimate.frame_id
-    return refined.estimate, identified(frame_id, arc, site, entries, gate_deg=gate_deg)
+    estimate = refined.estimate
+    name = identified(estimate.frame_id, estimate.track_id, arc, site, entries, gate_deg=gate_deg)
+    return estimate, name

@@ -1,13 +1,12 @@
 """The orbit and the name of what is followed, frame by frame, as they go on record."""
 
 import logging
-from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.errors import OrbitError
 from rsoconsole.pipeline.naming import Naming
 from rsoconsole.pipeline.orbit_online import OnlineOrbit
-from rsoconsole.records import Event, OrbitEstimate
+from rsoconsole.records import Event, OrbitEstimate, Record
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +29,7 @@ class Orbits:
         self.online.configure(config)
         self._naming.configure(config)
 
-    def hear(self, record: Any) -> None:
+    def hear(self, record: Record) -> None:
         """One record of the log."""
         self.online.hear(record)
 
@@ -39,9 +38,9 @@ class Orbits:
         self.online.forget()
         self.last = None
 
-    def refine(self) -> tuple[Any, ...]:
+    def refine(self) -> tuple[Record, ...]:
         """What belongs on record behind a frame: OrbitEstimate, Identified, and words on both."""
-        records: list[Any] = []
+        records: list[Record] = []
         try:
             refined = self.online.refine()
             if refined is None:
@@ -50,7 +49,8 @@ class Orbits:
             records.append(refined.estimate)
             records += [Event(level="info", text=w, frame_id=frame_id) for w in refined.words]
             seen = self.online.seen
-            name = None if seen is None else self._naming.ask(frame_id, seen)
+            track_id = refined.estimate.track_id
+            name = None if seen is None else self._naming.ask(frame_id, track_id, seen)
             if name is not None:
                 records.append(name)
         except OrbitError as error:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from rsoconsole.config import Config
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import measure
-from rsoconsole.records import Rejection, Solution
+from rsoconsole.records import Rejection, Solution, measurement_id_of
 
 TOO_FAINT = "confidence "
 """How the detector's verdict on what is only below tau begins."""
@@ -27,11 +27,12 @@ def at_tau(shown: Shown, config: Config) -> Shown:
     """
     tau = config.detector.tau
     found = shown.detections
-    admitted = [
-        r.detection
-        for r in found.rejected
+    numbered = {
+        number: r.detection
+        for number, r in enumerate(found.rejected, start=len(found.detections))
         if r.reason.startswith(TOO_FAINT) and r.detection.confidence > tau
-    ]
+    }
+    admitted = list(numbered.values())
     kept = [d for d in found.detections if d.confidence > tau]
     too_faint = [
         Rejection(detection=d, reason=f"{TOO_FAINT}{d.confidence:.2f} below tau {tau:.2f}")
@@ -40,7 +41,16 @@ def at_tau(shown: Shown, config: Config) -> Shown:
     ]
     measurements = [m for m in shown.measurements if m.source == "operator" or m.confidence > tau]
     if isinstance(shown.solution, Solution):
-        made = (measure(d, shown.solution, shown.taken, config.exposure) for d in admitted)
+        made = (
+            measure(
+                detection,
+                shown.solution,
+                shown.taken,
+                config.exposure,
+                measurement_id=measurement_id_of(found.frame_id, number),
+            )
+            for number, detection in numbered.items()
+        )
         measurements += [m for m in made if m is not None]
     # Sorting is stable: what was measured keeps its order.
     detections = sorted((*kept, *admitted), key=lambda d: -d.confidence)

@@ -5,20 +5,31 @@ For figures of the night as it was nothing has to be reckoned: no filter is load
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import assert_never
 
-from rsoconsole.pipeline.replay import FOLDED, FOLDS, is_from_outside
+from rsoconsole.pipeline.replay import FOLDED, is_from_outside
 from rsoconsole.records import (
+    Closeup,
     CycleTiming,
     Detections,
     Event,
     FollowedAgain,
     FrameTaken,
+    Identified,
     LoopState,
+    Measurement,
     Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    OrbitEstimate,
     ParameterChange,
+    Record,
     Ruling,
+    SlewCommand,
+    Solution,
     StateChange,
+    TrackState,
 )
 
 
@@ -27,13 +38,13 @@ class RecordedFrame:
     """One folded frame."""
 
     taken: FrameTaken
-    records: tuple[Any, ...]
+    records: tuple[Record, ...]
     """TrackState, NotFollowed, Miss, StateChange, in order."""
     state: LoopState
     """After it."""
 
 
-def recorded_frames(records: Iterable[Any]) -> Iterator[RecordedFrame]:
+def recorded_frames(records: Iterable[Record]) -> Iterator[RecordedFrame]:
     """Every frame that the session folded, in order; one that was followed again comes again.
 
     ``records``: a session's log in its order, of all kinds.
@@ -48,7 +59,7 @@ def recorded_frames(records: Iterable[Any]) -> Iterator[RecordedFrame]:
 class _Open:
     taken: FrameTaken
     before: LoopState
-    records: list[Any] = field(default_factory=list)
+    records: list[Record] = field(default_factory=list)
 
     def closed(self) -> RecordedFrame:
         changes = [each.after for each in self.records if isinstance(each, StateChange)]
@@ -74,7 +85,7 @@ class _Walk:
     """A ruling has come, and none of the frames that it has followed again."""
     is_first_again: bool = False
 
-    def hear(self, record: Any) -> Iterator[RecordedFrame]:
+    def hear(self, record: Record) -> Iterator[RecordedFrame]:  # noqa: PLR0912 -- one case a kind
         """One record; gives the frame that it shows to be complete."""
         match record:
             case FrameTaken():
@@ -99,9 +110,15 @@ class _Walk:
             case Event():
                 if record.level == "alarm":
                     self.alarms.add(record.text)
-            case _ if isinstance(record, FOLDS) and self.open is not None:
-                if not self._is_loops_own(record):
+            case TrackState() | NotFollowed() | Miss() | StateChange():
+                if self.open is not None and not self._is_loops_own(record):
                     self.open.records.append(record)
+            case Solution() | NotSolved() | Measurement() | SlewCommand():
+                pass
+            case OrbitEstimate() | Identified() | OperatorAction() | Closeup():
+                pass
+            case _:
+                assert_never(record)
 
     def close(self) -> Iterator[RecordedFrame]:
         """The open frame, if there is one that was followed."""
@@ -126,7 +143,7 @@ class _Walk:
         self.is_first_again = False
         self.open = _Open(taken=old.taken, before=before)
 
-    def _is_loops_own(self, record: Any) -> bool:
+    def _is_loops_own(self, record: Record) -> bool:
         """An instrument that failed, or what a ruling came to in words: nothing of the fold's."""
         if isinstance(record, Miss):
             return record.reason in self.alarms

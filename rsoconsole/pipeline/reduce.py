@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.measure import measure
+from rsoconsole.pipeline.measure import measured
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.detector import Proposer, StreakDetector
@@ -89,8 +89,7 @@ class FrameReducer:
                 solution = self._plate.solve(frame, analysis.stars)
         measurements: tuple[Measurement, ...] = ()
         if isinstance(solution, Solution):
-            made = (measure(d, solution, frame, self._config.exposure) for d in found.detections)
-            measurements = tuple(m for m in made if m is not None)
+            measurements = measured(found, solution, frame, self._config.exposure)
         star_count = len(analysis.stars.x_px)
         return Reduction(
             detections=replace(

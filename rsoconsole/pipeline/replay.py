@@ -10,7 +10,7 @@ operator had the mount was looked at, not folded.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias, assert_never
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.pipeline.absence import StarHistory
@@ -20,19 +20,25 @@ from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.otherwise import at_instant, at_tau
 from rsoconsole.pipeline.rulings import Fold, Folds
 from rsoconsole.records import (
+    Closeup,
     CycleTiming,
     Detections,
     Event,
+    FoldRecord,
     FollowedAgain,
     FrameTaken,
+    Identified,
     LoopState,
     Measurement,
     Miss,
     NotFollowed,
     NotSolved,
+    OperatorAction,
     OrbitEstimate,
     ParameterChange,
+    Record,
     Ruling,
+    SlewCommand,
     Solution,
     StateChange,
     TrackState,
@@ -60,9 +66,9 @@ class ReplayedFrame:
     """In force for this frame."""
     after: Following
     """What is followed after it."""
-    records: tuple[Any, ...]
+    records: tuple[Record, ...]
     """What the fold makes of it now: TrackState, NotFollowed, Miss, StateChange, in order."""
-    recorded: tuple[Any, ...]
+    recorded: tuple[Record, ...]
     """What it made of it then."""
 
     @property
@@ -95,7 +101,7 @@ Part: TypeAlias = Literal["input", "folded", "other"]
 
 
 def replay(
-    records: Iterable[Any],
+    records: Iterable[Record],
     config: Config,
     *,
     tried: Mapping[str, float | str] | None = None,
@@ -130,7 +136,7 @@ class _Open:
     detections: Detections
     solution: Solution | NotSolved | None = None
     measurements: list[Measurement] = field(default_factory=list)
-    recorded: list[Any] = field(default_factory=list)
+    recorded: list[Record] = field(default_factory=list)
     orbit: OrbitEstimate | None = None
 
     def shown(self) -> Shown:
@@ -165,7 +171,7 @@ class Walk:
     folds: Folds = field(default_factory=Folds)
     again: dict[int, Fold] = field(default_factory=dict)
     """Frames that a ruling has had followed again, by number."""
-    open_again: tuple[Fold, list[Any]] | None = None
+    open_again: tuple[Fold, list[Record]] | None = None
     """One of them whose records still come in."""
     is_ruled: bool = False
     """A ruling has come, and none of the frames that it has followed again."""
@@ -185,7 +191,7 @@ class Walk:
             config = with_setting(config, name, value)
         return cls(config=config, held=frozenset(held), reduce_again=reduce_again)
 
-    def hear(self, record: Any) -> Iterator[ReplayedFrame | LookedAt]:
+    def hear(self, record: Record) -> Iterator[ReplayedFrame | LookedAt]:  # noqa: PLR0912 -- one case a kind
         """One record; gives the frame that it shows to be complete."""
         self.part = "other"
         match record:
@@ -215,10 +221,16 @@ class Walk:
             case Event():
                 if record.level == "alarm":
                     self.alarms.add(record.text)
-            case _:
+            case Solution() | NotSolved() | Measurement():
                 self.part = self._hear_of_frame(record)
+            case TrackState() | NotFollowed() | Miss() | StateChange():
+                self.part = self._hear_of_frame(record)
+            case SlewCommand() | Identified() | OperatorAction() | Closeup():
+                pass  # led to by what is followed, or beside it
+            case _:
+                assert_never(record)
 
-    def _hear_of_frame(self, record: Any) -> Part:
+    def _hear_of_frame(self, record: FoldRecord | Solution | NotSolved | Measurement) -> Part:
         """What was seen in a frame, or what the fold made of it."""
         is_folds = isinstance(record, FOLDS) and not self._is_loops_own(record)
         if self.open_again is not None:
@@ -230,15 +242,18 @@ class Walk:
         if is_folds:
             self.open.recorded.append(record)
             return "folded"
-        if isinstance(record, Solution | NotSolved):
-            self.open.solution = record
-        elif isinstance(record, Measurement):
-            self.open.measurements.append(record)
-        else:
-            return "other"
+        match record:
+            case Solution() | NotSolved():
+                self.open.solution = record
+            case Measurement():
+                self.open.measurements.append(record)
+            case TrackState() | NotFollowed() | Miss() | StateChange():
+                return "other"
+            case _:
+                assert_never(record)
         return "input"
 
-    def _is_loops_own(self, record: Any) -> bool:
+    def _is_loops_own(self, record: Record) -> bool:
         """An instrument that failed, or what a ruling came to in words: nothing of the fold's."""
         if isinstance(record, Miss):
             return record.reason in self.alarms
@@ -306,18 +321,19 @@ class Walk:
                 self.suspended = self.following
             elif self.following.state in FOLDED:
                 self.suspended = None
-            self.following = Following(state="MANUAL")
+            self.following = self.following.without_track("MANUAL")
             return
         if change.after != "COAST":
-            self.following = Following(state=change.after)
+            self.following = self.following.without_track(change.after)
         elif self.suspended is not None:
             self.following = replace(self.suspended, state="COAST", candidates=())
         else:
-            self.following = Following()  # there was a track then; under what is tried there is not
+            # There was a track then; under what is tried there is not.
+            self.following = self.following.without_track("SEARCH")
         self.suspended = None
 
 
-def _replayed(done: Fold, recorded: tuple[Any, ...]) -> ReplayedFrame:
+def _replayed(done: Fold, recorded: tuple[Record, ...]) -> ReplayedFrame:
     return ReplayedFrame(
         taken=done.shown.taken,
         shown=done.shown,

@@ -12,7 +12,7 @@ from rsoconsole.config import Config
 from rsoconsole.errors import FrameError
 from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.pipeline.fold import Shown
-from rsoconsole.pipeline.measure import measure
+from rsoconsole.pipeline.measure import measured, numbered_like
 from rsoconsole.pipeline.open import open_reducer
 from rsoconsole.pipeline.reduce import FrameReducer
 from rsoconsole.records import Frame, NotSolved, Solution
@@ -71,7 +71,9 @@ class Rerun:
                 shown,
                 detections=reduction.detections,
                 solution=reduction.solution,
-                measurements=reduction.measurements,
+                measurements=numbered_like(
+                    reduction.measurements, shown.measurements, shown.detections
+                ),
             )
         return _with_plate(shown, reduction.solution, config)
 
@@ -148,8 +150,5 @@ def _with_plate(shown: Shown, solution: Solution | NotSolved | None, config: Con
     """The recorded detections, measured with another plate; what a hand marked stays as it is."""
     measurements = [m for m in shown.measurements if m.source == "operator"]
     if isinstance(solution, Solution):
-        made = (
-            measure(d, solution, shown.taken, config.exposure) for d in shown.detections.detections
-        )
-        measurements += [m for m in made if m is not None]
+        measurements += measured(shown.detections, solution, shown.taken, config.exposure)
     return replace(shown, solution=solution, measurements=tuple(measurements))

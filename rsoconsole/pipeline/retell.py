@@ -7,7 +7,7 @@ configuration that was tried gives its own records again (on another processor: 
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TypeGuard
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.alike import are_alike
@@ -33,6 +33,7 @@ from rsoconsole.records import (
     Measurement,
     OrbitEstimate,
     ParameterChange,
+    Record,
     Ruling,
     StateChange,
 )
@@ -47,7 +48,7 @@ _CLOSES = (FrameTaken, CycleTiming, Ruling, FollowedAgain, ParameterChange)
 class Retold:
     """A log, and the replayed frames in it."""
 
-    log: tuple[tuple[int, Any], ...]
+    log: tuple[tuple[int, Record], ...]
     """(t_utc_ns, record), in order."""
     frames: tuple[ReplayedFrame, ...]
     config: Config
@@ -55,7 +56,7 @@ class Retold:
 
 
 def retell(
-    log: Iterable[tuple[int, Any]],
+    log: Iterable[tuple[int, Record]],
     config: Config,
     *,
     tried: Mapping[str, float | str] | None = None,
@@ -75,10 +76,10 @@ class _Telling:
     """Walks along a log and writes another beside it."""
 
     def __init__(self, walk: Walk) -> None:
-        self.told: list[tuple[int, Any]] = []
+        self.told: list[tuple[int, Record]] = []
         self.frames: list[ReplayedFrame] = []
         self._walk = walk
-        self._held: list[tuple[int, Any, Part]] = []
+        self._held: list[tuple[int, Record, Part]] = []
         """Records since the frame that is open was reduced, or began to be followed again."""
         self._t_open_ns = 0
         self._is_again = False
@@ -89,7 +90,7 @@ class _Telling:
         self._ruled: tuple[int, Ruling, LoopState, LoopState] | None = None
         """A ruling whose change of state has not been told, and the states before and after."""
 
-    def hear(self, t_utc_ns: int, record: Any) -> None:
+    def hear(self, t_utc_ns: int, record: Record) -> None:
         """One record more."""
         walk = self._walk
         if isinstance(record, _CLOSES) or _is_passage(record):
@@ -116,7 +117,7 @@ class _Telling:
         self.told.append((t_utc_ns, record))
         self._t_open_ns, self._is_again = t_utc_ns, True
 
-    def _tell_other(self, t_utc_ns: int, record: Any, before: LoopState) -> None:
+    def _tell_other(self, t_utc_ns: int, record: Record, before: LoopState) -> None:
         """A record that belongs to no frame that is open."""
         walk = self._walk
         if isinstance(record, FollowedAgain):
@@ -166,7 +167,7 @@ class _Telling:
         held, self._held = self._held, []
         is_again, self._is_again = self._is_again, False
         inputs = () if is_again else _inputs(closed.shown)
-        folded: tuple[Any, ...] = ()
+        folded: tuple[Record, ...] = ()
         if isinstance(closed, ReplayedFrame):
             self.frames.append(closed)
             folded = closed.records
@@ -186,8 +187,8 @@ class _Telling:
 
 
 def _without_orbits(
-    held: Iterable[tuple[int, Any, Part]],
-) -> Iterator[tuple[int, Any, Part]]:
+    held: Iterable[tuple[int, Record, Part]],
+) -> Iterator[tuple[int, Record, Part]]:
     """Without orbits and names, and the words that were said on them."""
     is_theirs = False
     for each in held:
@@ -196,12 +197,12 @@ def _without_orbits(
             yield each
 
 
-def _inputs(shown: Shown) -> tuple[Any, ...]:
+def _inputs(shown: Shown) -> tuple[Record, ...]:
     solution = () if shown.solution is None else (shown.solution,)
     return (shown.detections, *solution, *shown.measurements)
 
 
-def _is_passage(record: Any) -> bool:
+def _is_passage(record: Record) -> TypeGuard[StateChange]:
     return isinstance(record, StateChange) and is_from_outside(record)
 
 

@@ -5,12 +5,11 @@ same track.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.absence import StarHistory
 from rsoconsole.pipeline.fold import Folded, Shown, fold
-from rsoconsole.records import FollowedAgain, Measurement, Ruling
+from rsoconsole.records import FollowedAgain, Measurement, Record, Ruling
 from rsoconsole.tracking.follow import Following
 
 KEPT = 12
@@ -28,9 +27,9 @@ class Fold:
     folded: Folded
 
 
-def on_record_again(ruling: Ruling, again: tuple[Fold, ...]) -> tuple[Any, ...]:
+def on_record_again(ruling: Ruling, again: tuple[Fold, ...]) -> tuple[Record, ...]:
     """A ruling and all that it leads to, in the order of the record."""
-    records: list[Any] = [ruling]
+    records: list[Record] = [ruling]
     if ruling.taken is not None and ruling.taken.source == "operator":
         records.append(ruling.taken)
     for each in again:
@@ -76,7 +75,9 @@ class Folds:
         before = self._folds[place].before
         again: list[Fold] = []
         for old in self._folds[place:]:
-            shown = replace(old.shown, ruling=ruling) if not again else old.shown
+            shown = old.shown
+            if not again:
+                shown = replace(shown, ruling=ruling, rulings=shown.rulings + 1)
             folded = fold(before, old.stars_before, shown, old.config)
             again.append(replace(old, before=before, shown=shown, folded=folded))
             before = folded.following

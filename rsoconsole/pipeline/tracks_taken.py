@@ -1,15 +1,9 @@
-"""Which measurements each track took, told from the records that the fold left."""
+"""Which measurements each track took, as the records name them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
-from rsoconsole.records import FollowedAgain, Measurement, TrackState
-from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.times import NS_PER_S
-from rsoconsole.tracking.lqe import measured_direction_deg
-
-_SAME_PLACE_DEG = 1.0 / 3600.0
+from rsoconsole.records import FollowedAgain, Measurement, Record, TrackState
 
 
 @dataclass(slots=True)
@@ -23,16 +17,25 @@ class Track:
     predicted: TrackState | None = None
     """And before it; None where it began the track."""
 
+    @property
+    def track_id(self) -> int:
+        """As in the records."""
+        return self.last.track_id
+
 
 @dataclass(slots=True)
-class _Followed:
-    """What the log says of one frame in the end."""
+class _Steps:
+    """What a track made of one frame in the end."""
 
-    candidates: list[Measurement] = field(default_factory=list)
     predicted: TrackState | None = None
     corrected: TrackState | None = None
-    taken: Measurement | None = None
-    """Once it has been asked for."""
+
+
+@dataclass(slots=True)
+class _Frame:
+    """By track."""
+
+    steps: dict[int, _Steps] = field(default_factory=dict)
 
 
 class TracksTaken:
@@ -42,58 +45,51 @@ class TracksTaken:
     """Those that it needs; others pass by."""
 
     def __init__(self) -> None:
-        self._frames: dict[int, _Followed] = {}
-        """In order of their numbers."""
+        self._frames: dict[int, _Frame] = {}
+        self._measured: dict[str, Measurement] = {}
+        """By id."""
 
-    def hear(self, record: Any) -> None:
+    def hear(self, record: Record) -> None:
         """One record."""
-        if not isinstance(record, self.KINDS):
-            return
-        frame = self._frames.setdefault(record.frame_id, _Followed())
-        frame.taken = None
-        if isinstance(record, Measurement):
-            frame.candidates.append(record)
-        elif isinstance(record, FollowedAgain):
-            frame.predicted = frame.corrected = None
-        elif record.kind == "predicted":
-            frame.predicted = record
-        else:
-            frame.corrected = record
+        match record:
+            case Measurement():
+                self._measured[record.measurement_id] = record
+            case FollowedAgain():
+                self._frames.pop(record.frame_id, None)
+            case TrackState():
+                frame = self._frames.setdefault(record.frame_id, _Frame())
+                steps = frame.steps.setdefault(record.track_id, _Steps())
+                if record.kind == "predicted":
+                    steps.predicted = record
+                else:
+                    steps.corrected = record
 
     def tracks(self) -> list[Track]:
         """All of them, in order of time."""
-        in_order = [self._frames[number] for number in sorted(self._frames)]
-        found: list[Track] = []
-        for place, frame in enumerate(in_order):
-            if frame.corrected is None or not frame.candidates:
-                continue
-            if frame.corrected.kind == "initial" or not found:
-                begun_by = list(_begun_by(in_order[:place], frame.corrected))
-                found.append(Track(begun_by, frame.corrected))
-            found[-1].measurements.append(_taken(frame))
-            found[-1].last, found[-1].predicted = frame.corrected, frame.predicted
-        return found
+        found: dict[int, Track] = {}
+        for number in sorted(self._frames):
+            for track_id, steps in self._frames[number].steps.items():
+                if steps.corrected is not None:
+                    self._go_on(found, track_id, steps.corrected, steps.predicted)
+        return list(found.values())
 
+    def _go_on(
+        self,
+        found: dict[int, Track],
+        track_id: int,
+        corrected: TrackState,
+        predicted: TrackState | None,
+    ) -> None:
+        """A track has taken a measurement."""
+        taken = self._named((corrected.measurement_id,))
+        if not taken:
+            return  # its record has been lost
+        if track_id not in found:
+            first = (corrected.begun_with or ())[:1]
+            found[track_id] = Track(self._named(first), corrected)
+        track = found[track_id]
+        track.measurements += taken
+        track.last, track.predicted = corrected, predicted
 
-def _taken(frame: _Followed) -> Measurement:
-    if frame.taken is None:
-        assert frame.corrected is not None
-        place = measured_direction_deg(frame.corrected, frame.predicted)
-        frame.taken = min(frame.candidates, key=lambda each: _away(each, place))
-    return frame.taken
-
-
-def _begun_by(before: Sequence[_Followed], initial: TrackState) -> Iterator[Measurement]:
-    """The first of the two measurements that made a track: where its slope came from."""
-    ra, ra_rate, dec, dec_rate = initial.x
-    for frame in reversed(before):
-        for each in frame.candidates:
-            since_s = (each.t_mid_utc_ns - initial.t_utc_ns) / NS_PER_S
-            place = ((ra + ra_rate * since_s) % 360.0, dec + dec_rate * since_s)
-            if -90.0 <= place[1] <= 90.0 and _away(each, place) < _SAME_PLACE_DEG:
-                yield each
-                return
-
-
-def _away(measurement: Measurement, place: tuple[float, float]) -> float:
-    return separation_deg(measurement.ra_icrs_deg, measurement.dec_icrs_deg, *place)
+    def _named(self, ids: Sequence[str | None]) -> list[Measurement]:
+        return [self._measured[each] for each in ids if each in self._measured]

@@ -4,12 +4,12 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.recorded_frames import recorded_frames
 from rsoconsole.pipeline.replay import replay
-from rsoconsole.records import FrameTaken, LoopState, Miss, StateChange, TrackState
+from rsoconsole.records import FrameTaken, LoopState, Miss, Record, StateChange, TrackState
 from rsoconsole.tracking.consistency import mean_band
 from rsoconsole.tracking.follow import three_sigma_deg
 
@@ -69,7 +69,7 @@ class FollowedFrame(Protocol):
         ...
 
     @property
-    def records(self) -> tuple[Any, ...]:
+    def records(self) -> tuple[Record, ...]:
         """TrackState, NotFollowed, Miss, StateChange, in order."""
         ...
 
@@ -122,13 +122,13 @@ def figures_of(frames: Iterable[FollowedFrame], last: int | None = None) -> Trac
     )
 
 
-def as_recorded(records: Iterable[Any], last: int | None = None) -> TrackFigures:
+def as_recorded(records: Iterable[Record], last: int | None = None) -> TrackFigures:
     """The night as it was: nothing is reckoned again."""
     return figures_of(recorded_frames(records), last)
 
 
 def what_if(
-    records: Iterable[Any],
+    records: Iterable[Record],
     config: Config,
     tried: Mapping[str, float | str],
     last: int | None = None,

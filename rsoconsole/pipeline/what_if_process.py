@@ -16,10 +16,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rsoconsole.config import Config
 from rsoconsole.errors import RsoconsoleError, SessionError
+from rsoconsole.records import Record
 from rsoconsole.session.reader import SessionReader
 
 if TYPE_CHECKING:
@@ -54,10 +55,10 @@ class LogOfOneSession:
 
     def __init__(self) -> None:
         self._folder: Path | None = None
-        self._records: list[Any] = []
+        self._records: list[Record] = []
         self._seqs: list[int] = []
 
-    def until(self, folder: Path, seq: int | None) -> list[Any]:
+    def until(self, folder: Path, seq: int | None) -> list[Record]:
         """All up to that place, None: all there are. Raises SessionError."""
         if folder != self._folder:
             self._folder, self._records, self._seqs = folder, [], []

@@ -17,50 +17,7 @@ from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_typ
 import numpy as np
 
 from rsoconsole.errors import SessionError
-from rsoconsole.records import (
-    Closeup,
-    CycleTiming,
-    Detections,
-    Event,
-    FollowedAgain,
-    FrameTaken,
-    Identified,
-    Measurement,
-    Miss,
-    NotFollowed,
-    NotSolved,
-    OperatorAction,
-    OrbitEstimate,
-    ParameterChange,
-    Ruling,
-    SlewCommand,
-    Solution,
-    StateChange,
-    TrackState,
-)
-
-Record: TypeAlias = (
-    FrameTaken
-    | Detections
-    | Solution
-    | NotSolved
-    | Measurement
-    | NotFollowed
-    | Miss
-    | TrackState
-    | SlewCommand
-    | StateChange
-    | ParameterChange
-    | OperatorAction
-    | CycleTiming
-    | Closeup
-    | Ruling
-    | FollowedAgain
-    | OrbitEstimate
-    | Identified
-    | Event
-)
-"""What the log of a session holds."""
+from rsoconsole.records import Record
 
 KINDS: Mapping[str, type] = types.MappingProxyType(
     {record.__name__: record for record in get_args(Record)}
@@ -83,8 +40,10 @@ def encode(record: Record) -> tuple[str, int | None, str]:
     return kind, getattr(record, "frame_id", None), body
 
 
-def decode(kind: str, body: str) -> Record:
-    """The record that ``encode`` was given.
+def decode(
+    kind: str, body: str, upgraded: Callable[[str, Any], Any] = lambda _, fields: fields
+) -> Record:
+    """The record that ``encode`` was given; ``upgraded``: makes its fields those of today.
 
     Raises SessionError when the kind is unknown or the body is not such a record.
     """
@@ -92,7 +51,7 @@ def decode(kind: str, body: str) -> Record:
     if record_type is None:
         raise SessionError(f"this version knows no record {kind!r}: update rsoconsole")
     try:
-        decoded: Record = _decoder(record_type)(json.loads(body))
+        decoded: Record = _decoder(record_type)(upgraded(kind, json.loads(body)))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise SessionError(f"a {kind} of this session is damaged: {error}") from error
     return decoded

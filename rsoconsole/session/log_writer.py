@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
-from rsoconsole.records import Event
-from rsoconsole.session.codec import Record, encode
+from rsoconsole.records import Event, Record
+from rsoconsole.session.codec import encode
 from rsoconsole.session.faults import Faults
 
 COMMIT_S = 0.25

@@ -25,9 +25,11 @@ from pydantic import ValidationError
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
-from rsoconsole.records import Event
-from rsoconsole.session.codec import KINDS, Record, decode
+from rsoconsole.records import Event, Record
+from rsoconsole.session.codec import KINDS, decode
 from rsoconsole.session.database import connect_to_read, finish_copy
+from rsoconsole.session.legacy import KINDS as IDENTIFYING
+from rsoconsole.session.legacy import LAST_SCHEMA, IdGiver, Ids, decode_old, in_columns, with_ids
 from rsoconsole.session.schema import (
     APPLICATION_ID,
     BESIDE_DATABASE,
@@ -84,6 +86,8 @@ class SessionReader:
                 f"knows {SCHEMA_VERSION}): update rsoconsole"
             )
         self.schema_version: int = version
+        self._is_old = self.schema_version <= LAST_SCHEMA
+        self._giver, self._ids, self._ids_until = IdGiver(), dict[int, Ids](), 0
 
     def connect(self) -> sqlite3.Connection:
         """A connection of your own for SQL, read-only, with the public views of today.
@@ -153,8 +157,10 @@ class SessionReader:
         sql = f"{_SELECT} AND {column} IN ({places}){of_frame} ORDER BY seq LIMIT {PAGE_RECORDS}"
         while True:
             page = self._fetch(sql, (since_seq, *names, *frame))
+            if self._is_old and page:
+                self._learn_ids(page[-1][0])
             for seq, t_utc_ns, kind, body in page:
-                yield seq, t_utc_ns, self._decoded(kind, body)
+                yield seq, t_utc_ns, self._decoded(seq, kind, body)
             if len(page) < PAGE_RECORDS:
                 return
             since_seq = page[-1][0]
@@ -163,12 +169,30 @@ class SessionReader:
         """(seq, t_utc_ns, kind, frame_id or None) of every record, in order; none is decoded."""
         return self._fetch("SELECT seq, t_utc_ns, kind, frame_id FROM log ORDER BY seq")
 
-    @staticmethod
-    def _decoded(kind: str, body: str) -> Record:
+    def _decoded(self, seq: int, kind: str, body: str) -> Record:
         try:
+            if self._is_old:
+                return with_ids(decode_old(kind, body), self._ids.get(seq, Ids()))
             return decode(kind, body)
         except SessionError as error:
             return Event(level="alarm", text=str(error))
+
+    def _learn_ids(self, until_seq: int) -> None:
+        """Go through an old session up to there: ids depend on all that came before."""
+        names = [kind.__name__ for kind in IDENTIFYING]
+        sql = (
+            f"{_SELECT} AND seq <= ? AND kind IN ({', '.join('?' * len(names))})"
+            f" ORDER BY seq LIMIT {PAGE_RECORDS}"
+        )
+        while self._ids_until < until_seq:
+            page = self._fetch(sql, (self._ids_until, until_seq, *names))
+            for seq, _, kind, body in page:
+                try:
+                    self._ids[seq] = self._giver.ids_of(decode_old(kind, body))
+                except SessionError:
+                    continue  # an alarm stands in its place
+            is_last = len(page) < PAGE_RECORDS
+            self._ids_until = until_seq if is_last else page[-1][0]
 
     def view(self, name: str) -> list[dict[str, Any]]:
         """The rows of one of the public views, in order of the log."""
@@ -178,9 +202,13 @@ class SessionReader:
             try:
                 cursor = connection.execute(f"SELECT * FROM {name} ORDER BY seq")
                 columns = [column[0] for column in cursor.description]
-                return [dict(zip(columns, row, strict=True)) for row in cursor]
+                rows = [dict(zip(columns, row, strict=True)) for row in cursor]
             except sqlite3.Error as error:
                 raise self._damaged(error) from error
+        if self._is_old and rows:
+            self._learn_ids(rows[-1]["seq"])
+            rows = [in_columns(row, self._ids.get(row["seq"], Ids())) for row in rows]
+        return rows
 
     def frame_path(self, frame_id: int) -> Path | None:
         """The frame's FITS file; None when it was not kept or is not written yet."""

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
+from rsoconsole.records import Record
 from rsoconsole.session.writer import SessionWriter
 
 
@@ -26,7 +27,7 @@ class BatchRecording:
         """What the record lacks, in words; empty when all is well."""
         return () if self._writer is None else self._writer.faults
 
-    def append(self, records: Iterable[Any], t_utc_ns: int | None) -> None:
+    def append(self, records: Iterable[Record], t_utc_ns: int | None) -> None:
         """All records of one frame, in order; a frame without a time keeps the last one's."""
         self._last_utc_ns = t_utc_ns if t_utc_ns is not None else self._last_utc_ns
         if self._writer is not None:

@@ -19,13 +19,14 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from rsoconsole.errors import SessionError
-from rsoconsole.session.codec import KINDS, decode
+from rsoconsole.session.codec import KINDS
 from rsoconsole.session.contents import content_fault
 from rsoconsole.session.database import connect_to_write, create_database, leave_wal
 from rsoconsole.session.digest import META_KEY as DIGEST_KEY
 from rsoconsole.session.digest import Row, mark_closed, sha256_of
 from rsoconsole.session.frame_files import PART, sync_folder
 from rsoconsole.session.holdings import FolderHoldings
+from rsoconsole.session.legacy import LAST_SCHEMA, decode_old
 from rsoconsole.session.pages import MAGIC, Fields, Pages
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.schema import (
@@ -136,7 +137,7 @@ def _save_log(folder: Path, target: Path) -> tuple[int, int]:
     if not log and not meta:
         raise OSError("no record and no fact can be read any more")
     facts = {**_facts(meta, folder), "recovered_from": folder.name}
-    create_database(target / DATABASE, facts)
+    create_database(target / DATABASE, facts, version=facts["schema_version"])
     with closing(connect_to_write(target / DATABASE)) as connection:
         connection.execute("BEGIN IMMEDIATE")
         connection.executemany(
@@ -217,7 +218,7 @@ def _take_log(read: _Read, row: tuple[Any, ...]) -> None:
     if not is_shaped:
         return
     try:
-        decode(kind, body) if kind in KINDS else json.loads(body)
+        decode_old(kind, body) if kind in KINDS else json.loads(body)
     except (SessionError, ValueError):
         return
     read.log.setdefault(seq, (seq, t_utc_ns, kind, frame_id, body))
@@ -271,7 +272,10 @@ def _facts(meta: dict[str, str], folder: Path) -> dict[str, Any]:
     facts.setdefault("title", folder.name)
     if DIGEST_KEY in facts:
         facts["damaged_log_digest"] = facts.pop(DIGEST_KEY)
-    return {**facts, "schema_version": SCHEMA_VERSION, "is_closed": False}
+    # Its records are copied as they are: those of an old schema go on being read as such.
+    is_old = isinstance(version := facts.get("schema_version"), int) and version <= LAST_SCHEMA
+    version = LAST_SCHEMA if is_old else SCHEMA_VERSION
+    return {**facts, "schema_version": version, "is_closed": False}
 
 
 def _save_files(folder: Path, target: Path) -> int:

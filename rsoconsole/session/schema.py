@@ -6,7 +6,8 @@ JSON is exact. A new version adds; it never renames nor rewrites: whoever reads 
 gets today's views over it, made for his connection alone (``temporary_views``).
 
 Schema 2 adds the hash of every file, and on close the digest of the log (``session/digest.py``);
-schema 3 the views of orbits and identifications.
+schema 3 the views of orbits and identifications; schema 4 the ids of measurements and tracks
+(records of older ones are given theirs by ``session/legacy.py``, the columns are NULL).
 """
 
 import re
@@ -31,7 +32,7 @@ FOLDERS: Mapping[str, str] = MappingProxyType(
 _ENDINGS = {"frame": ".fits.fz", "preview": ".png", "closeup": ".png"}
 _NUMBERED = re.compile(r"(?P<folder>[a-z]+)/(?P<frame_id>\d{6,})(?P<ending>(\.[a-z]+)+)")
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 _WITH_HASHES = 2
 APPLICATION_ID = 0x52534F43
 """``RSOC`` in the database's header: tells a session from any other SQLite file."""
@@ -80,30 +81,31 @@ _COLUMNS_BY_VIEW = {
     "measurements": (
         "t_mid_utc_ns ra_icrs_deg dec_icrs_deg x_px y_px confidence source is_clipped "
         "cov_ee_arcsec2=cov_sky_arcsec2[0] cov_en_arcsec2=cov_sky_arcsec2[1] "
-        "cov_nn_arcsec2=cov_sky_arcsec2[2] ends_icrs_deg"
+        "cov_nn_arcsec2=cov_sky_arcsec2[2] ends_icrs_deg measurement_id"
     ),
     "track": (
         "step=kind t_state_utc_ns=t_utc_ns ra_icrs_deg=x[0] ra_rate_deg_s=x[1] "
         "dec_icrs_deg=x[2] dec_rate_deg_s=x[3] covariance=P nis "
         "innovation_east_arcsec=innovation_arcsec[0] innovation_north_arcsec=innovation_arcsec[1] "
         "sigma_east_arcsec=sigma_innovation_arcsec[0] "
-        "sigma_north_arcsec=sigma_innovation_arcsec[1] misses foretold_by=foretold_by?filter"
+        "sigma_north_arcsec=sigma_innovation_arcsec[1] misses foretold_by=foretold_by?filter "
+        "track_id measurement_id first_measurement_id=begun_with[0] is_lead"
     ),
-    "slews": "ra_icrs_deg dec_icrs_deg t_aim_utc_ns reason",
-    "misses": "reason",
+    "slews": "ra_icrs_deg dec_icrs_deg t_aim_utc_ns reason track_id",
+    "misses": "reason track_id",
     "orbits": (
         "label prior reason observations arc_s epoch_utc_ns x_gcrs_km=r_gcrs_km[0] "
         "y_gcrs_km=r_gcrs_km[1] z_gcrs_km=r_gcrs_km[2] vx_gcrs_km_s=v_gcrs_km_s[0] "
         "vy_gcrs_km_s=v_gcrs_km_s[1] vz_gcrs_km_s=v_gcrs_km_s[2] covariance a_km e i_deg "
         "sigma_a_km rms_arcsec outliers nis innovation_east_arcsec=innovation_arcsec[0] "
-        "innovation_north_arcsec=innovation_arcsec[1] is_guide"
+        "innovation_north_arcsec=innovation_arcsec[1] is_guide track_id"
     ),
     "identifications": (
         "verdict reason hint observations catalogued norad_id=matches[0].norad_id "
         "name=matches[0].name separation_arcsec=matches[0].separation_arcsec "
         "probability=matches[0].probability runner_up_norad_id=matches[1].norad_id "
         "runner_up_name=matches[1].name "
-        "runner_up_separation_arcsec=matches[1].separation_arcsec matches"
+        "runner_up_separation_arcsec=matches[1].separation_arcsec matches track_id"
     ),
     "states": "before after reason",
     "parameters": "name before after by",
@@ -146,7 +148,9 @@ _NOT_FOLLOWED = """
 SELECT seq, t_utc_ns, frame_id,
   json_extract(body, '$.measurement.ra_icrs_deg') AS ra_icrs_deg,
   json_extract(body, '$.measurement.dec_icrs_deg') AS dec_icrs_deg,
-  json_extract(body, '$.reason') AS reason, {superseded}
+  json_extract(body, '$.reason') AS reason,
+  json_extract(body, '$.measurement.measurement_id') AS measurement_id,
+  json_extract(body, '$.track_id') AS track_id, {superseded}
 FROM log WHERE kind = 'NotFollowed'
 """
 

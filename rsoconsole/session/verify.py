@@ -9,9 +9,10 @@ from contextlib import closing
 from pathlib import Path
 
 from rsoconsole.errors import SessionError
-from rsoconsole.session.codec import KINDS, decode
+from rsoconsole.session.codec import KINDS
 from rsoconsole.session.digest import ROWS, Digester, LogDigest
 from rsoconsole.session.holdings import Holdings, holdings_of
+from rsoconsole.session.legacy import decode_old
 from rsoconsole.session.reader import LaterSchemaError, SessionReader
 from rsoconsole.session.schema import DATABASE
 from rsoconsole.session.verification import REPAIR, Verification, state_of
@@ -99,7 +100,7 @@ def _verify_log(
                 unknown += 1
                 continue
             try:
-                decode(kind, body)
+                decode_old(kind, body)
             except SessionError as error:
                 found.damage(f"record {seq}", str(error))
     except sqlite3.Error as error:

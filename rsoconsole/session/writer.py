@@ -18,8 +18,8 @@ import numpy.typing as npt
 from rsoconsole.config import Config
 from rsoconsole.config_file import config_to_toml
 from rsoconsole.errors import SessionError
-from rsoconsole.records import Frame
-from rsoconsole.session.codec import Record, to_json_value
+from rsoconsole.records import Frame, Record
+from rsoconsole.session.codec import to_json_value
 from rsoconsole.session.database import connect_to_write, create_database, leave_wal
 from rsoconsole.session.digest import mark_closed, sha256_of
 from rsoconsole.session.faults import Faults

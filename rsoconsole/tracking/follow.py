@@ -9,10 +9,11 @@ from outside.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import (
+    FoldRecord,
     LoopState,
     Measurement,
     Miss,
@@ -36,7 +37,6 @@ from rsoconsole.tracking.neighbours import (
     remembered,
 )
 
-Record = Any
 Choice = Literal["nearest", "most confident"]
 AS_GOOD_AS_CERTAIN = 0.9
 """Confidence from which on how well its place is known says which of two to follow."""
@@ -99,11 +99,24 @@ class Following:
     """The last measurement the track took."""
     neighbours: tuple[Neighbour, ...] = ()
     """What moves alike beside it."""
+    last_track_id: int = 0
+    """Of the session's last track that has begun; 0 before the first."""
+
+    @property
+    def track_id(self) -> int | None:
+        """Of what is followed; None where nothing is."""
+        return None if self.track is None else self.track.track_id
+
+    def without_track(
+        self, state: LoopState, candidates: tuple[Measurement, ...] = ()
+    ) -> "Following":
+        """Nothing is followed any more; the next track is another one."""
+        return Following(state=state, candidates=candidates, last_track_id=self.last_track_id)
 
 
 def follow(
     before: Following, seen: Seen, settings: FollowSettings
-) -> tuple[Following, tuple[Record, ...]]:
+) -> tuple[Following, tuple[FoldRecord, ...]]:
     """The next state, and what to put on the record, in order."""
     if before.state not in ("TRACK", "COAST") or before.track is None:
         after, records = _acquire(before, seen, settings)
@@ -112,6 +125,7 @@ def follow(
     else:
         after, records = _follow_track(before, before.track, seen, settings)
     records += tuple(_not_followed(m, REFUSED) for m in seen.refused)
+    records = _of_track(records)
     if after.state != before.state:
         change = StateChange(
             frame_id=seen.frame_id,
@@ -123,7 +137,18 @@ def follow(
     return after, records
 
 
-def _reason(before: Following, after: Following, records: tuple[Record, ...], seen: Seen) -> str:
+def _of_track(records: tuple[FoldRecord, ...]) -> tuple[FoldRecord, ...]:
+    """What was not taken and what was missed, each with the track of this frame."""
+    track_id = next((each.track_id for each in records if isinstance(each, TrackState)), None)
+    return tuple(
+        replace(each, track_id=track_id) if isinstance(each, NotFollowed | Miss) else each
+        for each in records
+    )
+
+
+def _reason(
+    before: Following, after: Following, records: tuple[FoldRecord, ...], seen: Seen
+) -> str:
     if after.state == "TRACK":
         return "measured again" if before.state == "COAST" else "two frames agree on one motion"
     if after.state == "ACQUIRE":
@@ -136,7 +161,7 @@ def _reason(before: Following, after: Following, records: tuple[Record, ...], se
 
 def _acquire(
     before: Following, seen: Seen, settings: FollowSettings
-) -> tuple[Following, tuple[Record, ...]]:
+) -> tuple[Following, tuple[FoldRecord, ...]]:
     """Two successive frames whose measurements agree on one motion start a track.
 
     The most confident one that has a partner leads; of those as good as certain, the one whose
@@ -144,7 +169,7 @@ def _acquire(
     once: a candidate that waits for a second frame hears it with that frame.
     """
     usable = tuple(m for m in seen.measurements if not m.is_clipped)
-    told_of_choice: tuple[Record, ...] = ()
+    told_of_choice: tuple[NotFollowed, ...] = ()
     if seen.chosen is not None:
         told_of_choice = tuple(_not_followed(m, NOT_CHOSEN) for m in usable if m != seen.chosen)
         usable = (seen.chosen,)
@@ -167,18 +192,20 @@ def _acquire(
             others = tuple(
                 m for m in (*before.candidates, *usable) if m is not first and m is not second
             )
-            track = lqe.initialise(first, second, settings.filter)
+            track_id = before.last_track_id + 1
+            track = lqe.initialise(first, second, settings.filter, track_id=track_id)
             told = (_not_followed(m, "another one leads") for m in others)
             after = Following(
                 state="TRACK",
                 track=track,
                 taken=second,
                 neighbours=_beside((), track, second, seen),
+                last_track_id=track_id,
             )
             return after, (track, *told, *clipped)
     alone = tuple(_not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
-    return Following(state=state, candidates=usable), (*alone, *clipped)
+    return before.without_track(state, usable), (*alone, *clipped)
 
 
 def _rank(m: Measurement) -> tuple[float, float]:
@@ -211,7 +238,7 @@ def _beside(
 
 def _follow_track(
     before: Following, track: TrackState, seen: Seen, settings: FollowSettings
-) -> tuple[Following, tuple[Record, ...]]:
+) -> tuple[Following, tuple[FoldRecord, ...]]:
     predicted = lqe.predict(track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     after, records, reasons = _taken_by(predicted, before, seen, settings)
     if after is None and seen.measurements and seen.by_orbit is not None:
@@ -232,7 +259,7 @@ def _follow_track(
 
 def _taken_by(
     predicted: TrackState, before: Following, seen: Seen, settings: FollowSettings
-) -> tuple[Following | None, tuple[Record, ...], dict[Measurement, str]]:
+) -> tuple[Following | None, tuple[FoldRecord, ...], dict[Measurement, str]]:
     """The measurement that fits a prediction: what is followed then, None where none does.
 
     With what belongs on the record, and why the others do not fit.
@@ -254,6 +281,7 @@ def _taken_by(
         track=updated[chosen],
         taken=chosen,
         neighbours=_beside(before.neighbours, updated[chosen], chosen, seen),
+        last_track_id=before.last_track_id,
     )
     return after, (predicted, updated[chosen], *_verdicts(reasons, updated)), reasons
 
@@ -264,18 +292,19 @@ def _follow_chosen(
     chosen: Measurement,
     seen: Seen,
     settings: FollowSettings,
-) -> tuple[Following, tuple[Record, ...]]:
+) -> tuple[Following, tuple[FoldRecord, ...]]:
     """What the operator wants followed is taken whatever the gates say, or begins a new track."""
     predicted = lqe.predict(track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(_not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
     updated = lqe.update(predicted, chosen, settings.filter)
     if _nis(updated) > ANOTHER_OBJECT_NIS:
-        return Following(state="ACQUIRE", candidates=(chosen,)), (predicted, *others)
+        return before.without_track("ACQUIRE", (chosen,)), (predicted, *others)
     after = Following(
         state="TRACK",
         track=updated,
         taken=chosen,
         neighbours=_beside(before.neighbours, updated, chosen, seen),
+        last_track_id=before.last_track_id,
     )
     return after, (predicted, updated, *others)
 
@@ -371,9 +400,9 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     predicted: TrackState,
     seen: Seen,
     settings: FollowSettings,
-    records: tuple[Record, ...],
+    records: tuple[FoldRecord, ...],
     reason: str,
-) -> tuple[Following, tuple[Record, ...]]:
+) -> tuple[Following, tuple[FoldRecord, ...]]:
     miss = Miss(frame_id=seen.frame_id, reason=reason)
     since_ns = predicted.t_utc_ns if before.taken is None else before.taken.t_mid_utc_ns
     coasted_s = (seen.t_mid_utc_ns - since_ns) / 1e9
@@ -387,7 +416,7 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     elif coasted_s > settings.filter.max_coast_s:
         lost = f"coasted for {coasted_s / 60:.0f} min"
     if lost is not None:
-        return Following(state="LOST"), (*records, replace(miss, reason=f"{reason}; {lost}"))
+        return before.without_track("LOST"), (*records, replace(miss, reason=f"{reason}; {lost}"))
     after = replace(before, state="COAST", track=predicted, candidates=())
     return after, (*records, miss)
 

@@ -40,7 +40,9 @@ Q_SCALE_MIN, Q_SCALE_MAX = 0.001, 100.0
 C = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
 
-def initialise(first: Measurement, second: Measurement, settings: FilterConfig) -> TrackState:
+def initialise(
+    first: Measurement, second: Measurement, settings: FilterConfig, *, track_id: int = 1
+) -> TrackState:
     """Track at the second of two measurements: its angles, and the slope between the two.
 
     Raises ValueError when the second is not the later one.
@@ -57,6 +59,9 @@ def initialise(first: Measurement, second: Measurement, settings: FilterConfig) 
         second.t_mid_utc_ns,
         x,
         _initial_covariance(first, second, settings),
+        track_id=track_id,
+        measurement_id=second.measurement_id,
+        begun_with=(first.measurement_id, second.measurement_id),
         q_scale=_first_scale(second, settings),
     )
 
@@ -95,6 +100,8 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
         t_utc_ns,
         kalman.x,
         kalman.P,
+        track_id=state.track_id,
+        is_lead=state.is_lead,
         misses=state.misses + 1,
         q_scale=state.q_scale,
         innovations=state.innovations,
@@ -123,6 +130,9 @@ def update(predicted: TrackState, measurement: Measurement, settings: FilterConf
         measurement.t_mid_utc_ns,
         kalman.x,
         kalman.P,
+        track_id=predicted.track_id,
+        is_lead=predicted.is_lead,
+        measurement_id=measurement.measurement_id,
         nis=nis,
         innovation_arcsec=(float(innovation[0]), float(innovation[1])),
         sigma_innovation_arcsec=(float(sigma[0]), float(sigma[1])),
@@ -159,6 +169,8 @@ def begun_from(  # noqa: PLR0917 -- a direction, its motion and how well both ar
         t_utc_ns,
         x,
         covariance * np.outer(to_deg, to_deg),
+        track_id=failed.track_id,
+        is_lead=failed.is_lead,
         misses=failed.misses,
         q_scale=max(failed.q_scale, 1.0),
         innovations=failed.innovations,

@@ -316,6 +316,7 @@ def _followed(seen: Sightings, n: int) -> tuple[Measurement, TrackState]:
     t_utc_ns, frame_id = int(seen.t_utc_ns[n]), n + 1
     ra, dec = float(seen.ra_icrs_deg[n]), float(seen.dec_icrs_deg[n])
     measured = Measurement(
+        measurement_id=f"{frame_id}-0",
         frame_id=frame_id,
         t_mid_utc_ns=t_utc_ns,
         ra_icrs_deg=ra,
@@ -327,6 +328,8 @@ def _followed(seen: Sightings, n: int) -> tuple[Measurement, TrackState]:
         source="network",
     )
     track = TrackState(
+        track_id=1,
+        measurement_id=f"{frame_id}-0",
         kind="updated" if n else "initial",
         frame_id=frame_id,
         t_utc_ns=t_utc_ns,

@@ -1,0 +1,278 @@
+"""Sessions of schema 1 to 3 in the language of today: the one place that knows how they were.
+
+Their records carry no ids. Which measurement a track took is told by the track's own innovation,
+the two that began it by its first slope; both were exact when they were written.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, assert_never
+
+from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
+    Detections,
+    Event,
+    FollowedAgain,
+    FrameTaken,
+    Identified,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    OrbitEstimate,
+    ParameterChange,
+    Record,
+    Ruling,
+    SlewCommand,
+    Solution,
+    StateChange,
+    TrackState,
+    mark_id_of,
+    measurement_id_of,
+)
+from rsoconsole.session.codec import decode
+from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.tracking.lqe import measured_direction_deg
+
+LAST_SCHEMA = 3
+"""Sessions up to this schema are read here."""
+KINDS = (
+    FrameTaken,
+    Measurement,
+    NotFollowed,
+    Ruling,
+    FollowedAgain,
+    TrackState,
+    Miss,
+    OrbitEstimate,
+    Identified,
+    SlewCommand,
+    CycleTiming,
+)
+"""Records that get ids, and those that tell which."""
+_OF_TRACK = ("prediction", "prediction, offset by hand", "orbit", "orbit, offset by hand")
+"""Reasons of slews that led to a track."""
+_SAME_PLACE_DEG = 1.0 / 3600.0
+_NO_ID: dict[str, dict[str, Any]] = {
+    "Measurement": {"measurement_id": ""},
+    "TrackState": {"track_id": 0},
+    "OrbitEstimate": {"track_id": 0},
+    "Identified": {"track_id": 0},
+}
+
+
+def decode_old(kind: str, body: str) -> Record:
+    """As ``codec.decode``, for a record of any schema; those of old ones have no ids yet."""
+    return decode(kind, body, _upgraded)
+
+
+def _upgraded(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a record with those that it lacks."""
+    if kind == "NotFollowed":
+        return {**fields, "measurement": _measurement(fields["measurement"])}
+    if kind == "Ruling":
+        refused = [_measurement(each) for each in fields.get("refused", ())]
+        return {**fields, "taken": _measurement(fields.get("taken")), "refused": refused}
+    return {**_NO_ID.get(kind, {}), **fields}
+
+
+def _measurement(fields: Any) -> Any:
+    return fields if fields is None else {**_NO_ID["Measurement"], **fields}
+
+
+class Ids(NamedTuple):
+    """What an old record is to be given."""
+
+    track_id: int | None = None
+    measurements: tuple[str, ...] = ()
+    """Of the measurements in it or named by it, in order."""
+
+
+def with_ids(record: Record, ids: Ids) -> Record:  # noqa: PLR0911 -- one case a kind
+    """The record as it would be written today."""
+    match record:
+        case Measurement():
+            return _named(record, ids.measurements[0])
+        case NotFollowed():
+            measurement = _named(record.measurement, ids.measurements[0])
+            return replace(record, measurement=measurement, track_id=ids.track_id)
+        case Ruling():
+            return _ruling(record, ids.measurements)
+        case TrackState():
+            is_initial = record.kind == "initial" and len(ids.measurements) > 1
+            return replace(
+                record,
+                track_id=ids.track_id or 1,
+                measurement_id=ids.measurements[-1] if ids.measurements else None,
+                begun_with=(ids.measurements[0], ids.measurements[1]) if is_initial else None,
+            )
+        case OrbitEstimate() | Identified():
+            return replace(record, track_id=ids.track_id or 1)
+        case Miss() | SlewCommand():
+            return replace(record, track_id=ids.track_id)
+        case _:
+            return record
+
+
+def in_columns(row: dict[str, Any], ids: Ids) -> dict[str, Any]:
+    """A row of one of the views, with the ids that SQL cannot find in an old record."""
+    told = {
+        "track_id": ids.track_id,
+        "measurement_id": ids.measurements[-1] if ids.measurements else None,
+        "first_measurement_id": ids.measurements[0] if len(ids.measurements) > 1 else None,
+        "is_lead": 1,
+    }
+    return row | {column: value for column, value in told.items() if column in row}
+
+
+def _ruling(record: Ruling, ids: tuple[str, ...]) -> Ruling:
+    taken, refused = record.taken, ids
+    if taken is not None:
+        taken, refused = _named(taken, ids[0]), ids[1:]
+    pairs = zip(record.refused, refused, strict=True)
+    return replace(record, taken=taken, refused=tuple(_named(m, name) for m, name in pairs))
+
+
+def _named(measurement: Measurement, measurement_id: str) -> Measurement:
+    return replace(measurement, measurement_id=measurement_id)
+
+
+@dataclass(slots=True)
+class _Frame:
+    """What an old session says of one exposure."""
+
+    tracks_before: int
+    """How many tracks had begun before it."""
+    measured: list[Measurement] = field(default_factory=list)
+    """Under their ids."""
+    rulings: int = 0
+    ruling: Ruling | None = None
+    predicted: TrackState | None = None
+
+    def id_of(self, measurement: Measurement) -> str:
+        """The id that it has, or gets: new is only what an operator has marked."""
+        known = (m.measurement_id for m in self.measured if _named(m, "") == measurement)
+        marked = mark_id_of(measurement.frame_id, self.rulings - 1)
+        return next(known, marked)
+
+
+class IdGiver:
+    """Takes the records of an old session in order, those of ``KINDS``, and knows their ids."""
+
+    def __init__(self) -> None:
+        self._frames: dict[int, _Frame] = {}
+        self._tracks = 0
+        """How many have begun."""
+        self._track_id: int | None = None
+        """Of the frame whose records come in."""
+        self._is_ruled = False
+        """A ruling has come, and none of the frames that it has followed again."""
+
+    def ids_of(self, record: Record) -> Ids:  # noqa: PLR0911, PLR0912 -- one case a kind
+        """What this record is to be given; nothing for most kinds."""
+        match record:
+            case FrameTaken():
+                self._frames[record.frame_id] = _Frame(self._tracks)
+                self._track_id = None
+            case CycleTiming():
+                self._track_id = None
+            case Measurement():
+                return Ids(measurements=(self._measured(record),))
+            case NotFollowed():
+                named = self._frame(record.measurement.frame_id).id_of(record.measurement)
+                return Ids(self._track_id, (named,))
+            case Ruling():
+                return self._ruled(record)
+            case FollowedAgain():
+                self._begin_again(record)
+            case TrackState():
+                return self._track(record)
+            case OrbitEstimate() | Identified():
+                return Ids(max(self._tracks, 1))
+            case Miss():
+                return Ids(self._track_id)
+            case SlewCommand():
+                return Ids(max(self._tracks, 1) if record.reason in _OF_TRACK else None)
+            case Detections() | Solution() | NotSolved() | StateChange() | Event():
+                pass
+            case ParameterChange() | OperatorAction() | Closeup():
+                pass
+            case _:
+                assert_never(record)
+        return Ids()
+
+    def _frame(self, frame_id: int) -> _Frame:
+        return self._frames.setdefault(frame_id, _Frame(self._tracks))
+
+    def _measured(self, record: Measurement) -> str:
+        frame = self._frame(record.frame_id)
+        if record.source == "operator":
+            named = frame.id_of(record)
+        else:
+            number = sum(m.source == "network" for m in frame.measured)
+            named = measurement_id_of(record.frame_id, number)
+        frame.measured.append(_named(record, named))
+        return named
+
+    def _ruled(self, record: Ruling) -> Ids:
+        frame = self._frame(record.frame_id)
+        frame.rulings += 1
+        self._is_ruled = True
+        spoken_of = (() if record.taken is None else (record.taken,)) + record.refused
+        names = tuple(frame.id_of(each) for each in spoken_of)
+        frame.ruling = _ruling(record, names)
+        return Ids(measurements=names)
+
+    def _begin_again(self, record: FollowedAgain) -> None:
+        frame = self._frame(record.frame_id)
+        frame.predicted, self._track_id = None, None
+        if self._is_ruled:
+            # Tracks that had begun from here on are begun once more.
+            self._tracks, self._is_ruled = frame.tracks_before, False
+        else:
+            frame.tracks_before = self._tracks
+
+    def _track(self, record: TrackState) -> Ids:
+        frame = self._frame(record.frame_id)
+        self._tracks += record.kind == "initial"
+        self._track_id = max(self._tracks, 1)
+        if record.kind == "predicted":
+            frame.predicted = record
+            return Ids(self._track_id)
+        taken = _taken(frame, record)
+        if taken is None:
+            return Ids(self._track_id)
+        first = self._first(record) if record.kind == "initial" else None
+        both = (taken,) if first is None else (first, taken)
+        return Ids(self._track_id, tuple(m.measurement_id for m in both))
+
+    def _first(self, initial: TrackState) -> Measurement | None:
+        """The first of the two measurements that made a track: where its slope came from."""
+        ra, ra_rate, dec, dec_rate = initial.x
+        earlier = (n for n in self._frames if n < initial.frame_id)
+        for number in sorted(earlier, reverse=True):
+            for each in self._frames[number].measured:
+                since_s = (each.t_mid_utc_ns - initial.t_utc_ns) / NS_PER_S
+                place = ((ra + ra_rate * since_s) % 360.0, dec + dec_rate * since_s)
+                if -90.0 <= place[1] <= 90.0 and _away_deg(each, place) < _SAME_PLACE_DEG:
+                    return each
+        return None
+
+
+def _taken(frame: _Frame, corrected: TrackState) -> Measurement | None:
+    """The one that the innovation speaks of; what the operator chose where there was a choice."""
+    ruling = frame.ruling
+    if ruling is not None and ruling.taken is not None:
+        return ruling.taken
+    refused = () if ruling is None else ruling.refused
+    candidates: Iterable[Measurement] = [m for m in frame.measured if m not in refused]
+    predicted = None if corrected.kind == "initial" else frame.predicted
+    place = measured_direction_deg(corrected, predicted)
+    return min(candidates, key=lambda each: _away_deg(each, place), default=None)
+
+
+def _away_deg(measurement: Measurement, place: tuple[float, float]) -> float:
+    return separation_deg(measurement.ra_icrs_deg, measurement.dec_icrs_deg, *place)
