@@ -7,52 +7,36 @@ import threading
 import time
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from rsoconsole.cli import output
+from rsoconsole.cli import order, output
+from rsoconsole.cli.options import (
+    ConfigOption,
+    JsonOption,
+    OverrideOption,
+    SessionOption,
+    SocketOption,
+)
 from rsoconsole.config import IndiConfig, MountConfig, load_config
+from rsoconsole.control.commands import AskStatus, Stop
 from rsoconsole.errors import ConfigError, ControlError, InstrumentError
 from rsoconsole.waits import told_to
 
 log = logging.getLogger(__name__)
 
-JsonOption = Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")]
-SessionOption = Annotated[
-    Path | None, typer.Option(help="Session folder, new or empty. Default: in your data folder.")
-]
-ConfigOption = Annotated[
-    Path | None, typer.Option("--config", help="Configuration file (see 'config show').")
-]
-SocketOption = Annotated[
-    Path | None, typer.Option("--socket", help="Ask the engine that listens here.")
-]
 STOP_BY_ENGINE_S = 1.0
 """How long the engine's answer to STOP counts."""
 LATE_S = 0.3
 """How long STOP waits for it before it goes to the mount itself."""
 
 
-OverrideOption = Annotated[
-    list[str] | None,
-    typer.Option("--override", help="Go without this check of the arming list; may be repeated."),
-]
-
-
 def register(app: typer.Typer) -> None:
     """Hang the verbs into the program."""
     app.command()(engine)
     app.command()(status)
-    app.command()(arm)
-    app.command()(disarm)
-    app.command()(hold)
-    app.command()(resume)
-    app.command("goto", context_settings={"ignore_unknown_options": True})(goto)
-    app.command()(park)
-    app.command()(unpark)
-    app.command("set")(set_)
-    app.command("quit")(quit_)
+    order.register(app)
     app.command()(stop)
 
 
@@ -97,7 +81,7 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
     """
     from rsoconsole.control import ControlClient
 
-    outcome = ControlClient(socket, by="status").send("status")
+    outcome = ControlClient(socket, by="status").send(AskStatus())
     if not outcome.ok:
         raise ControlError(outcome.message)
     data = dict(outcome.data)
@@ -116,90 +100,6 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
     words.extend(f"MACHINE {trouble}" for trouble in machine.get("troubles", ()))
     words.extend(f"FAULT {fault}" for fault in data["faults"])
     output.say(" · ".join(words))
-
-
-def arm(override: OverrideOption = None, json_: JsonOption = False) -> None:
-    """Hand the mount to the engine: it searches from where the telescope points.
-
-    A checklist is gone through first (clock, site, Sun, weather, disk and so on); what is not
-    well can be overridden by name, which goes on record.
-    Example: rsoconsole arm --override disk
-    """
-    _tell_engine("arm", "arm", json_, override=override or [])
-
-
-def disarm(json_: JsonOption = False) -> None:
-    """Take the mount back from the engine; it keeps running and waits to be armed again.
-
-    Example: rsoconsole disarm
-    """
-    _tell_engine("disarm", "disarm", json_)
-
-
-def hold(json_: JsonOption = False) -> None:
-    """No slews for now: what is followed is still exposed, measured and predicted.
-
-    Example: rsoconsole hold
-    """
-    _tell_engine("hold", "hold", json_)
-
-
-def resume(json_: JsonOption = False) -> None:
-    """Give the mount back to the engine after a hold or a move by hand.
-
-    Example: rsoconsole resume
-    """
-    _tell_engine("resume", "resume", json_)
-
-
-def goto(
-    ra: Annotated[float, typer.Argument(help="Right ascension, ICRS, degrees.")],
-    dec: Annotated[float, typer.Argument(help="Declination, ICRS, degrees.")],
-    override: OverrideOption = None,
-    json_: JsonOption = False,
-) -> None:
-    """Move the telescope by hand, within its limits; autonomy waits until 'rsoconsole resume'.
-
-    Example: rsoconsole goto 83.05 -4.87
-    """
-    arguments = {"ra_icrs_deg": ra, "dec_icrs_deg": dec, "override": override or []}
-    _tell_engine("goto", "goto", json_, **arguments)
-
-
-def park(json_: JsonOption = False) -> None:
-    """Disarm and send the mount to its park position.
-
-    Example: rsoconsole park
-    """
-    _tell_engine("park", "park", json_)
-
-
-def unpark(json_: JsonOption = False) -> None:
-    """Release a parked mount; nothing moves.
-
-    Example: rsoconsole unpark
-    """
-    _tell_engine("unpark", "unpark", json_)
-
-
-def set_(
-    name: Annotated[str, typer.Argument(help="Dotted name, as 'config show' lists it.")],
-    value: Annotated[str, typer.Argument(help="New value.")],
-    json_: JsonOption = False,
-) -> None:
-    """Change a setting of the running engine, from the next exposure until the engine ends.
-
-    Example: rsoconsole set detector.tau 0.2
-    """
-    _tell_engine("set", "set", json_, name=name, value=_number_or_text(value))
-
-
-def quit_(socket: SocketOption = None, json_: JsonOption = False) -> None:
-    """End the engine safely: the mount stops, the session is closed.
-
-    Example: rsoconsole quit
-    """
-    _tell_engine("quit", "shutdown", json_, socket)
 
 
 def stop(
@@ -259,7 +159,7 @@ def _stop_by_engine(socket: Path | None = None) -> str | None:
     from rsoconsole.control import ControlClient
 
     try:
-        data = ControlClient(socket, by="stop").send("stop", timeout_s=STOP_BY_ENGINE_S).data
+        data = ControlClient(socket, by="stop").send(Stop(), timeout_s=STOP_BY_ENGINE_S).data
         path = str(data["path"])
         return path if data["stopped"] is True else None
     except Exception as error:  # nothing that is wrong with the engine may stand in STOP's way
@@ -282,26 +182,3 @@ def _stop_directly(config: Path | None) -> tuple[str, str]:
         )
     result = stop_mount(indi.host, indi.port, indi.mount, after_stop=after_stop)
     return result.path, "" if result.stopped else result.detail or "no reason given"
-
-
-def _tell_engine(
-    name: str, verb: str, json_: bool, socket: Path | None = None, /, **arguments: Any
-) -> None:
-    """Send an intention and say what came of it. Raises ControlError when it is refused."""
-    from rsoconsole.control import ControlClient
-
-    outcome = ControlClient(socket, by="command").send(verb, **arguments)
-    if json_:
-        output.emit_json({"verb": name, "ok": outcome.ok, "message": outcome.message})
-    if not outcome.ok:
-        raise ControlError(outcome.message or f"the engine refused '{name}' without a reason")
-    if not json_:
-        output.say(outcome.message)
-
-
-def _number_or_text(value: str) -> float | str:
-    try:
-        number = float(value)
-    except ValueError:
-        return value
-    return number if math.isfinite(number) else value

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rsoconsole.control.client import Wire
+from rsoconsole.control.commands import Stop as StopCommand
 from rsoconsole.errors import ControlError
 
 log = logging.getLogger(__name__)
@@ -57,7 +58,7 @@ class Stop:
 
     def _by_engine(self) -> None:
         try:
-            outcome = self._wire().send("stop", timeout_s=ENGINE_S)
+            outcome = self._wire().send(StopCommand(), timeout_s=ENGINE_S)
         except ControlError as error:
             self._failed(str(error).partition(":")[0])
             return

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.control import Wire, printable
+from rsoconsole.control.commands import AskStatus
 from rsoconsole.control.looker import Looker
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.notebook.live_night import LiveNight
@@ -66,7 +67,7 @@ class Link(Looker):
     def _ask(self) -> tuple[str, str]:
         """(reach, what went wrong)."""
         try:
-            outcome = self._wire.send("status", timeout_s=ANSWER_S)
+            outcome = self._wire.send(AskStatus(), timeout_s=ANSWER_S)
         except ControlError as error:
             gone = isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError)
             return ("gone" if gone else "silent"), str(error)
