@@ -19,9 +19,9 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.cli.demo import demo_config
 from rsoconsole.cli.demo_night import Night, control_socket, run_night
-from rsoconsole.cli.telescope import LATE_S
 from rsoconsole.config import Config, SessionConfig
 from rsoconsole.control import ControlServer, EngineLock, Outcome, Request, default_socket_path
+from rsoconsole.control.stop import LATE_S
 from rsoconsole.errors import ControlError, InstrumentError
 from rsoconsole.instruments import indi_wire
 from rsoconsole.instruments.ports import StopResult
@@ -223,7 +223,7 @@ def test_an_engine_that_breaks_or_refuses_is_passed_by(direct):
 
 
 def test_an_engine_that_hangs_is_passed_by(direct, monkeypatch):
-    monkeypatch.setattr("rsoconsole.cli.telescope.STOP_BY_ENGINE_S", 0.1)
+    monkeypatch.setattr("rsoconsole.control.stop.ENGINE_S", 0.1)
     hangs = threading.Event()
 
     def hang(_request: Request) -> Outcome:

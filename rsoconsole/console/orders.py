@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable
 
 from rsoconsole.control import Command, Outcome, Wire
-from rsoconsole.control.stop import DirectStop, Stop, StopNews
+from rsoconsole.control.stop import DirectStop, StopNews, Stopping
 from rsoconsole.errors import ControlError
 
 log = logging.getLogger(__name__)
@@ -20,7 +20,7 @@ class Orders:
 
     def stop(self, on_news: Callable[[StopNews], None]) -> None:
         """STOP, now; ``on_news`` hears when it is late and how it ended."""
-        Stop(self._wire, self._stop_directly, on_news).begin()
+        Stopping(self._wire, self._stop_directly, on_news).begin()
 
     def send(self, command: Command, on_outcome: Callable[[Outcome], None]) -> None:
         """Hand over a command; an engine out of reach is an outcome too."""

@@ -9,7 +9,9 @@ from rsoconsole.control.client import ControlClient, Wire
 from rsoconsole.control.command import COMMANDS, Command, command_of, command_words
 from rsoconsole.control.place import EngineLock, default_socket_path
 from rsoconsole.control.server import ControlServer, Handler
-from rsoconsole.control.wire import Outcome, Request, printable
+from rsoconsole.control.status import Health, Status, read_status, status_json
+from rsoconsole.control.text import printable
+from rsoconsole.control.wire import Outcome, Request
 
 __all__ = [
     "COMMANDS",
@@ -18,12 +20,16 @@ __all__ = [
     "ControlServer",
     "EngineLock",
     "Handler",
+    "Health",
     "Outcome",
     "Request",
+    "Status",
     "Wire",
     "command_of",
     "command_words",
     "commands",
     "default_socket_path",
     "printable",
+    "read_status",
+    "status_json",
 ]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rsoconsole.control.command import Command, command_of
+from rsoconsole.control.text import printable
 from rsoconsole.errors import ControlError
 
 MAX_LINE_BYTES = 65536
@@ -164,11 +165,6 @@ def receive_line(wire: socket.socket, deadline: float) -> bytes:
             raise ConnectionResetError("it closed the connection without an answer")
         received += chunk
     return bytes(received.partition(b"\n")[0])
-
-
-def printable(text: str) -> str:
-    """The same without what would be a command to a terminal, whoever wrote it."""
-    return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
 def read_outcome(reply: bytes) -> Outcome:

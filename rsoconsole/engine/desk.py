@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.control import Command, Outcome, Request, printable
+from rsoconsole.control import Command, Outcome, Request, Status, printable, status_json
 from rsoconsole.control.commands import (
     AnswerSeat,
     Arm,
@@ -157,26 +157,32 @@ class Desk:
         return Outcome(ok=result.stopped, message=result.detail or "stopped", data=data)
 
     def _status(self, _command: AskStatus, _by: str) -> Outcome:
+        return Outcome(ok=True, data=status_json(self.status()))
+
+    def status(self) -> Status:
+        """What the loop says of itself, and what only the wire's end knows beside it."""
         status = self._engine.status()
-        data: dict[str, Any] = {**dataclasses.asdict(status), "target": None}
-        data["faults"] = [*status.faults, *self._record_faults()]
         report = self._engine.watch.last_report
-        data["health"] = [
-            dataclasses.asdict(each) for each in self._health.read(report, self._engine.clock_set)
-        ]
-        machine = self._machine()
-        data["machine"] = None if machine is None else machine.as_status()
-        data["alt"] = data["az"] = None
-        seat = self._seats.view()
-        data["seat"] = None if seat.holder is None else name_of(seat.holder)
-        data["seat_asked_by"] = None if seat.asked_by is None else name_of(seat.asked_by)
-        data["temporary"] = self._engine.temporary.left()
-        data["session"] = str(self._session.absolute())
-        data["pid"] = os.getpid()
-        if status.ra is not None and status.dec is not None and status.t_utc_ns is not None:
+        health = self._health.read(report, self._engine.clock_set)
+        machine, seat = self._machine(), self._seats.view()
+        alt_deg = az_deg = None
+        ra_deg, dec_deg, t_ns = status.ra_icrs_deg, status.dec_icrs_deg, status.t_utc_ns
+        if ra_deg is not None and dec_deg is not None and t_ns is not None:
             site = self._engine.config.site.to_site()
-            data["alt"], data["az"] = icrs_to_altaz(site, status.ra, status.dec, status.t_utc_ns)
-        return Outcome(ok=True, data=data)
+            alt_deg, az_deg = icrs_to_altaz(site, ra_deg, dec_deg, t_ns)
+        return dataclasses.replace(
+            status,
+            alt_deg=alt_deg,
+            az_deg=az_deg,
+            faults=(*status.faults, *self._record_faults()),
+            health=tuple(health),
+            machine=None if machine is None else machine.as_status(),
+            seat=None if seat.holder is None else name_of(seat.holder),
+            seat_asked_by=None if seat.asked_by is None else name_of(seat.asked_by),
+            temporary=self._engine.temporary.left(),
+            session=self._session.absolute(),
+            pid=os.getpid(),
+        )
 
     def _preview(self, command: Preview, _by: str) -> Outcome:
         """Where a move by hand would lead, how long it takes and what stands against it."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from rsoconsole.config import Config
-from rsoconsole.control import Request
+from rsoconsole.control import Request, Status
 from rsoconsole.engine.arming import pointing_check
 from rsoconsole.engine.by_hand import ByHand, HandMove, Parts
 from rsoconsole.engine.chronicle import Chronicle, Recorder
@@ -45,7 +45,7 @@ from rsoconsole.engine.states import (
     Taken,
     step,
 )
-from rsoconsole.engine.status import Status, status_of
+from rsoconsole.engine.status import status_of
 from rsoconsole.engine.temporary import Temporary
 from rsoconsole.engine.verdicts import Verdicts
 from rsoconsole.engine.watch import Watch
@@ -157,7 +157,7 @@ class Engine:
         return status_of(
             self.charge,
             self.watch,
-            frame=self.frame_id,
+            frame_id=self.frame_id,
             now_utc_ns=self.chronicle.last_utc_ns(),
             faults=tuple(self._faults),
             exposing_until_utc_ns=self._exposures.open_until_utc_ns,

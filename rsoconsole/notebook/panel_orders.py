@@ -12,7 +12,7 @@ from typing import Any
 from rsoconsole.config import Config
 from rsoconsole.control import COMMANDS, Command, Outcome, Wire, command_of
 from rsoconsole.control.commands import Arm, Goto, Preview
-from rsoconsole.control.stop import DirectStop, Stop, StopNews
+from rsoconsole.control.stop import DirectStop, StopNews, Stopping
 from rsoconsole.errors import ControlError, RsoconsoleError
 from rsoconsole.notebook.link import Link
 from rsoconsole.notebook.panel_view import TUNED
@@ -91,7 +91,7 @@ class PanelOrders:
             self._tell_of_stop(number, told.phase, told.text)
             self._link.look_now()
 
-        Stop(lambda: self._wire, self._stop_directly, news).begin()
+        Stopping(lambda: self._wire, self._stop_directly, news).begin()
         self._tell_of_stop(number, "sent", "sent to the engine")
         self._tell("asked", NOTHING)
         self._tell("goto", NOTHING)
