@@ -85,6 +85,7 @@ def test_a_command_reaches_the_engine_and_its_answer_the_operator(words, verb, a
         (verb, arguments)
     ] * 2
     assert json.loads(as_json.stdout) == {
+        "schema": 1,
         "verb": words[0],
         "ok": True,
         "message": "from the next cycle",
