@@ -45,7 +45,7 @@ class ExportError(RsoconsoleError):
 
 
 class ControlError(RsoconsoleError):
-    """The engine cannot be reached or refused an intention."""
+    """The engine cannot be reached or refused a command."""
 
 
 class BatchError(RsoconsoleError):

@@ -406,7 +406,7 @@ class ParameterChange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatorAction:
-    """An intention that reached the engine, and what came of it."""
+    """A command that reached the engine, and what came of it."""
 
     verb: str
     arguments: Mapping[str, Any]

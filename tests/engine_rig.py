@@ -1,15 +1,17 @@
 """An engine among instruments that live in the test: no process, no INDI, no disk."""
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rsoconsole.config import Config
+from rsoconsole.control import Outcome, Request, command_of
+from rsoconsole.engine.command_queue import CommandQueue
 from rsoconsole.engine.desk import Desk
 from rsoconsole.engine.hands import Hands
-from rsoconsole.engine.intentions import Intentions
 from rsoconsole.engine.loop import Engine
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import (
@@ -220,7 +222,7 @@ class Rig:
     camera: PlainCamera
     clock: StillClock
     memory: Memory
-    intentions: Intentions
+    queue: CommandQueue
     reducer: ScriptedReducer
 
 
@@ -237,19 +239,37 @@ def rig(frames: set[int], config: Config = CONFIG, guard: GuardPort | None = Non
         camera_name="",
         guard=guard,
     )
-    intentions, memory, reducer = Intentions(), Memory(), ScriptedReducer(frames, mount)
+    queue, memory, reducer = CommandQueue(), Memory(), ScriptedReducer(frames, mount)
     engine = Engine(
         config=config,
-        hands=Hands(instruments, config, lambda: intentions.is_wanted),
+        hands=Hands(instruments, config, lambda: queue.is_wanted),
         reducer=reducer,  # type: ignore[arg-type]
         record=memory,
-        intentions=intentions,
+        queue=queue,
     )
-    return Rig(engine, mount, camera, clock, memory, intentions, reducer)
+    return Rig(engine, mount, camera, clock, memory, queue, reducer)
 
 
 def desk_of(r: Rig) -> Desk:
-    return Desk(r.engine, r.intentions, Path())
+    return Desk(r.engine, r.queue, Path())
+
+
+def asked(
+    verb: str,
+    arguments: Mapping[str, Any] | None = None,
+    by: str = "operator",
+    stamp: int | None = None,
+) -> Request:
+    """A command as it comes off the wire. Raises ValueError for what is none."""
+    return Request(command=command_of(verb, arguments or {}), by=by, stamp=stamp)
+
+
+def told(desk: Desk, verb: str, arguments: Mapping[str, Any], by: str = "operator") -> Outcome:
+    """What the wire answers: also to what is no command."""
+    try:
+        return desk.handle(asked(verb, arguments, by))
+    except ValueError as error:
+        return Outcome(ok=False, message=str(error))
 
 
 def end_when_idle(r: Rig) -> None:
@@ -258,7 +278,7 @@ def end_when_idle(r: Rig) -> None:
 
     def leave(t_utc_ns: int) -> bool:
         if r.engine.following.state in ("IDLE", "FAULT"):
-            r.intentions.request_shutdown()
+            r.queue.request_shutdown()
         return wait(t_utc_ns)
 
     r.clock.wait_until = leave  # type: ignore[method-assign]

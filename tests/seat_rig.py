@@ -11,7 +11,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.panes import LinesPane, StopBanner
-from rsoconsole.control import Outcome
+from rsoconsole.control import Command, Outcome
 from rsoconsole.errors import ControlError
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
@@ -56,9 +56,10 @@ class FakeWire:
             ],
         }
 
-    def send(self, verb: str, *, timeout_s: float = 5.0, **arguments: Any) -> Outcome:
+    def send(self, command: Command, *, timeout_s: float = 5.0) -> Outcome:
+        verb = command.verb
         if verb != "status":
-            self.sent.append((verb, arguments))
+            self.sent.append((verb, command.arguments()))
         if verb in self.hangs:
             self.hangs[verb].wait(PATIENCE_S)
         if self.is_gone:

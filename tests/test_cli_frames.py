@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
+from tests.json_page import expect_documented
+
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 SATSIM = SHARED / "simulated" / "geo_single"
 needs_satsim = pytest.mark.skipif(not SATSIM.exists(), reason=f"{SATSIM} is not here")
@@ -70,9 +72,10 @@ def test_every_broken_file_gets_an_error_and_the_others_go_on(broken_files, verb
         assert answer["frame"] == str(broken_files[name])
         if name.startswith("good"):
             assert answer["detections"] == []
+            expect_documented(verb, answer)
             assert "error" not in answer
         else:
-            assert set(answer) == {"frame", "error"}
+            assert set(answer) == {"schema", "frame", "error"}
             assert len(answer["error"]) > 20
     sentences = {a["error"] for n, a in answers.items() if not n.startswith("good")}
     assert len(sentences) == len(broken_files) - 2, "every fault has words of its own"

@@ -19,6 +19,7 @@ from rsoconsole.pipeline.sightings_of import longest_arc, read_observed
 from rsoconsole.records import FollowedAgain, Measurement, TrackState
 from rsoconsole.session.writer import SessionWriter
 from rsoconsole.sky.times import NS_PER_S, IntArray, utc_ns_to_iso
+from tests.json_page import expect_documented
 from tests.seen_satellites import DAYTONA, SHARED, geostationary, instants
 
 OBSERVATIONS, TLES = SHARED / "observations", SHARED / "tles"
@@ -34,6 +35,7 @@ def run(*arguments: str | Path) -> dict[str, Any]:
     done = CliRunner().invoke(app, [*map(str, arguments), "--json"])
     assert done.exit_code == 0, done.output
     (line,) = done.stdout.splitlines()
+    expect_documented(str(arguments[0]), json.loads(line))
     return json.loads(line)
 
 

@@ -19,9 +19,9 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.cli.demo import demo_config
 from rsoconsole.cli.demo_night import Night, control_socket, run_night
-from rsoconsole.cli.telescope import LATE_S
 from rsoconsole.config import Config, SessionConfig
-from rsoconsole.control import ControlServer, EngineLock, Intention, Outcome, default_socket_path
+from rsoconsole.control import ControlServer, EngineLock, Outcome, Request, default_socket_path
+from rsoconsole.control.stop import LATE_S
 from rsoconsole.errors import ControlError, InstrumentError
 from rsoconsole.instruments import indi_wire
 from rsoconsole.instruments.ports import StopResult
@@ -44,13 +44,13 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @contextlib.contextmanager
-def engine_that(handle: Callable[[Intention], Outcome]) -> Iterator[list[Intention]]:
+def engine_that(handle: Callable[[Request], Outcome]) -> Iterator[list[Request]]:
     """What came to an engine that does as ``handle`` says."""
-    heard: list[Intention] = []
+    heard: list[Request] = []
 
-    def hear(intention: Intention) -> Outcome:
-        heard.append(intention)
-        return handle(intention)
+    def hear(request: Request) -> Outcome:
+        heard.append(request)
+        return handle(request)
 
     with ControlServer(default_socket_path(), hear):
         yield heard
@@ -60,13 +60,13 @@ def rsoconsole(*arguments: str) -> Result:
     return CliRunner().invoke(app, arguments)
 
 
-# ---- intentions ----------------------------------------------------------------------------
+# ---- commands ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("words", "verb", "arguments"),
     [
-        (["arm"], "arm", {"override": []}),
+        (["arm"], "arm", {}),
         (["arm", "--override", "disk"], "arm", {"override": ["disk"]}),
         (["disarm"], "disarm", {}),
         (["quit"], "shutdown", {}),
@@ -76,13 +76,16 @@ def rsoconsole(*arguments: str) -> Result:
         (["set", "filter.gate_nis", "nan"], "set", {"name": "filter.gate_nis", "value": "nan"}),
     ],
 )
-def test_an_intention_reaches_the_engine_and_its_answer_the_operator(words, verb, arguments):
+def test_a_command_reaches_the_engine_and_its_answer_the_operator(words, verb, arguments):
     with engine_that(lambda _: Outcome(ok=True, message="from the next cycle")) as heard:
         run = rsoconsole(*words)
         as_json = rsoconsole(*words, "--json")
     assert (run.exit_code, run.output) == (0, "from the next cycle\n")
-    assert [(each.verb, each.arguments) for each in heard] == [(verb, arguments)] * 2
+    assert [(each.command.verb, each.command.arguments()) for each in heard] == [
+        (verb, arguments)
+    ] * 2
     assert json.loads(as_json.stdout) == {
+        "schema": 1,
         "verb": words[0],
         "ok": True,
         "message": "from the next cycle",
@@ -206,13 +209,13 @@ def test_an_engine_that_did_not_surely_stop_the_mount_is_passed_by(
 ):
     with engine_that(lambda _: Outcome(ok=True, data=data)) as heard:
         run = rsoconsole("stop", "--json")
-    assert [each.verb for each in heard] == ["stop"]
+    assert [each.command.verb for each in heard] == ["stop"]
     assert (run.exit_code, json.loads(run.stdout)["path"]) == (0, "indi")
     assert len(direct) == 1
 
 
 def test_an_engine_that_breaks_or_refuses_is_passed_by(direct):
-    def breaks(_intention: Intention) -> Outcome:
+    def breaks(_request: Request) -> Outcome:
         raise RuntimeError("out of order")
 
     with engine_that(breaks):
@@ -221,10 +224,10 @@ def test_an_engine_that_breaks_or_refuses_is_passed_by(direct):
 
 
 def test_an_engine_that_hangs_is_passed_by(direct, monkeypatch):
-    monkeypatch.setattr("rsoconsole.cli.telescope.STOP_BY_ENGINE_S", 0.1)
+    monkeypatch.setattr("rsoconsole.control.stop.ENGINE_S", 0.1)
     hangs = threading.Event()
 
-    def hang(_intention: Intention) -> Outcome:
+    def hang(_request: Request) -> Outcome:
         hangs.wait(20)
         return Outcome(ok=True, data=STOPPED)
 
@@ -239,7 +242,7 @@ def test_an_engine_that_is_late_is_believed_where_there_is_no_other_way(monkeypa
     result = StopResult(stopped=False, ms=5.0, path="indi", detail="start indiserver")
     stand_in_for_the_wire(monkeypatch, result)
 
-    def be_late(_intention: Intention) -> Outcome:
+    def be_late(_request: Request) -> Outcome:
         time.sleep(2 * LATE_S)
         return Outcome(ok=True, data=STOPPED)
 

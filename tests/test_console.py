@@ -27,7 +27,7 @@ from rsoconsole.console.log_pane import LogPane, log_rows
 from rsoconsole.console.night import Night, NightView
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.plot import Column, residual_limit, residual_plot
-from rsoconsole.control import ControlClient, ControlServer, Intention, Outcome
+from rsoconsole.control import ControlClient, ControlServer, Outcome, Request
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
 from rsoconsole.records import Event, Miss, OperatorAction, Site, SlewCommand, StateChange
@@ -713,7 +713,7 @@ def test_a_dead_and_a_hanging_engine_are_told_apart_on_the_real_wire(
     monkeypatch.setattr(watch, "ANSWER_S", 0.1)
     hangs = threading.Event()
 
-    def handle(intention: Intention) -> Outcome:
+    def handle(_request: Request) -> Outcome:
         if hangs.is_set():
             time.sleep(1.0)
         return Outcome(ok=True, data=dict(wire.status))

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli import demo, demo_night
 from rsoconsole.cli.app import app
-from rsoconsole.control import ControlServer, Intention, Outcome, default_socket_path
+from rsoconsole.control import ControlServer, Outcome, Request, default_socket_path
 from rsoconsole.records import FrameTaken
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.simulator.launch import start_observatory
@@ -126,11 +126,11 @@ class Idler:
         self.holder, self.stops = holder, stops
         self.server = ControlServer(socket, self.handle)
 
-    def handle(self, intention: Intention) -> Outcome:
-        self.verbs.append(intention.verb)
+    def handle(self, request: Request) -> Outcome:
+        self.verbs.append(request.command.verb)
         data: dict[str, Any] = {"state": "IDLE", "holder": self.holder, "frame": 7, "faults": []}
         data |= {"ra": None, "dec": None, "alt": None, "az": None}
-        if intention.verb == "stop":
+        if request.command.verb == "stop":
             data = {"stopped": self.stops, "path": "mount"}
         return Outcome(ok=True, message="so be it", data=data)
 

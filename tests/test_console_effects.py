@@ -12,7 +12,7 @@ from textual.widgets import Input
 from rsoconsole.config import Config
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands import COMMANDS
-from rsoconsole.control import Intention, Outcome
+from rsoconsole.control import Command, Outcome, Request
 from rsoconsole.engine.desk import Desk
 from rsoconsole.records import OperatorAction, Ruling
 from rsoconsole.session.writer import SessionWriter
@@ -45,14 +45,15 @@ class DeskWire:
     """The wire without a socket; what is asked for is granted at once, as between two frames."""
 
     def __init__(self, r: Rig, folder: Path) -> None:
-        self.desk, self._rig = Desk(r.engine, r.intentions, folder), r
+        self.desk, self._rig = Desk(r.engine, r.queue, folder), r
 
-    def send(self, verb: str, *, timeout_s: float = 5.0, **arguments: Any) -> Outcome:
-        outcome = self.desk.handle(Intention(verb=verb, arguments=arguments, by="console a@b"))
+    def send(self, command: Command, *, timeout_s: float = 5.0) -> Outcome:
+        verb = command.verb
+        outcome = self.desk.handle(Request(command=command, by="console a@b"))
         if verb == "stop":
             self._rig.engine._heed_alarms()
         elif verb not in {"status", "preview"}:
-            self._rig.engine._apply_wishes()
+            self._rig.engine._execute_commands()
             self._rig.engine._parking.see_to_it()
         return outcome
 

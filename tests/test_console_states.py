@@ -25,7 +25,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands import COMMANDS, commands_in
-from rsoconsole.control import ControlServer, Intention, Outcome
+from rsoconsole.control import ControlServer, Outcome, Request
 from rsoconsole.records import Event
 from rsoconsole.session.writer import SessionWriter
 from rsoconsole.simulator.launch import Observatory, start_observatory
@@ -384,12 +384,12 @@ class Told:
         self.server = ControlServer(socket, self.handle)
         self._lock = threading.Lock()
 
-    def handle(self, intention: Intention) -> Outcome:
-        if intention.verb == "status":
+    def handle(self, request: Request) -> Outcome:
+        if request.command.verb == "status":
             return Outcome(ok=True, data=dict(self.status))
         with self._lock:
-            self.verbs.append(intention.verb)
-        is_stop = intention.verb == "stop"
+            self.verbs.append(request.command.verb)
+        is_stop = request.command.verb == "stop"
         return Outcome(ok=True, data={"stopped": True, "path": "mount"} if is_stop else {})
 
 

@@ -16,14 +16,17 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole.control import ControlClient, ControlServer, Intention, Outcome
+from rsoconsole.control import ControlClient, ControlServer, Outcome, Request, command_of
 from rsoconsole.control import wire as control_wire
+from rsoconsole.control.commands import Arm, AskStatus, Park, Set, Stop
 from rsoconsole.control.place import EngineLock, address_of
 from rsoconsole.errors import ControlError
 
 
-def echo(intention: Intention) -> Outcome:
-    return Outcome(ok=True, message=intention.verb, data={"arguments": dict(intention.arguments)})
+def echo(request: Request) -> Outcome:
+    return Outcome(
+        ok=True, message=request.command.verb, data={"arguments": request.command.arguments()}
+    )
 
 
 @pytest.fixture
@@ -48,66 +51,66 @@ def one_reply(wire: socket.socket) -> dict[str, object]:
     return json.loads(received)
 
 
-def test_an_intention_is_acknowledged_with_its_arguments(path: Path) -> None:
+def test_a_command_is_acknowledged_with_its_arguments(path: Path) -> None:
     with ControlServer(path, echo):
-        outcome = ControlClient(path, by="test").send("set", name="detector.tau", value=0.2)
+        outcome = ControlClient(path, by="test").send(Set(name="detector.tau", value=0.2))
     assert outcome.ok
     assert outcome.message == "set"
     assert outcome.data == {"arguments": {"name": "detector.tau", "value": 0.2}}
 
 
 def test_the_sender_is_named(path: Path) -> None:
-    seen: list[Intention] = []
+    seen: list[Request] = []
 
-    def note(intention: Intention) -> Outcome:
-        seen.append(intention)
+    def note(request: Request) -> Outcome:
+        seen.append(request)
         return Outcome(ok=True)
 
     with ControlServer(path, note):
-        ControlClient(path, by="console").send("arm")
-    assert seen == [Intention(verb="arm", by="console")]
+        ControlClient(path, by="console").send(Arm())
+    assert seen == [Request(command=Arm(), by="console")]
 
 
-def test_stop_is_handled_while_another_intention_is_under_way(path: Path) -> None:
+def test_stop_is_handled_while_another_command_is_under_way(path: Path) -> None:
     is_slewing, may_end = threading.Event(), threading.Event()
 
-    def handler(intention: Intention) -> Outcome:
-        if intention.verb == "slew":
+    def handler(request: Request) -> Outcome:
+        if request.command.verb == "park":
             is_slewing.set()
             may_end.wait(20)
-        return Outcome(ok=True, message=intention.verb)
+        return Outcome(ok=True, message=request.command.verb)
 
     with ControlServer(path, handler), raw_wire(path) as wire:
         # The very connection that waits for the slew can bring the STOP.
-        wire.sendall(b'{"id": 1, "verb": "slew", "timeout_s": 60}\n')
+        wire.sendall(b'{"id": 1, "verb": "park", "timeout_s": 60}\n')
         assert is_slewing.wait(5)
         wire.sendall(b'{"id": 2, "verb": "stop"}\n')
         assert one_reply(wire)["id"] == 2
-        assert ControlClient(path).send("stop").message == "stop"
+        assert ControlClient(path).send(Stop()).message == "stop"
         may_end.set()
         assert one_reply(wire)["id"] == 1
 
 
-def test_an_intention_whose_sender_gave_up_is_not_carried_out(path: Path) -> None:
+def test_a_command_whose_sender_gave_up_is_not_carried_out(path: Path) -> None:
     is_busy, may_end = threading.Event(), threading.Event()
     carried_out: list[str] = []
 
-    def handler(intention: Intention) -> Outcome:
-        carried_out.append(intention.verb)
-        if intention.verb == "long":
+    def handler(request: Request) -> Outcome:
+        carried_out.append(request.command.verb)
+        if request.command.verb == "unpark":
             is_busy.set()
             may_end.wait(20)
         return Outcome(ok=True)
 
     with ControlServer(path, handler), raw_wire(path) as wire:
-        wire.sendall(b'{"id": 1, "verb": "long", "timeout_s": 60}\n')
+        wire.sendall(b'{"id": 1, "verb": "unpark", "timeout_s": 60}\n')
         assert is_busy.wait(5)
-        with pytest.raises(ControlError, match="did not answer 'slew' within"):
-            ControlClient(path).send("slew", timeout_s=0.05)
+        with pytest.raises(ControlError, match="did not answer 'park' within"):
+            ControlClient(path).send(Park(), timeout_s=0.05)
         may_end.set()
         assert one_reply(wire)["id"] == 1
-        assert ControlClient(path).send("arm").ok
-    assert carried_out == ["long", "arm"]
+        assert ControlClient(path).send(Arm()).ok
+    assert carried_out == ["unpark", "arm"]
 
 
 def test_a_stop_gets_in_though_many_knock_before_it(
@@ -117,22 +120,22 @@ def test_a_stop_gets_in_though_many_knock_before_it(
     monkeypatch.setattr("rsoconsole.control.server.BACKLOG", 0)
     handled: list[str] = []
 
-    def handler(intention: Intention) -> Outcome:
-        handled.append(intention.verb)
+    def handler(request: Request) -> Outcome:
+        handled.append(request.command.verb)
         return Outcome(ok=True)
 
     def knock(verb: str) -> None:
-        assert ControlClient(path).send(verb, timeout_s=20.0).ok
+        assert ControlClient(path).send(command_of(verb, {}), timeout_s=20.0).ok
 
     with ControlServer(path, handler):
         threads = [
-            threading.Thread(target=knock, args=(verb,)) for verb in ["nudge"] * 20 + ["stop"]
+            threading.Thread(target=knock, args=(verb,)) for verb in ["unpark"] * 20 + ["stop"]
         ]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join(20)
-    assert sorted(handled) == ["nudge"] * 20 + ["stop"]
+    assert sorted(handled) == ["stop"] + ["unpark"] * 20
 
 
 def test_a_door_that_stays_crowded_is_said_to_be_so_in_time(path: Path) -> None:
@@ -146,16 +149,16 @@ def test_a_door_that_stays_crowded_is_said_to_be_so_in_time(path: Path) -> None:
                 str(path)
             )
         with pytest.raises(ControlError, match="did not answer 'status' within"):
-            ControlClient(path).send("status", timeout_s=0.1)
+            ControlClient(path).send(AskStatus(), timeout_s=0.1)
 
 
 def test_a_handler_that_breaks_is_an_outcome_and_the_wire_stays(path: Path) -> None:
-    def broken(intention: Intention) -> Outcome:
+    def broken(request: Request) -> Outcome:
         raise RuntimeError("the mount is on fire")
 
     with ControlServer(path, broken):
-        for verb in ("slew", "stop"):
-            outcome = ControlClient(path).send(verb)
+        for verb in ("park", "stop"):
+            outcome = ControlClient(path).send(command_of(verb, {}))
             assert not outcome.ok
             assert outcome.message == f"{verb}: the mount is on fire"
 
@@ -172,6 +175,9 @@ def test_a_handler_that_breaks_is_an_outcome_and_the_wire_stays(path: Path) -> N
         (b'{"verb": "arm", "id": {}}\n', "'id'"),
         (b'{"verb": "arm", "timeout_s": -1}\n', "'timeout_s'"),
         (b'{"verb": "arm", "timeout_s": NaN}\n', "'timeout_s'"),
+        (b'{"verb": "dance"}\n', "the engine knows no 'dance'; it knows stop,"),
+        (b'{"verb": "goto", "arguments": {"ra_icrs_deg": 3}}\n', "needs dec_icrs_deg, a number"),
+        (b'{"verb": "disarm", "arguments": {"now": 1}}\n', "knows no 'now'"),
         (b"[" * 60000 + b"\n", "not a line of JSON"),
         (b"x" * 70000, "more than 65536 bytes"),
     ],
@@ -185,26 +191,26 @@ def test_a_malformed_line_is_answered_and_the_server_lives(
             reply = one_reply(wire)
         assert reply["ok"] is False
         assert says in str(reply["message"])
-        assert ControlClient(path).send("status").ok
+        assert ControlClient(path).send(AskStatus()).ok
 
 
 def test_a_peer_that_leaves_in_the_middle_of_a_line_harms_nobody(path: Path) -> None:
     with ControlServer(path, echo):
         with raw_wire(path) as wire:
             wire.sendall(b'{"verb": "st')
-        assert ControlClient(path).send("status").ok
+        assert ControlClient(path).send(AskStatus()).ok
 
 
 def test_an_answer_that_json_cannot_carry_is_said_to_be_so(path: Path) -> None:
     with ControlServer(path, lambda _: Outcome(ok=True, data={"ra": float("nan")})):
-        outcome = ControlClient(path).send("status")
+        outcome = ControlClient(path).send(AskStatus())
     assert not outcome.ok
     assert "cannot be sent" in outcome.message
 
 
 def test_without_an_engine_the_client_says_how_to_start_one(path: Path) -> None:
     with pytest.raises(ControlError, match="no engine is running: 'rsoconsole engine'"):
-        ControlClient(path).send("status")
+        ControlClient(path).send(AskStatus())
 
 
 def test_a_second_engine_is_refused_and_the_first_goes_on(path: Path) -> None:
@@ -225,22 +231,22 @@ def test_a_second_engine_is_refused_and_the_first_goes_on(path: Path) -> None:
         assert first.stdout.readline() == "ready\n"
         with pytest.raises(ControlError, match=f"already running .process {first.pid}"):
             ControlServer(path, echo).start()
-        assert ControlClient(path).send("status").message == "first"
+        assert ControlClient(path).send(AskStatus()).message == "first"
         first.send_signal(signal.SIGKILL)
         first.wait(10)
     # The dead engine left its socket behind.
     assert address_of(path).exists()
     with pytest.raises(ControlError, match="no engine is running"):
-        ControlClient(path).send("status")
+        ControlClient(path).send(AskStatus())
     with ControlServer(path, echo):
-        assert ControlClient(path).send("status").message == "status"
+        assert ControlClient(path).send(AskStatus()).message == "status"
 
 
 def test_two_servers_in_one_process_are_refused_too(path: Path) -> None:
     with ControlServer(path, echo), pytest.raises(ControlError, match="already running"):
         ControlServer(path, echo).start()
     with ControlServer(path, echo):
-        assert ControlClient(path).send("status").ok
+        assert ControlClient(path).send(AskStatus()).ok
 
 
 def _sleep(seconds: float) -> None:
@@ -286,7 +292,7 @@ def test_the_socket_is_for_its_owner_alone_and_goes_with_the_server(path: Path) 
 def test_another_users_peer_is_turned_away(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(control_wire.os, "getuid", lambda: os.geteuid() + 1)
     with ControlServer(path, echo):
-        outcome = ControlClient(path).send("stop")
+        outcome = ControlClient(path).send(Stop())
     assert not outcome.ok
     assert outcome.message == "this engine belongs to another user"
 
@@ -299,7 +305,7 @@ def test_a_path_too_long_for_a_socket_falls_back_to_a_short_one(
     with tempfile.TemporaryDirectory() as short:
         monkeypatch.setattr("tempfile.tempdir", short)
         with ControlServer(long_path, echo):
-            assert ControlClient(long_path).send("status").ok
+            assert ControlClient(long_path).send(AskStatus()).ok
             assert address_of(long_path).parent.stat().st_mode & 0o777 == 0o700
 
 

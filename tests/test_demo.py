@@ -10,6 +10,7 @@ from rsoconsole.records import TrackState
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.verify import verify_session
 from rsoconsole.simulator.world_file import load_world
+from tests.json_page import expect_documented
 from tests.test_cli_frames import rsoconsole
 
 FRAMES = 14
@@ -24,6 +25,7 @@ def night(session: Any, *more: str, frames: int = FRAMES, timeout_s: float = 170
     )
     assert run.returncode == 0, run.stderr
     (summary,) = [json.loads(line) for line in run.stdout.splitlines()]
+    expect_documented("demo", summary)
     return summary
 
 

@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.control import Intention
-from rsoconsole.engine.intentions import Wish, changed
+from rsoconsole.engine.tunables import changed
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import MountReport, StopResult
 from rsoconsole.pipeline.reduce import Reduction
@@ -23,7 +22,17 @@ from rsoconsole.records import (
 )
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import hour_angle_icrs_deg
-from tests.engine_rig import CONFIG, SITE, START_DEG, desk_of, end_when_idle, rig, solution_at
+from tests.engine_rig import (
+    CONFIG,
+    SITE,
+    START_DEG,
+    asked,
+    desk_of,
+    end_when_idle,
+    rig,
+    solution_at,
+    told,
+)
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 
 
@@ -63,7 +72,7 @@ def test_after_stop_no_order_reaches_the_mount_any_more(moment):
 
     def stop_now() -> None:
         if not any(word == "abort" for word in heard):
-            assert desk.handle(Intention(verb="stop", by="console")).ok
+            assert desk.handle(asked("stop", by="console")).ok
 
     def heard_slew(*where: Any) -> None:
         heard.append("slew")
@@ -107,8 +116,8 @@ def test_after_stop_no_order_reaches_the_mount_any_more(moment):
 def test_stop_undoes_an_arming_that_still_waits():
     r = rig(set())
     desk = desk_of(r)
-    desk.handle(Intention(verb="arm"))
-    desk.handle(Intention(verb="stop"))
+    desk.handle(asked("arm"))
+    desk.handle(asked("stop"))
     end_when_idle(r)
     r.engine.run()
     assert r.mount.slews == []
@@ -123,7 +132,7 @@ def test_a_stop_that_the_mount_does_not_confirm_is_an_alarm():
     )
     desk = desk_of(r)
     r.engine.arm()
-    assert not desk.handle(Intention(verb="stop")).ok
+    assert not desk.handle(asked("stop")).ok
     end_when_idle(r)
     r.engine.run()
     assert any("not confirmed" in event.text for event in r.memory.of(Event))
@@ -181,7 +190,7 @@ def test_a_clock_that_somebody_sets_is_an_alarm_and_the_loop_goes_on_by_the_new_
     starts = {f.frame_id: f.t_start_utc_ns for f in r.memory.of(FrameTaken)}
     assert starts[8] < starts[5]
     assert r.engine.charge.state != "FAULT"
-    health = desk_of(r).handle(Intention(verb="status")).data["health"]
+    health = desk_of(r).handle(asked("status")).data["health"]
     assert any("set by -300.0 s" in each["text"] for each in health)
 
 
@@ -226,7 +235,7 @@ def test_a_clock_that_is_set_under_cloud_ends_no_night_and_leaves_nothing_to_see
     r.clock.step_s = -60.0
     r.engine.run(frames=8)
     assert r.engine.charge.state == "SEARCH"
-    answer = desk_of(r).handle(Intention(verb="seek"))
+    answer = desk_of(r).handle(asked("seek"))
     assert not answer.ok
     assert "nothing has been followed" in answer.message
 
@@ -280,9 +289,7 @@ def test_a_mount_that_stops_beside_the_place_is_sent_again():
 def test_a_tunable_takes_effect_and_is_on_record_with_old_and_new():
     r = rig(set())
     r.engine.arm()
-    r.intentions.put(
-        Wish(verb="set", arguments={"name": "detector.tau", "value": 0.25}, by="console")
-    )
+    r.queue.put(asked("set", arguments={"name": "detector.tau", "value": 0.25}, by="console"))
     r.engine.run(frames=1)
     assert r.reducer.config.detector.tau == 0.25
     (change,) = r.memory.of(ParameterChange)
@@ -292,7 +299,7 @@ def test_a_tunable_takes_effect_and_is_on_record_with_old_and_new():
 def test_another_exposure_reaches_the_camera_and_the_aim():
     r = rig(set())
     r.engine.arm()
-    r.intentions.put(Wish(verb="set", arguments={"name": "exposure.exposure_s", "value": 2.0}))
+    r.queue.put(asked("set", arguments={"name": "exposure.exposure_s", "value": 2.0}))
     r.engine.run(frames=2)
     assert r.camera.taken[2] == 2.0
     slew = r.memory.of(SlewCommand)[-2]
@@ -331,19 +338,16 @@ def test_what_cannot_be_set_is_refused_with_the_reason(name, value, word):
         changed(CONFIG, name, value)
 
 
-def test_an_unknown_wish_is_on_record_as_refused():
-    r = rig(set())
-    r.engine.arm()
-    r.intentions.put(Wish(verb="dance"))
-    r.engine.run(frames=1)
-    (action,) = r.memory.of(OperatorAction)
-    assert action.outcome.startswith("refused")
+def test_a_verb_that_there_is_not_is_refused_with_those_that_there_are():
+    answer = told(desk_of(rig(set())), "dance", {})
+    assert not answer.ok
+    assert answer.message.startswith("the engine knows no 'dance'; it knows stop, status, arm,")
 
 
 def test_shutdown_stops_the_mount():
     r = rig(set())
     r.engine.arm()
-    r.intentions.request_shutdown()
+    r.queue.request_shutdown()
     r.engine.run()
     assert r.mount.aborts == 1
     assert r.engine.status().state == "IDLE"

@@ -6,7 +6,8 @@ from collections.abc import Callable
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.control import Intention
+from rsoconsole.control import Request
+from rsoconsole.control.commands import Goto
 from rsoconsole.engine.hands import Interrupted
 from rsoconsole.engine.states import LimitMet
 from rsoconsole.engine.watch import LOOP_SILENCE_S
@@ -16,7 +17,7 @@ from rsoconsole.records import Event, FrameTaken, OperatorAction, SlewCommand, S
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import altaz_to_icrs, icrs_of_hour_angle
 from rsoconsole.sky.sun import sun_altitude_deg, sun_icrs
-from tests.engine_rig import CONFIG, SITE, START_DEG, Rig, desk_of, end_when_idle, rig
+from tests.engine_rig import CONFIG, SITE, START_DEG, Rig, asked, desk_of, end_when_idle, rig, told
 from tests.makers import NS, T0_UTC_NS
 
 BESIDE = altaz_to_icrs(SITE, 50.0, 170.0, T0_UTC_NS)
@@ -37,9 +38,9 @@ def after_frames(r: Rig, frames: int, act: Callable[[], object]) -> None:
     r.clock.wait_until = acting  # type: ignore[method-assign]
 
 
-def goto(ra_deg: float, dec_deg: float, **more: object) -> Intention:
-    arguments = {"ra_icrs_deg": ra_deg, "dec_icrs_deg": dec_deg, **more}
-    return Intention(verb="goto", arguments=arguments, by="console")
+def goto(ra_deg: float, dec_deg: float) -> Request:
+    command = Goto(ra_icrs_deg=ra_deg, dec_icrs_deg=dec_deg)
+    return Request(command=command, by="console")
 
 
 def end_when_parked(r: Rig) -> None:
@@ -47,7 +48,7 @@ def end_when_parked(r: Rig) -> None:
 
     def leave(t_utc_ns: int) -> bool:
         if r.mount.is_parked:
-            r.intentions.request_shutdown()
+            r.queue.request_shutdown()
         return wait(t_utc_ns)
 
     r.clock.wait_until = leave  # type: ignore[method-assign]
@@ -71,7 +72,7 @@ def test_a_move_by_hand_takes_the_mount_and_autonomy_waits_for_resume():
     assert separation_deg(*r.mount.slews[-1], *BESIDE) < 1e-6
     assert r.engine.status().holder == "operator"
     slews = len(r.mount.slews)
-    desk.handle(Intention(verb="resume"))
+    desk.handle(asked("resume"))
     r.engine.run(frames=12)
     assert states(r)[4:] == ["COAST", "TRACK"]
     assert len(r.mount.slews) > slews
@@ -95,7 +96,8 @@ def test_frames_go_on_while_the_operator_has_the_mount():
 )
 def test_a_move_by_hand_against_the_limits_is_refused_with_the_reason(direction, word):
     r = rig(set())
-    answer = desk_of(r).handle(goto(*direction))
+    ra_deg, dec_deg = direction
+    answer = told(desk_of(r), "goto", {"ra_icrs_deg": ra_deg, "dec_icrs_deg": dec_deg})
     assert not answer.ok
     assert word in answer.message
     assert r.engine.status().holder == "nobody"
@@ -104,7 +106,7 @@ def test_a_move_by_hand_against_the_limits_is_refused_with_the_reason(direction,
 def test_a_nudge_moves_by_so_much_on_the_sky():
     r = rig(set())
     arguments = {"east_arcmin": 10.0, "north_arcmin": 0.0}
-    desk_of(r).handle(Intention(verb="nudge", arguments=arguments))
+    desk_of(r).handle(asked("nudge", arguments=arguments))
     r.engine.run(frames=1)
     assert separation_deg(*r.mount.slews[-1], *START_DEG) * 60.0 == pytest.approx(10.0, abs=0.01)
 
@@ -113,13 +115,13 @@ def test_a_held_mount_gets_no_order_and_the_track_goes_on():
     r = rig(set(range(1, 30)), Config.model_validate({"search": {"recentre": "every"}}))
     desk = desk_of(r)
     r.engine.arm()
-    after_frames(r, 5, lambda: desk.handle(Intention(verb="hold")))
+    after_frames(r, 5, lambda: desk.handle(asked("hold")))
     r.engine.run(frames=6)
     held_at = len(r.mount.slews)
     r.engine.run(frames=9)
     assert len(r.mount.slews) == held_at
     assert r.engine.status().state == "TRACK"
-    desk.handle(Intention(verb="resume"))
+    desk.handle(asked("resume"))
     r.engine.run(frames=12)
     assert len(r.mount.slews) > held_at
 
@@ -133,7 +135,7 @@ def test_disarming_does_not_wait_for_the_end_of_the_exposure():
     def disarmed_meanwhile(exposure_s: float, frame_id: int) -> None:
         expose(exposure_s, frame_id)
         if frame_id == 3:
-            desk.handle(Intention(verb="disarm"))
+            desk.handle(asked("disarm"))
 
     r.camera.start_exposure = disarmed_meanwhile  # type: ignore[method-assign]
     end_when_idle(r)
@@ -147,7 +149,7 @@ def test_parking_disarms_first():
     r = rig(set())
     desk = desk_of(r)
     r.engine.arm()
-    after_frames(r, 2, lambda: desk.handle(Intention(verb="park")))
+    after_frames(r, 2, lambda: desk.handle(asked("park")))
     end_when_parked(r)
     r.engine.run()
     assert r.mount.is_parked
@@ -159,7 +161,7 @@ def test_what_was_acknowledged_is_on_record_before_the_answer():
     flushed: list[int] = []
     desk = desk_of(r)
     desk._flush = lambda _: bool(flushed.append(len(r.memory.of(OperatorAction)))) or True
-    assert desk.handle(Intention(verb="set", arguments={"name": "detector.tau", "value": 0.2})).ok
+    assert desk.handle(asked("set", arguments={"name": "detector.tau", "value": 0.2})).ok
     assert flushed == [1]
 
 
@@ -181,7 +183,7 @@ def test_sidereal_tracking_into_a_limit_is_stopped_whoever_has_the_mount():
 
     def until_past(t_utc_ns: int) -> bool:
         if r.clock.t_utc_ns > ahead[0] + 5 * NS:
-            r.intentions.request_shutdown()
+            r.queue.request_shutdown()
         return wait(t_utc_ns)
 
     r.clock.wait_until = until_past  # type: ignore[method-assign]
@@ -198,7 +200,7 @@ def test_a_search_goes_home_when_a_limit_is_met():
     abort = r.mount.abort
 
     def meet_a_limit() -> None:
-        r.intentions.stop(LimitMet(words="altitude 14.9 deg"), abort)
+        r.queue.stop(LimitMet(words="altitude 14.9 deg"), abort)
 
     after_frames(r, 3, meet_a_limit)
     r.engine.run(frames=5)
@@ -266,7 +268,7 @@ def test_bad_weather_stops_and_parks_and_nothing_resumes_by_itself(report, word)
         if r.engine.charge.state == "IDLE" and r.mount.is_parked:
             station.report = SkyReport(weather="ok", dome="open")
         if r.clock.t_utc_ns > T0_UTC_NS + 1200 * NS:
-            r.intentions.request_shutdown()
+            r.queue.request_shutdown()
         return wait(t_utc_ns)
 
     r.clock.wait_until = clears_up  # type: ignore[method-assign]
@@ -292,12 +294,12 @@ def test_arming_is_refused_with_the_check_that_failed_and_can_be_overridden_by_n
     r = rig(set())
     r.mount.is_parked = True
     desk = desk_of(r)
-    refused = desk.handle(Intention(verb="arm"))
+    refused = desk.handle(asked("arm"))
     assert not refused.ok
     assert "unparked" in refused.message
     failed = [check["name"] for check in refused.data["checks"] if not check["ok"]]
     assert "unparked" in failed
-    accepted = desk.handle(Intention(verb="arm", arguments={"override": failed}, by="console"))
+    accepted = desk.handle(asked("arm", arguments={"override": failed}, by="console"))
     assert accepted.ok
     r.engine.run(frames=1)
     assert r.engine.status().state == "SEARCH"
@@ -306,7 +308,7 @@ def test_arming_is_refused_with_the_check_that_failed_and_can_be_overridden_by_n
 
 
 def test_an_override_of_what_does_not_exist_is_refused():
-    answer = desk_of(rig(set())).handle(Intention(verb="arm", arguments={"override": ["moon"]}))
+    answer = desk_of(rig(set())).handle(asked("arm", arguments={"override": ["moon"]}))
     assert not answer.ok
     assert "moon" in answer.message
 
@@ -383,7 +385,7 @@ def test_what_is_wished_while_a_stop_talks_to_the_mount_waits_until_it_is_over()
     def slow_abort(timeout_s: float = 2.0) -> StopResult:
         if not order:
             order.append("stop begins")
-            desk.handle(Intention(verb="park"))
+            desk.handle(asked("park"))
             # The loop turns meanwhile.
             with pytest.raises(Interrupted):
                 r.engine._heed_alarms()
@@ -391,7 +393,7 @@ def test_what_is_wished_while_a_stop_talks_to_the_mount_waits_until_it_is_over()
         return abort(timeout_s)
 
     r.mount.abort = slow_abort  # type: ignore[method-assign]
-    desk.handle(Intention(verb="stop"))
+    desk.handle(asked("stop"))
     assert order == ["stop begins", "stop ends"]
     assert not r.mount.is_parked
 
@@ -445,7 +447,7 @@ def test_a_fault_is_parked_when_the_weather_turns():
         if r.engine.charge.state == "FAULT":
             station.report = SkyReport(weather="alert", dome=None, detail="rain")
         if r.mount.is_parked:
-            r.intentions.request_shutdown()
+            r.queue.request_shutdown()
         return wait(t_utc_ns)
 
     r.clock.wait_until = rains_later  # type: ignore[method-assign]
@@ -498,7 +500,7 @@ def test_a_hold_in_a_slew_waits_for_the_mount_before_it_exposes():
         go(*where)  # type: ignore[arg-type]
         if len(r.memory.of(FrameTaken)) == 5 and not rests_at:
             rests_at.append(r.clock.t_utc_ns + 8 * NS)
-            desk.handle(Intention(verb="hold"))
+            desk.handle(asked("hold"))
 
     def slewing(*asked: object) -> MountReport:
         is_slewing = bool(rests_at) and r.clock.t_utc_ns < rests_at[0]
@@ -518,7 +520,7 @@ def test_a_forgotten_target_is_never_gone_to():
     r = rig(set())
     desk = desk_of(r)
     desk.handle(goto(*BESIDE))
-    after_frames(r, 1, lambda: desk.handle(Intention(verb="disarm")))
+    after_frames(r, 1, lambda: desk.handle(asked("disarm")))
     end_when_idle(r)
     r.engine.run()
     assert r.engine.hand_move is None
@@ -537,7 +539,7 @@ def test_nudges_add_up_while_the_mount_is_on_its_way():
     desk = desk_of(r)
     for _ in range(3):
         arguments = {"east_arcmin": 0.0, "north_arcmin": 10.0}
-        assert desk.handle(Intention(verb="nudge", arguments=arguments)).ok
+        assert desk.handle(asked("nudge", arguments=arguments)).ok
     r.engine.run(frames=1)
     assert r.mount.slews[-1][1] - START_DEG[1] == pytest.approx(0.5, abs=1e-3)
 
@@ -561,7 +563,7 @@ def test_what_waits_when_the_engine_ends_is_dropped_and_said():
     r = rig(set())
     desk = desk_of(r)
     desk.handle(goto(*BESIDE))
-    desk.handle(Intention(verb="shutdown"))
+    desk.handle(asked("shutdown"))
     r.engine.run()
     assert r.mount.slews == []
     outcomes = {action.verb: action.outcome for action in r.memory.of(OperatorAction)}

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
+from rsoconsole.engine.command_queue import CommandQueue
 from rsoconsole.engine.hands import Hands
-from rsoconsole.engine.intentions import Intentions
 from rsoconsole.engine.loop import Engine
 from rsoconsole.instruments.connect import connect_instruments
 from rsoconsole.pipeline.reduce import Reduction
@@ -150,14 +150,14 @@ def night(
         indi = {"port": observatory.port, "simulated": True}
         config = Config.model_validate({"indi": indi, "optics": OPTICS} | settings)
         with connect_instruments(config, log_dir=folder) as instruments:
-            intentions, memory = Intentions(), Memory()
+            queue, memory = CommandQueue(), Memory()
             reducer = TruthReducer(truth_path, mover)
             engine = Engine(
                 config=config,
-                hands=Hands(instruments, config, lambda: intentions.is_wanted),
+                hands=Hands(instruments, config, lambda: queue.is_wanted),
                 reducer=reducer,  # type: ignore[arg-type]
                 record=memory,
-                intentions=intentions,
+                queue=queue,
             )
             engine.arm()
             yield Night(engine, memory, reducer)

@@ -7,8 +7,6 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config, with_setting
-from rsoconsole.control import Intention
-from rsoconsole.engine.intentions import Wish
 from rsoconsole.engine.states import LimitMet
 from rsoconsole.errors import ConfigError, InstrumentError
 from rsoconsole.pipeline.recorded_frames import recorded_frames
@@ -31,7 +29,7 @@ from rsoconsole.records import (
 from rsoconsole.session.codec import decode, encode
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.tracking.follow import Following
-from tests.engine_rig import Rig, ScriptedReducer, desk_of, rig, solution_at
+from tests.engine_rig import Rig, ScriptedReducer, asked, desk_of, rig, solution_at
 from tests.makers import NS, geo_measurement, straight_detection
 from tests.test_demo import night
 
@@ -127,35 +125,35 @@ def busy_night() -> Night:
     r, followed = busy_rig(set(range(1, 61)) - {7, *CLOUDS, *range(48, 54)})
     desk, engine = desk_of(r), r.engine
     r.reducer.breaks = frozenset({13})
-    at_frame(r, 15, lambda: desk.handle(Intention(verb="hold")))
+    at_frame(r, 15, lambda: desk.handle(asked("hold")))
     engine.arm()
     engine.run(frames=11)  # lock, a miss, two frames of cloud
     r.camera.broken_for = 1
     engine.run(frames=16)  # a lost frame, one whose reduction breaks, one cut short by 'hold'
-    desk.handle(Intention(verb="resume"))
-    r.intentions.put(Wish(verb="set", arguments={"name": "filter.r_multiplier", "value": 3.0}))
-    r.intentions.put(Wish(verb="set", arguments={"name": "detector.tau", "value": 0.2}))
+    desk.handle(asked("resume"))
+    r.queue.put(asked("set", arguments={"name": "filter.r_multiplier", "value": 3.0}))
+    r.queue.put(asked("set", arguments={"name": "detector.tau", "value": 0.2}))
     engine.run(frames=20)
     refuse_one_slew(r)
     engine.run(frames=22)
     away = {"ra_icrs_deg": r.mount.at_deg[0] + 5.0, "dec_icrs_deg": r.mount.at_deg[1]}
-    desk.handle(Intention(verb="goto", arguments=away))
+    desk.handle(asked("goto", arguments=away))
     engine.run(frames=24)
-    desk.handle(Intention(verb="nudge", arguments={"east_arcmin": 10.0, "north_arcmin": 0.0}))
+    desk.handle(asked("nudge", arguments={"east_arcmin": 10.0, "north_arcmin": 0.0}))
     engine.run(frames=26)
-    desk.handle(Intention(verb="resume"))
+    desk.handle(asked("resume"))
     engine.run(frames=30)
-    r.intentions.interrupt(LimitMet(words="altitude 14.9 deg, 15 at least"))
+    r.queue.interrupt(LimitMet(words="altitude 14.9 deg, 15 at least"))
     engine.run(frames=35)
-    desk.handle(Intention(verb="stop"))
-    r.intentions.put(Wish(verb="arm"))
-    r.intentions.put(Wish(verb="set", arguments={"name": "search.follow", "value": "nearest"}))
+    desk.handle(asked("stop"))
+    r.queue.put(asked("arm"))
+    r.queue.put(asked("set", arguments={"name": "search.follow", "value": "nearest"}))
     engine.run(frames=40)
     r.camera.broken_for = 3
     with pytest.raises(InstrumentError, match="FAULT"):
         engine.run(frames=45)
-    r.intentions.put(Wish(verb="arm"))
-    r.intentions.put(Wish(verb="set", arguments={"name": "filter.max_coast_s", "value": 80.0}))
+    r.queue.put(asked("arm"))
+    r.queue.put(asked("set", arguments={"name": "filter.max_coast_s", "value": 80.0}))
     engine.run(frames=60)  # and lost, and found
     # As a session would give them back.
     return Night([decode(*encode(record)[::2]) for record in r.memory.records], followed)

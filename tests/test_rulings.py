@@ -8,8 +8,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.console.night import Night
-from rsoconsole.control import Intention, Outcome
-from rsoconsole.engine.intentions import Wish
+from rsoconsole.control import Outcome
 from rsoconsole.engine.summary import summarise
 from rsoconsole.notebook.night import read_night
 from rsoconsole.pipeline.reduce import Reduction
@@ -33,7 +32,7 @@ from rsoconsole.records import (
 from rsoconsole.session.codec import decode, encode
 from rsoconsole.session.reader import SessionReader
 from tests import made_up_night
-from tests.engine_rig import Rig, ScriptedReducer, desk_of, rig
+from tests.engine_rig import Rig, ScriptedReducer, asked, desk_of, rig, told
 from tests.makers import straight_detection
 
 CONFIG = Config.model_validate({"search": {"recentre": "every"}})
@@ -74,8 +73,8 @@ def night(frames: set[int], misled: frozenset[int] = frozenset()) -> Rig:
 
 def say(r: Rig, verb: str, **arguments: Any) -> Outcome:
     """To the desk, and granted at once."""
-    outcome = desk_of(r).handle(Intention(verb=verb, arguments=arguments))
-    r.engine._apply_wishes()
+    outcome = told(desk_of(r), verb, arguments)
+    r.engine._execute_commands()
     return outcome
 
 
@@ -169,10 +168,10 @@ def test_a_candidate_below_tau_may_be_chosen_where_it_lies():
     [
         ("mark", {"x_a": 0.0, "y_a": 0.0, "x_b": 1.0, "y_b": 1.0}, "same place"),
         ("mark", {"x_a": 0.0, "y_a": 0.0, "x_b": 90.0, "y_b": 1.0}, "in the frame"),
-        ("mark", {"x_a": 0.0, "y_a": 0.0, "x_b": 9.0}, "y_b must be a number"),
+        ("mark", {"x_a": 0.0, "y_a": 0.0, "x_b": 9.0}, "mark needs y_b, a number"),
         ("mark", {"x_a": 0.0, "y_a": 0.0, "x_b": 9.0, "y_b": 9.0, "sigma_px": 0.0}, "sigma_px"),
         ("choose", {"x": 60.0, "y": 60.0}, "no streak at 60, 60"),
-        ("accept", {"frame": "x"}, "frame must be a frame's number"),
+        ("accept", {"frame": "x"}, "frame must be a whole number"),
         ("accept", {"frame": 99}, "frame 99"),
     ],
 )
@@ -220,13 +219,11 @@ def test_what_if_a_frame_was_ruled_on_that_is_not_followed_then():
 
 def test_a_note_is_on_record_with_its_words():
     r = night(set())
-    assert (
-        desk_of(r).handle(Intention(verb="note", arguments={"text": " clouds from the west "})).ok
-    )
+    assert desk_of(r).handle(asked("note", arguments={"text": " clouds from the west "})).ok
     (action,) = [a for a in r.memory.of(OperatorAction) if a.verb == "note"]
     assert action.arguments == {"text": "clouds from the west"}
     for nothing in ({}, {"text": "  "}, {"text": 3}):
-        assert not desk_of(r).handle(Intention(verb="note", arguments=nothing)).ok
+        assert not told(desk_of(r), "note", nothing).ok
 
 
 def test_the_track_on_record_is_the_one_that_was_ruled():
@@ -243,9 +240,9 @@ def test_the_track_on_record_is_the_one_that_was_ruled():
 def test_a_word_is_on_the_frame_it_was_said_of_though_a_newer_one_was_followed_meanwhile():
     r = night(set(range(1, 14)))
     r.engine.run(frames=8)
-    assert desk_of(r).handle(Intention(verb="reject", arguments={"frame": 8})).ok
+    assert desk_of(r).handle(asked("reject", arguments={"frame": 8})).ok
     r.engine.run(frames=9)
-    r.engine._apply_wishes()
+    r.engine._execute_commands()
     (ruling,) = r.memory.of(Ruling)
     assert ruling.frame_id == 8
     assert [m.frame_id for m in ruling.refused] == [8]
@@ -300,8 +297,8 @@ def test_a_hold_while_a_frame_is_reduced_leaves_words_and_loans_in_their_frames(
 
     def reduce(frame: Frame) -> Reduction:
         if frame.frame_id == 8:
-            r.intentions.put(Wish(verb="hold"))
-            r.intentions.put(Wish(verb="reject"))
+            r.queue.put(asked("hold"))
+            r.queue.put(asked("reject"))
         return plain(frame)
 
     r.reducer.reduce = reduce

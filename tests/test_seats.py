@@ -6,9 +6,9 @@ import pytest
 from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.control import Intention, Outcome
+from rsoconsole.control import COMMANDS, Outcome
 from rsoconsole.engine.seats import ASKED_S, GONE_S, Seats, SeatView
-from tests.engine_rig import desk_of, rig
+from tests.engine_rig import asked, desk_of, rig
 from tests.seat_rig import FakeWire, pane, play, until
 
 ANA, BOB = "console ana@pts/1", "console bob@pts/2"
@@ -36,81 +36,81 @@ def seats(clock: Watch) -> Seats:
 
 def test_the_first_console_that_acts_has_the_seat_and_others_are_refused(seats: Seats):
     assert seats.view() == SeatView(holder=None, asked_by=None)
-    assert seats.refusal(BOB, "status") is None
+    assert seats.refusal(BOB, needs_control=False) is None
     assert seats.view().holder is None
-    assert seats.refusal(ANA, "hold") is None
-    assert seats.refusal(BOB, "arm") == "ana@pts/1 has the seat: ask for it"
-    assert seats.refusal(ANA, "arm") is None
+    assert seats.refusal(ANA, needs_control=True) is None
+    assert seats.refusal(BOB, needs_control=True) == "ana@pts/1 has the seat: ask for it"
+    assert seats.refusal(ANA, needs_control=True) is None
 
 
 @pytest.mark.parametrize("verb", ["stop", "status", "preview", "note"])
 def test_what_moves_nothing_and_stop_are_everybodys(seats: Seats, verb: str):
-    seats.refusal(ANA, "hold")
-    assert seats.refusal(BOB, verb) is None
+    seats.refusal(ANA, needs_control=True)
+    assert seats.refusal(BOB, needs_control=COMMANDS[verb].needs_control) is None
     assert seats.view().holder == ANA
 
 
 def test_a_shell_is_never_refused(seats: Seats):
-    seats.refusal(ANA, "hold")
-    assert seats.refusal("operator", "disarm") is None
+    seats.refusal(ANA, needs_control=True)
+    assert seats.refusal("operator", needs_control=True) is None
     assert seats.view().holder == ANA
 
 
 def test_who_is_asked_gives_or_keeps(seats: Seats):
-    seats.refusal(ANA, "hold")
+    seats.refusal(ANA, needs_control=True)
     assert "is asked" in seats.ask(BOB)
     assert seats.view().asked_by == BOB
     assert "keep" in seats.answer(ANA, gives=False)
     assert seats.view() == SeatView(holder=ANA, asked_by=None)
     seats.ask(BOB)
     assert "bob@pts/2 has the seat now" in seats.answer(ANA, gives=True)
-    assert seats.refusal(BOB, "arm") is None
-    assert seats.refusal(ANA, "arm") is not None
+    assert seats.refusal(BOB, needs_control=True) is None
+    assert seats.refusal(ANA, needs_control=True) is not None
     with pytest.raises(ValueError, match="nobody asks you"):
         seats.answer(ANA, gives=True)
 
 
 def test_who_says_nothing_gives_it_up(seats: Seats, clock: Watch):
-    seats.refusal(ANA, "hold")
+    seats.refusal(ANA, needs_control=True)
     seats.ask(BOB)
     while clock.t_s < ASKED_S - 1.0:
         clock.t_s += 1.0
-        seats.refusal(ANA, "status")
-        seats.refusal(BOB, "status")
+        seats.refusal(ANA, needs_control=False)
+        seats.refusal(BOB, needs_control=False)
         assert seats.view().holder == ANA
     clock.t_s += 1.5
-    seats.refusal(BOB, "status")
+    seats.refusal(BOB, needs_control=False)
     assert seats.view() == SeatView(holder=BOB, asked_by=None)
 
 
 def test_who_has_gone_has_no_seat(seats: Seats, clock: Watch):
-    seats.refusal(ANA, "hold")
+    seats.refusal(ANA, needs_control=True)
     clock.t_s = GONE_S + 0.1
-    assert seats.refusal(BOB, "arm") is None
+    assert seats.refusal(BOB, needs_control=True) is None
     assert seats.view().holder == BOB
 
 
 def test_who_asked_and_left_does_not_get_it(seats: Seats, clock: Watch):
-    seats.refusal(ANA, "hold")
+    seats.refusal(ANA, needs_control=True)
     seats.ask(BOB)
     for clock.t_s in range(1, 40):
-        seats.refusal(ANA, "status")
+        seats.refusal(ANA, needs_control=False)
     assert seats.view() == SeatView(holder=ANA, asked_by=None)
 
 
 def test_the_desk_refuses_the_second_console_and_tells_everybody_who_has_the_seat():
     desk = desk_of(rig(set()))
-    assert desk.handle(Intention(verb="disarm", by=ANA)).ok
-    refused = desk.handle(Intention(verb="disarm", by=BOB))
+    assert desk.handle(asked("disarm", by=ANA)).ok
+    refused = desk.handle(asked("disarm", by=BOB))
     assert not refused.ok
     assert refused.data["seat"] == "ana@pts/1"
-    assert desk.handle(Intention(verb="stop", by=BOB)).ok
-    assert desk.handle(Intention(verb="ask_seat", by=BOB)).ok
-    data = desk.handle(Intention(verb="status", by=ANA)).data
+    assert desk.handle(asked("stop", by=BOB)).ok
+    assert desk.handle(asked("ask_seat", by=BOB)).ok
+    data = desk.handle(asked("status", by=ANA)).data
     assert (data["seat"], data["seat_asked_by"]) == ("ana@pts/1", "bob@pts/2")
-    assert desk.handle(Intention(verb="answer_seat", by=ANA, arguments={"gives": True})).ok
-    assert desk.handle(Intention(verb="disarm", by=BOB)).ok
-    assert not desk.handle(Intention(verb="answer_seat", by=ANA)).ok
+    assert desk.handle(asked("answer_seat", by=ANA, arguments={"gives": True})).ok
+    assert desk.handle(asked("disarm", by=BOB)).ok
+    assert not desk.handle(asked("answer_seat", by=ANA)).ok
 
 
 # -- on the console -------------------------------------------------------------------------------
@@ -164,8 +164,8 @@ def test_what_one_types_when_the_seat_is_asked_for_gives_nothing_away(wire: Fake
 def test_an_answer_is_for_whom_it_was_meant(seats: Seats, clock: Watch):
     """Bob's wish has lapsed, Carl asks by now: a late answer to Bob gives Carl nothing."""
     for who in ("ana", "bob", "carl"):
-        seats.refusal(f"console {who}", "status")
-    assert seats.refusal("console ana", "hold") is None
+        seats.refusal(f"console {who}", needs_control=False)
+    assert seats.refusal("console ana", needs_control=True) is None
     seats.ask("console carl")
     with pytest.raises(ValueError, match="carl asks by now"):
         seats.answer("console ana", gives=True, to="bob")

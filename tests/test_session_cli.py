@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.session.verify import verify_session
+from tests.json_page import expect_documented
 from tests.made_up_night import begin
 from tests.session_rig import cut_off, flip, make
 
@@ -48,6 +49,8 @@ def test_the_list_is_one_line_a_session_and_one_object_with_json(night: Path) ->
     assert "cut off" in lines[2]
     broken, later, last = told("--root", root)
     assert set(broken) == set(later) == set(last)
+    expect_documented("sessions", last)
+    assert (last["schema"], last["session_schema"], last["json_schema"]) == (3, 3, 1)
     assert (later["state"], last["state"], broken["state"]) == ("cut off", "closed", "unreadable")
     assert last["session"] == str(night)
     assert last["t_first_utc"].endswith("Z")

@@ -8,13 +8,14 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.control import ControlClient, ControlServer, Intention, Outcome
+from rsoconsole.control import ControlClient, ControlServer, Outcome
+from rsoconsole.control.commands import Goto, Nudge, Stop
 from rsoconsole.engine.desk import Desk
 from rsoconsole.engine.hands import Interrupted
 from rsoconsole.engine.states import LimitMet
 from rsoconsole.instruments.ports import MountReport
 from rsoconsole.records import OperatorAction
-from tests.engine_rig import START_DEG, Rig, desk_of, rig
+from tests.engine_rig import START_DEG, Rig, asked, desk_of, rig
 
 ASIDE = {"ra_icrs_deg": START_DEG[0] + 1.0, "dec_icrs_deg": START_DEG[1]}
 SLOW_DISK_S = 0.05
@@ -31,19 +32,19 @@ def armed() -> Rig:
 
 def heed(r: Rig) -> None:
     r.engine._heed_alarms()
-    r.engine._apply_wishes()
+    r.engine._execute_commands()
 
 
 def test_a_move_that_is_being_reckoned_when_stop_comes_is_dropped(armed: Rig):
     desk, plain = desk_of(armed), armed.engine.slews.refusal
 
     def refusal(*arguments: Any, **named: Any) -> str | None:
-        assert desk.handle(Intention(verb="stop", by="console b")).ok
+        assert desk.handle(asked("stop", by="console b")).ok
         return plain(*arguments, **named)
 
     armed.engine.slews.refusal = refusal  # type: ignore[method-assign]
-    stamp = armed.intentions.stops
-    outcome = desk.handle(Intention(verb="goto", arguments=ASIDE, stamp=stamp))
+    stamp = armed.queue.stops
+    outcome = desk.handle(asked("goto", arguments=ASIDE, stamp=stamp))
     assert (outcome.ok, outcome.message) == (False, "dropped by STOP")
     slews = len(armed.mount.slews)
     heed(armed)
@@ -58,48 +59,48 @@ def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: R
         time.sleep(SLOW_DISK_S)
         return True
 
-    desk = Desk(armed.engine, armed.intentions, tmp_path, flush=flush)
+    desk = Desk(armed.engine, armed.queue, tmp_path, flush=flush)
     socket, outcomes = tmp_path / "engine.sock", list[Outcome]()
 
     def nudge() -> None:
         client = ControlClient(socket, by="console a")
-        outcomes.append(client.send("nudge", east_arcmin=1.0, north_arcmin=0.0))
+        outcomes.append(client.send(Nudge(east_arcmin=1.0, north_arcmin=0.0)))
 
-    with ControlServer(socket, desk.handle, stamp=lambda: armed.intentions.stops):
+    with ControlServer(socket, desk.handle, stamp=lambda: armed.queue.stops):
         threads = [threading.Thread(target=nudge) for _ in range(NUDGES)]
         for thread in threads:
             thread.start()
         time.sleep(2.5 * SLOW_DISK_S)
-        assert ControlClient(socket, by="console a").send("stop").ok
+        assert ControlClient(socket, by="console a").send(Stop()).ok
         slews = len(armed.mount.slews)
         heed(armed)
         for thread in threads:
             thread.join()
-        heed_again = armed.engine._apply_wishes
+        heed_again = armed.engine._execute_commands
         heed_again()
         assert armed.engine.charge.state == "IDLE"
         assert len(armed.mount.slews) == slews
         assert [o.ok for o in outcomes].count(False) >= NUDGES - 4
         # What is asked for afterwards is done.
-        assert ControlClient(socket, by="console a").send("goto", **ASIDE).ok
+        assert ControlClient(socket, by="console a").send(Goto(**ASIDE)).ok
         heed_again()
     assert armed.engine.charge.state == "MANUAL"
 
 
 @pytest.mark.parametrize("verb", ["disarm", "shutdown"])
 def test_what_moves_nothing_is_done_though_stop_has_come(armed: Rig, verb: str):
-    stamp = armed.intentions.stops
+    stamp = armed.queue.stops
     desk = desk_of(armed)
-    assert desk.handle(Intention(verb="stop")).ok
-    assert desk.handle(Intention(verb=verb, stamp=stamp)).ok
+    assert desk.handle(asked("stop")).ok
+    assert desk.handle(asked(verb, stamp=stamp)).ok
 
 
 def test_a_limit_drops_what_moves_and_keeps_what_was_asked_for_to_stand(armed: Rig):
     desk = desk_of(armed)
     for verb, arguments in (("hold", {}), ("goto", ASIDE), ("disarm", {})):
-        assert desk.handle(Intention(verb=verb, arguments=arguments)).ok
-    armed.intentions.stop(LimitMet(words="altitude 14.9 deg"), armed.mount.abort)
-    assert armed.intentions.stops == 0
+        assert desk.handle(asked(verb, arguments=arguments)).ok
+    armed.queue.stop(LimitMet(words="altitude 14.9 deg"), armed.mount.abort)
+    assert armed.queue.stops == 0
     slews = len(armed.mount.slews)
     heed(armed)
     outcomes = {a.verb: a.outcome for a in armed.memory.of(OperatorAction)}
@@ -118,12 +119,10 @@ def test_nudges_that_come_while_one_is_granted_add_up(armed: Rig):
         return dataclasses.replace(plain(*arguments, **named), is_slewing=next(reports, False))
 
     for _ in range(3):
-        assert desk.handle(
-            Intention(verb="nudge", arguments={"east_arcmin": 0.0, "north_arcmin": 6.0})
-        ).ok
+        assert desk.handle(asked("nudge", arguments={"east_arcmin": 0.0, "north_arcmin": 6.0})).ok
     before = armed.engine.planner.looking_at(plain())
     armed.mount.report = report  # type: ignore[method-assign]
-    armed.engine._apply_wishes()
+    armed.engine._execute_commands()
     done = [a for a in armed.memory.of(OperatorAction) if a.outcome == "on its way"]
     assert len(done) == 3
     assert armed.engine.hand_move is not None
@@ -134,15 +133,15 @@ def test_a_limit_that_cuts_into_a_move_drops_it_and_keeps_the_hold_behind_it(arm
     desk, plain = desk_of(armed), armed.engine.hands.order_slew
 
     def order_slew(*direction: float) -> None:
-        armed.intentions.stop(LimitMet(words="pier by 0.1 deg"), armed.mount.abort)
+        armed.queue.stop(LimitMet(words="pier by 0.1 deg"), armed.mount.abort)
         plain(*direction)
 
     for verb, arguments in (("goto", ASIDE), ("hold", {})):
-        assert desk.handle(Intention(verb=verb, arguments=arguments)).ok
+        assert desk.handle(asked(verb, arguments=arguments)).ok
     armed.engine.hands.order_slew = order_slew  # type: ignore[method-assign]
     slews = len(armed.mount.slews)
     with pytest.raises(Interrupted):
-        armed.engine._apply_wishes()
+        armed.engine._execute_commands()
     heed(armed)
     outcomes = {a.verb: a.outcome for a in armed.memory.of(OperatorAction)}
     assert outcomes == {"goto": "dropped: a limit was met", "hold": "done"}

@@ -13,7 +13,7 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.fold import THREE_COLUMNS, fold, tune_box
 from rsoconsole.console.presets import load_presets, save_preset
 from rsoconsole.console.tune import NAMES, TUNABLES, TunePane, Tuning, tune_lines
-from rsoconsole.engine.intentions import TUNABLE
+from rsoconsole.engine.tunables import TUNABLE
 from rsoconsole.errors import ConfigError
 from rsoconsole.pipeline.what_if import figures_of, what_if
 from rsoconsole.records import Miss, TrackState

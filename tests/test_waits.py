@@ -15,6 +15,7 @@ import pytest
 from rsoconsole import waits
 from rsoconsole.config import IndiConfig, WaitsConfig
 from rsoconsole.control import ControlClient
+from rsoconsole.control.commands import AskStatus
 from rsoconsole.control.place import EngineLock
 from rsoconsole.errors import ControlError, InstrumentError
 from rsoconsole.instruments.devices_there import DevicesThere
@@ -305,16 +306,16 @@ def test_an_engine_that_does_not_listen_yet_is_not_taken_for_none(tmp_path: Path
     path = tmp_path / "engine.sock"
     client = ControlClient(path)
     with pytest.raises(ControlError, match="no engine is running"):
-        client.send("status")
+        client.send(AskStatus())
     with subprocess.Popen(
         [sys.executable, "-c", HOLD, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as engine:
         assert engine.stdout is not None
         assert engine.stdout.readline() == b"held\n"
         with pytest.raises(ControlError, match=rf"is starting \(process {engine.pid}\)"):
-            client.send("status")
+            client.send(AskStatus())
         with pytest.raises(ControlError, match="already running"), EngineLock(path):
             pass
         engine.communicate()
     with pytest.raises(ControlError, match="no engine is running"):
-        client.send("status")
+        client.send(AskStatus())

@@ -34,6 +34,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.session.codec import decode, encode
 from rsoconsole.session.reader import SessionReader
+from tests.json_page import expect_documented
 from tests.made_up_night import begin
 from tests.measured_night import record_night
 from tests.test_cli_frames import objects, rsoconsole
@@ -390,6 +391,7 @@ def test_the_verb_prints_both_nights_as_json(mine):
     run = verb(mine, "--q", "4", "--set", "filter.r_multiplier", "0.8", "--json")
     assert run.exit_code == 0
     (answer,) = [json.loads(line) for line in run.stdout.splitlines()]
+    expect_documented("what-if", answer)
     assert answer["tried"] == {"filter.q_multiplier": 4.0, "filter.r_multiplier": 0.8}
     assert answer["recorded_settings"] == {"filter.q_multiplier": 1.0, "filter.r_multiplier": 1.0}
     assert answer["reproduced"] is True

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.control import ControlClient, Outcome
+from rsoconsole.control import ControlClient, Outcome, command_of
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.instruments.indi_wire import IndiVector, IndiWire
 from rsoconsole.session.reader import SessionReader
@@ -79,8 +79,8 @@ class WholeEngine:
         return SessionReader(self.session)
 
     def send(self, verb: str, **arguments: Any) -> Outcome:
-        """An intention by its socket."""
-        return ControlClient(self.socket, by="test").send(verb, **arguments)
+        """A command by its socket."""
+        return ControlClient(self.socket, by="test").send(command_of(verb, arguments))
 
     def status(self) -> dict[str, Any]:
         """What it says of itself."""

@@ -11,7 +11,7 @@ import typer
 
 from rsoconsole.cli import output
 from rsoconsole.cli.demo_night import Night, NightProcess, run_night
-from rsoconsole.cli.telescope import JsonOption, SessionOption
+from rsoconsole.cli.options import JsonOption, SessionOption
 from rsoconsole.config import Config, SessionConfig, load_config
 from rsoconsole.errors import ConfigError
 from rsoconsole.instruments.past_engine import stop_past_engine

@@ -221,18 +221,19 @@ def end_when_forgotten(socket: Path, starter: int) -> None:
     Nothing goes on while autonomy does not have the mount: after dawn, a STOP, a fault. A console
     that was attached later does not count: an engine cannot tell who only looks.
     """
-    from rsoconsole.control import ControlClient
+    from rsoconsole.control import ControlClient, read_status
+    from rsoconsole.control.commands import AskStatus, Shutdown
 
     client = ControlClient(socket, by="demo")
     idle_since_s = time.monotonic()
     while True:
         time.sleep(LOOK_S)
         try:
-            is_busy = client.send("status").data.get("holder") == "autonomy"
+            is_busy = read_status(client.send(AskStatus()).data).holder == "autonomy"
             if is_busy or os.getppid() == starter:
                 idle_since_s = time.monotonic()
             elif time.monotonic() - idle_since_s > FORGOTTEN_S:
-                client.send("shutdown")
+                client.send(Shutdown())
                 return
         except ControlError as error:
             log.warning("%s", error)

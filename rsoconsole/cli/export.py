@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import typer
 
 from rsoconsole.cli import output
-from rsoconsole.cli.telescope import JsonOption
+from rsoconsole.cli.options import JsonOption
 from rsoconsole.errors import ExportError
 
 AnyFormat: TypeAlias = Literal["csv", "ecsv", "jsonl", "tdm", "iod", "fits", "regions", "html"]

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 import typer
 
 from rsoconsole.cli import output
-from rsoconsole.cli.telescope import JsonOption
+from rsoconsole.cli.options import JsonOption
 
 FigureFormat: TypeAlias = Literal["png", "svg", "pdf"]
 

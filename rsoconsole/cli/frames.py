@@ -16,7 +16,7 @@ from rsoconsole.cli.crew import (
     everywhere,
 )
 from rsoconsole.cli.nights import process_nights
-from rsoconsole.cli.telescope import ConfigOption, JsonOption
+from rsoconsole.cli.options import ConfigOption, JsonOption
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import FrameError
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rsoconsole.cli import output
-from rsoconsole.cli.telescope import ConfigOption, JsonOption
+from rsoconsole.cli.options import ConfigOption, JsonOption
 from rsoconsole.config import load_config
 
 config_app = typer.Typer(

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import typer
 
 from rsoconsole.cli import output
-from rsoconsole.cli.telescope import ConfigOption, JsonOption
+from rsoconsole.cli.options import ConfigOption, JsonOption
 from rsoconsole.config import load_config
 from rsoconsole.errors import OrbitError
 

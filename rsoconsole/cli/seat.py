@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rsoconsole.cli import output
-from rsoconsole.cli.telescope import SocketOption
+from rsoconsole.cli.options import SocketOption
 from rsoconsole.config import Graphics
 from rsoconsole.instruments.past_engine import stop_past_engine
 

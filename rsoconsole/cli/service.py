@@ -13,7 +13,7 @@ import platformdirs
 import typer
 
 from rsoconsole.cli import output
-from rsoconsole.cli.telescope import ConfigOption, JsonOption
+from rsoconsole.cli.options import ConfigOption, JsonOption
 from rsoconsole.config import APP, default_config_path, load_config
 from rsoconsole.errors import ConfigError, RsoconsoleError
 from rsoconsole.resources import resource

@@ -10,7 +10,7 @@ import typer
 
 from rsoconsole.cli import output
 from rsoconsole.cli import sessions_words as told
-from rsoconsole.cli.telescope import ConfigOption, JsonOption
+from rsoconsole.cli.options import ConfigOption, JsonOption
 from rsoconsole.config import load_config
 from rsoconsole.errors import SessionError
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsoconsole.cli import output
+from rsoconsole.control.status import SCHEMA
 
 if TYPE_CHECKING:
     from rsoconsole.session.prune import Step
@@ -15,6 +16,11 @@ if TYPE_CHECKING:
 
 MOST_ALIKE = 3
 """Findings of one sort that are told one by one; --json tells all."""
+
+
+def schemas(of_session: Any) -> dict[str, Any]:
+    """The session's schema and that of the JSON: the key ``schema`` has long been the former."""
+    return {"session_schema": of_session, "json_schema": SCHEMA}
 
 
 def summary_json(each: "SessionSummary") -> dict[str, Any]:
@@ -32,6 +38,7 @@ def summary_json(each: "SessionSummary") -> dict[str, Any]:
         "followed_share": each.followed_share,
         "size_bytes": each.size_bytes,
         "schema": each.schema,
+        **schemas(each.schema),
         "simulated": each.is_simulated,
         "kept": each.is_kept,
         "branches": list(each.branches),
@@ -64,6 +71,7 @@ def verification_json(found: "Verification") -> dict[str, Any]:
         "ok": found.is_sound,
         "state": found.state,
         "schema": found.schema,
+        **schemas(found.schema),
         "records": found.records,
         "frames": found.frames,
         "files": found.files,

@@ -1,58 +1,32 @@
 """Verbs for the telescope's engine: run it, ask it, tell it what is wanted, stop it."""
 
-import contextlib
 import logging
 import math
-import threading
-import time
-from concurrent.futures import Future
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from rsoconsole.cli import output
-from rsoconsole.config import IndiConfig, MountConfig, load_config
-from rsoconsole.errors import ConfigError, ControlError, InstrumentError
+from rsoconsole.cli import order, output
+from rsoconsole.cli.options import (
+    ConfigOption,
+    JsonOption,
+    OverrideOption,
+    SessionOption,
+    SocketOption,
+)
+from rsoconsole.config import load_config
+from rsoconsole.control.commands import AskStatus
+from rsoconsole.errors import ControlError, InstrumentError
 from rsoconsole.waits import told_to
 
 log = logging.getLogger(__name__)
-
-JsonOption = Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")]
-SessionOption = Annotated[
-    Path | None, typer.Option(help="Session folder, new or empty. Default: in your data folder.")
-]
-ConfigOption = Annotated[
-    Path | None, typer.Option("--config", help="Configuration file (see 'config show').")
-]
-SocketOption = Annotated[
-    Path | None, typer.Option("--socket", help="Ask the engine that listens here.")
-]
-STOP_BY_ENGINE_S = 1.0
-"""How long the engine's answer to STOP counts."""
-LATE_S = 0.3
-"""How long STOP waits for it before it goes to the mount itself."""
-
-
-OverrideOption = Annotated[
-    list[str] | None,
-    typer.Option("--override", help="Go without this check of the arming list; may be repeated."),
-]
 
 
 def register(app: typer.Typer) -> None:
     """Hang the verbs into the program."""
     app.command()(engine)
     app.command()(status)
-    app.command()(arm)
-    app.command()(disarm)
-    app.command()(hold)
-    app.command()(resume)
-    app.command("goto", context_settings={"ignore_unknown_options": True})(goto)
-    app.command()(park)
-    app.command()(unpark)
-    app.command("set")(set_)
-    app.command("quit")(quit_)
+    order.register(app)
     app.command()(stop)
 
 
@@ -95,111 +69,27 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
 
     Example: rsoconsole status --json
     """
-    from rsoconsole.control import ControlClient
+    from rsoconsole.control import ControlClient, read_status
 
-    outcome = ControlClient(socket, by="status").send("status")
+    outcome = ControlClient(socket, by="status").send(AskStatus())
     if not outcome.ok:
         raise ControlError(outcome.message)
-    data = dict(outcome.data)
     if json_:
-        output.emit_json(data)
+        output.emit_json(dict(outcome.data))
         return
-    held = " HELD" if data.get("is_held") else ""
-    words = [f"{data['state']}{held}", f"{data['holder']} has the mount", f"frame {data['frame']}"]
-    if data["ra"] is not None:
-        words.append(output.direction_text(data["ra"], data["dec"]))
-    if data["alt"] is not None:
-        words.append(f"alt {data['alt']:.1f} az {data['az']:.1f}")
-    machine = data.get("machine") or {}
+    told = read_status(outcome.data)
+    held = " HELD" if told.is_held else ""
+    words = [f"{told.state}{held}", f"{told.holder} has the mount", f"frame {told.frame_id}"]
+    if told.ra_icrs_deg is not None and told.dec_icrs_deg is not None:
+        words.append(output.direction_text(told.ra_icrs_deg, told.dec_icrs_deg))
+    if told.alt_deg is not None and told.az_deg is not None:
+        words.append(f"alt {told.alt_deg:.1f} az {told.az_deg:.1f}")
+    machine = told.machine or {}
     if machine.get("cpu_temperature_c") is not None:
         words.append(f"CPU {machine['cpu_temperature_c']:.0f} °C")
     words.extend(f"MACHINE {trouble}" for trouble in machine.get("troubles", ()))
-    words.extend(f"FAULT {fault}" for fault in data["faults"])
+    words.extend(f"FAULT {fault}" for fault in told.faults)
     output.say(" · ".join(words))
-
-
-def arm(override: OverrideOption = None, json_: JsonOption = False) -> None:
-    """Hand the mount to the engine: it searches from where the telescope points.
-
-    A checklist is gone through first (clock, site, Sun, weather, disk and so on); what is not
-    well can be overridden by name, which goes on record.
-    Example: rsoconsole arm --override disk
-    """
-    _tell_engine("arm", "arm", json_, override=override or [])
-
-
-def disarm(json_: JsonOption = False) -> None:
-    """Take the mount back from the engine; it keeps running and waits to be armed again.
-
-    Example: rsoconsole disarm
-    """
-    _tell_engine("disarm", "disarm", json_)
-
-
-def hold(json_: JsonOption = False) -> None:
-    """No slews for now: what is followed is still exposed, measured and predicted.
-
-    Example: rsoconsole hold
-    """
-    _tell_engine("hold", "hold", json_)
-
-
-def resume(json_: JsonOption = False) -> None:
-    """Give the mount back to the engine after a hold or a move by hand.
-
-    Example: rsoconsole resume
-    """
-    _tell_engine("resume", "resume", json_)
-
-
-def goto(
-    ra: Annotated[float, typer.Argument(help="Right ascension, ICRS, degrees.")],
-    dec: Annotated[float, typer.Argument(help="Declination, ICRS, degrees.")],
-    override: OverrideOption = None,
-    json_: JsonOption = False,
-) -> None:
-    """Move the telescope by hand, within its limits; autonomy waits until 'rsoconsole resume'.
-
-    Example: rsoconsole goto 83.05 -4.87
-    """
-    arguments = {"ra_icrs_deg": ra, "dec_icrs_deg": dec, "override": override or []}
-    _tell_engine("goto", "goto", json_, **arguments)
-
-
-def park(json_: JsonOption = False) -> None:
-    """Disarm and send the mount to its park position.
-
-    Example: rsoconsole park
-    """
-    _tell_engine("park", "park", json_)
-
-
-def unpark(json_: JsonOption = False) -> None:
-    """Release a parked mount; nothing moves.
-
-    Example: rsoconsole unpark
-    """
-    _tell_engine("unpark", "unpark", json_)
-
-
-def set_(
-    name: Annotated[str, typer.Argument(help="Dotted name, as 'config show' lists it.")],
-    value: Annotated[str, typer.Argument(help="New value.")],
-    json_: JsonOption = False,
-) -> None:
-    """Change a setting of the running engine, from the next exposure until the engine ends.
-
-    Example: rsoconsole set detector.tau 0.2
-    """
-    _tell_engine("set", "set", json_, name=name, value=_number_or_text(value))
-
-
-def quit_(socket: SocketOption = None, json_: JsonOption = False) -> None:
-    """End the engine safely: the mount stops, the session is closed.
-
-    Example: rsoconsole quit
-    """
-    _tell_engine("quit", "shutdown", json_, socket)
 
 
 def stop(
@@ -212,96 +102,32 @@ def stop(
 
     Example: rsoconsole stop
     """
-    begun_s = time.monotonic()
-    by_engine = _begin_stop_by_engine(socket)
-    path, detail = _outcome(by_engine, LATE_S if socket is None else STOP_BY_ENGINE_S), ""
-    if path is None and socket is not None:
-        # The configured mount is another engine's.
-        path, detail = "engine", f"nothing that listens at {socket} stopped it"
-    elif path is None:
-        path, detail = _stop_directly(config)
-        # One yes is enough: the engine may know a mount that is configured nowhere.
-        late = _outcome(by_engine, STOP_BY_ENGINE_S) if detail else None
-        path, detail = (path, detail) if late is None else (late, "")
-    is_stopped = not detail
-    ms = (time.monotonic() - begun_s) * 1e3
+    from rsoconsole.control import ControlClient
+    from rsoconsole.control.stop import Stopping
+
+    def directly() -> tuple[bool, str]:
+        from rsoconsole.instruments.past_engine import stop_past_engine
+
+        return stop_past_engine(config_path=config, on_fault=_tell_fault)
+
+    # With a socket the configured mount is another engine's.
+    way_past = directly if socket is None else None
+    stopping = Stopping(lambda: ControlClient(socket, by="stop"), way_past)
+    stopping.begin()
+    ended = stopping.wait()
+    is_stopped, ms = ended.phase == "stopped", ended.ms or 0.0
     if json_:
-        output.emit_json({"stopped": is_stopped, "path": path, "ms": ms})
+        output.emit_json({"stopped": is_stopped, "path": ended.path, "ms": ms})
     else:
         ending = "stopped" if is_stopped else "NOT confirmed stopped"
-        output.say(f"{ending} in {math.ceil(ms)} ms, path {path}")
+        output.say(f"{ending} in {math.ceil(ms)} ms, path {ended.path}")
     if not is_stopped:
+        where = "" if socket is None else f"at {socket}: "
         raise InstrumentError(
-            f"the mount did not confirm that it stopped ({detail}): cut its power if it moves"
+            f"the mount did not confirm that it stopped ({where}{ended.reason}): cut its power if"
+            " it moves"
         )
 
 
-def _begin_stop_by_engine(socket: Path | None) -> Future[str | None]:
-    """Ask the engine, on a thread that nothing waits for in the end."""
-    answer: Future[str | None] = Future()
-
-    def ask() -> None:
-        answer.set_result(_stop_by_engine(socket))
-
-    threading.Thread(target=ask, daemon=True, name="stop").start()
-    return answer
-
-
-def _outcome(answer: Future[str | None], timeout_s: float) -> str | None:
-    """The way the engine stopped the mount; None when it did not, or has not yet."""
-    with contextlib.suppress(TimeoutError):
-        return answer.result(timeout_s)
-    return None
-
-
-def _stop_by_engine(socket: Path | None = None) -> str | None:
-    """The way the engine stopped the mount; None when it did not, for whatever reason."""
-    from rsoconsole.control import ControlClient
-
-    try:
-        data = ControlClient(socket, by="stop").send("stop", timeout_s=STOP_BY_ENGINE_S).data
-        path = str(data["path"])
-        return path if data["stopped"] is True else None
-    except Exception as error:  # nothing that is wrong with the engine may stand in STOP's way
-        log.warning("STOP goes past the engine: %s: %s", type(error).__name__, error)
-        return None
-
-
-def _stop_directly(config: Path | None) -> tuple[str, str]:
-    """(path, what is wrong or empty) of a STOP by a connection of its own to the INDI server."""
-    from rsoconsole.instruments.indi_wire import stop_mount
-
-    after_stop = MountConfig().after_stop
-    try:
-        loaded = load_config(config)
-        indi, after_stop = loaded.indi, loaded.mount.after_stop
-    except (ConfigError, OSError) as error:
-        indi = IndiConfig()
-        output.complain(
-            f"rsoconsole: {error}; stopping '{indi.mount}' at {indi.host}:{indi.port} instead"
-        )
-    result = stop_mount(indi.host, indi.port, indi.mount, after_stop=after_stop)
-    return result.path, "" if result.stopped else result.detail or "no reason given"
-
-
-def _tell_engine(
-    name: str, verb: str, json_: bool, socket: Path | None = None, /, **arguments: Any
-) -> None:
-    """Send an intention and say what came of it. Raises ControlError when it is refused."""
-    from rsoconsole.control import ControlClient
-
-    outcome = ControlClient(socket, by="command").send(verb, **arguments)
-    if json_:
-        output.emit_json({"verb": name, "ok": outcome.ok, "message": outcome.message})
-    if not outcome.ok:
-        raise ControlError(outcome.message or f"the engine refused '{name}' without a reason")
-    if not json_:
-        output.say(outcome.message)
-
-
-def _number_or_text(value: str) -> float | str:
-    try:
-        number = float(value)
-    except ValueError:
-        return value
-    return number if math.isfinite(number) else value
+def _tell_fault(words: str) -> None:
+    output.complain(f"rsoconsole: {words}")

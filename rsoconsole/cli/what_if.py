@@ -17,7 +17,7 @@ from rsoconsole.cli.crew import (
     everywhere,
     progress,
 )
-from rsoconsole.cli.telescope import JsonOption
+from rsoconsole.cli.options import JsonOption
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.batch_pool import Crew

@@ -15,6 +15,7 @@ from rsoconsole.console.messages import Previewed
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.words import duration_text
 from rsoconsole.control import Outcome
+from rsoconsole.control.commands import Beside, Goto, Preview
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.sky.angles import format_dec, format_ra
 
@@ -86,8 +87,8 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
             with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
                 app.call_from_thread(self.post_message, Previewed(number, words, outcome))
 
-        direction = {"ra_icrs_deg": found.ra_icrs_deg, "dec_icrs_deg": found.dec_icrs_deg}
-        self._orders.send("preview", came, **direction)
+        move = Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg)
+        self._orders.send(Preview(move=move), came)
 
     def _understood(self, text: str) -> "Understood":
         """What is meant at this instant. Raises ValueError or RsoconsoleError where none is."""
@@ -189,7 +190,7 @@ class MoveDialog(Dialog[bool | None]):
                 app.call_from_thread(self.post_message, Previewed(0, "", outcome))
 
         ra, dec = self._direction
-        self._orders.send("preview", came, ra_icrs_deg=ra, dec_icrs_deg=dec)
+        self._orders.send(Preview(move=Goto(ra_icrs_deg=ra, dec_icrs_deg=dec)), came)
 
     def on_previewed(self, message: Previewed) -> None:
         """What the engine says."""
@@ -300,7 +301,7 @@ class AimDialog(SettingsDialog):
                 app.call_from_thread(self.post_message, Previewed(number, "", outcome))
 
         aim = {name.partition(".")[2]: value for name, value in wanted.items()}
-        self._orders.send("preview", came, **aim)
+        self._orders.send(Preview(move=Beside(**aim)), came)
 
     def on_previewed(self, message: Previewed) -> None:
         """What the engine says of the last thing typed."""

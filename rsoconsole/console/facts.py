@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.engine_view import EngineView, HealthView
+from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.night import NightView, predicted_sigma_arcsec
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.words import (
@@ -21,6 +21,7 @@ from rsoconsole.console.words import (
     short,
     unsigned_text,
 )
+from rsoconsole.control import Health
 from rsoconsole.sky.angles import format_dec, format_ra
 
 if TYPE_CHECKING:
@@ -222,7 +223,7 @@ def _health_items(night: NightView, engine: EngineView) -> list[Item]:
     detect_ms = None if night.timing is None else night.timing.stage_ms.get("detect")
     if detect_ms is not None:
         items.append((f"detector {detect_ms:.0f} ms", ""))
-    if engine.is_attached and engine.waits_for_sky:
+    if engine.is_attached and engine.resumes_when_clear:
         items.append(("held until the stars are back", "warn"))
     if engine.is_attached:
         lent = engine.temporary.items()
@@ -232,7 +233,7 @@ def _health_items(night: NightView, engine: EngineView) -> list[Item]:
     return sorted(items, key=lambda item: item[1] != "alarm")
 
 
-def _health_ink(each: HealthView) -> Ink:
+def _health_ink(each: Health) -> Ink:
     """A weak supply or a processor that is slowed down spoils what is on record meanwhile."""
     if each.ok:
         return ""

@@ -17,6 +17,7 @@ from rsoconsole.console.night_screen import NightScreen
 from rsoconsole.console.review import HEAD, ReviewScreen
 from rsoconsole.console.streak_actions import StreakActions
 from rsoconsole.console.telescope_actions import TelescopeActions
+from rsoconsole.control.commands import Note, Shutdown
 
 
 class LiveScreen(NightScreen, TelescopeActions, StreakActions):
@@ -98,7 +99,7 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
             if choice == "leave":
                 self.app.exit("quit")
             elif choice == "stop engine":
-                self.send("shutdown")
+                self.send(Shutdown())
 
         holder = words.HOLDERS.get(self.engine.holder or "", "who has the mount is not known")
         text = f"The engine is running: {self.engine.state or 'state not known'}, {holder}."
@@ -127,7 +128,7 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
 
         def decided(text: str | None) -> None:
             if text:
-                self.send("note", text=text)
+                self.send(Note(text=text))
 
         self.app.push_screen(LineDialog("note", "what you want to remember"), decided)
 

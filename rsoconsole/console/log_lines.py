@@ -1,11 +1,11 @@
 """The log in the operator's words: one line for what happened, none for what is routine."""
 
+import re
 from dataclasses import dataclass, replace
 from functools import singledispatch
 from typing import Literal
 
-from rsoconsole.console.wish_words import wish_words, without_console
-from rsoconsole.control import printable
+from rsoconsole.control import command_words, printable
 from rsoconsole.records import (
     CatalogueMatch,
     Event,
@@ -23,6 +23,7 @@ Level = Literal["info", "good", "warning", "alarm"]
 
 ACCEPTED, DONE = "accepted", "done"
 LOOK_BACK_LINES = 6
+_CONSOLE = re.compile(r"\bconsole (?=\S+@)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +43,7 @@ class LogLine:
     asked: str = ""
     """What an operator wanted, without what came of it."""
     is_accepted: bool = False
-    """True for an intention that waits for its outcome."""
+    """True for a command that waits for its outcome."""
 
 
 def append_line(log: list[LogLine], line: LogLine) -> None:
@@ -70,11 +71,16 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
 
 
 def _forget_acceptance(log: list[LogLine], line: LogLine) -> None:
-    """What came of an intention says that it was accepted, too."""
+    """What came of a command says that it was accepted, too."""
     for index in range(max(len(log) - LOOK_BACK_LINES, 0), len(log)):
         if log[index].is_accepted and log[index].asked == line.asked:
             del log[index]
             return
+
+
+def without_console(text: str) -> str:
+    """The same, with a seat's name for the seat: everybody knows that it is a console."""
+    return _CONSOLE.sub("", text)
 
 
 @singledispatch
@@ -99,7 +105,7 @@ def line_of(record: Record, t_utc_ns: int) -> LogLine | None:
         level=words[0],
         text=text,
         kind=type(record).__name__,
-        asked=f"{action.by} {wish_words(action.verb, action.arguments)}" if action else "",
+        asked=f"{action.by} {command_words(action.verb, action.arguments)}" if action else "",
         is_accepted=action is not None and action.outcome == ACCEPTED,
     )
 
@@ -171,7 +177,7 @@ def _(record: OperatorAction) -> tuple[Level, str]:
     by = without_console(record.by)
     if record.verb == "stop":
         return "alarm", f"{by}: STOP: {record.outcome}"
-    wanted = wish_words(record.verb, record.arguments)
+    wanted = command_words(record.verb, record.arguments)
     refused = record.outcome.startswith("refused")
     said = record.outcome.removeprefix(f"frame {record.arguments.get('frame')}: ")
     outcome = "" if said == DONE else f": {said}"

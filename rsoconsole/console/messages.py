@@ -1,4 +1,4 @@
-"""What the watches and the intentions tell the screens, from their threads."""
+"""What the watches and the commands tell the screens, from their threads."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ from rsoconsole.console.night import NightView
 from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.timeline import Timeline
-from rsoconsole.control import Outcome
+from rsoconsole.control import Command, Outcome
 from rsoconsole.control.stop import StopNews
 
 if TYPE_CHECKING:
@@ -107,11 +107,11 @@ class Pointed(Message):
 
 
 class OutcomeCame(Message):
-    """What came of an intention; ``stops``: how many STOPs there had been when it was sent."""
+    """What came of a command; ``stops``: how many STOPs there had been when it was sent."""
 
-    def __init__(self, verb: str, outcome: Outcome, stops: int) -> None:
+    def __init__(self, command: Command, outcome: Outcome, stops: int) -> None:
         super().__init__()
-        self.verb, self.outcome, self.stops = verb, outcome, stops
+        self.command, self.outcome, self.stops = command, outcome, stops
 
 
 class StopNewsCame(Message):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from rsoconsole.config import Graphics, default_config_path, load_config
 from rsoconsole.control import ControlClient, default_socket_path
+from rsoconsole.control.commands import AskStatus
 from rsoconsole.control.place import engine_pid
 from rsoconsole.errors import ControlError, RsoconsoleError
 from rsoconsole.session.reader import SessionReader
@@ -155,7 +156,7 @@ def _seat_name() -> str:
 
 def _expect_engine(socket: Path | None) -> None:
     try:
-        outcome = ControlClient(socket, by="console").send("status", timeout_s=ATTACH_S)
+        outcome = ControlClient(socket, by="console").send(AskStatus(), timeout_s=ATTACH_S)
     except ControlError as error:
         is_absent = isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError)
         if is_absent and engine_pid(socket or default_socket_path()) is None:

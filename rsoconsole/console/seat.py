@@ -1,9 +1,9 @@
-"""What every action of the seat needs: what is known, who may act, how an intention is sent."""
+"""What every action of the seat needs: what is known, who may act, how a command is sent."""
 
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from textual.message import Message
 from textual.screen import Screen
@@ -16,20 +16,20 @@ from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.plot import Ink
-from rsoconsole.control import Outcome
+from rsoconsole.control import Command, Outcome
+from rsoconsole.control.commands import AnswerSeat, Arm, AskSeat, Shutdown
 from rsoconsole.control.stop import StopNews
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook
 
 NOTICE_S = 4.0
-NAMES_OF_VERBS = {"ask_seat": "seat", "answer_seat": "seat", "set": "setting"}
 BANNER_S = 15.0
 """A confirmed STOP is shown so long; one that is not confirmed stays."""
 
 
 class Seat(Screen[None]):
-    """Holds what is known and sends intentions; the screens above it show and ask."""
+    """Holds what is known and sends commands; the screens above it show and ask."""
 
     def __init__(
         self,
@@ -88,7 +88,7 @@ class Seat(Screen[None]):
         """What came of a STOP; the screen that has a banner draws it."""
         self.stop_news = news
 
-    # -- intentions ---------------------------------------------------------------------------
+    # -- commands -----------------------------------------------------------------------------
 
     @property
     def can_act(self) -> bool:
@@ -103,32 +103,32 @@ class Seat(Screen[None]):
             self.say("no engine answers: 'rsoconsole engine' starts one")
         return self.can_act
 
-    def send(self, verb: str, **arguments: Any) -> None:
-        """Hand an intention to the engine; what comes of it is said."""
-        self.say(f"{verb} …")
+    def send(self, command: Command) -> None:
+        """Hand a command to the engine; what comes of it is said."""
+        self.say(f"{command.label()} …")
         stops = self._stops
 
         def came(outcome: Outcome) -> None:
-            self.post_from_thread(OutcomeCame(verb, outcome, stops))
+            self.post_from_thread(OutcomeCame(command, outcome, stops))
 
-        self.orders.send(verb, came, **arguments)
+        self.orders.send(command, came)
 
     def on_outcome_came(self, message: OutcomeCame) -> None:
         """Said where it went well, asked where it did not; STOP has the last word."""
-        verb, outcome = message.verb, message.outcome
+        command, outcome = message.command, message.outcome
         self.ask_now()
-        if message.stops != self._stops and verb != "shutdown":
+        if message.stops != self._stops and not isinstance(command, Shutdown):
             return
-        name = NAMES_OF_VERBS.get(verb, verb)
+        name = command.label()
         if outcome.ok:
             self.say(f"{name}: {outcome.message or 'done'}", "good")
-            if verb == "arm":
+            if isinstance(command, Arm):
                 self.show_stop(None)
-            elif verb == "shutdown":
+            elif isinstance(command, Shutdown):
                 self.app.exit("stop engine")
         elif outcome.data.get("seat"):
             self._ask_for_seat(str(outcome.data["seat"]))
-        elif verb == "arm":
+        elif isinstance(command, Arm):
             self._ask_to_override(outcome)
         else:
             self.app.push_screen(MessageDialog(f"{name}: not done", outcome.message))
@@ -136,7 +136,7 @@ class Seat(Screen[None]):
     def _ask_for_seat(self, holder: str) -> None:
         def decided(is_wanted: bool | None) -> None:
             if is_wanted:
-                self.send("ask_seat")
+                self.send(AskSeat())
 
         text = f"{holder} has the seat. Who is asked and says nothing for 30 s gives it up."
         self.app.push_screen(
@@ -161,7 +161,7 @@ class Seat(Screen[None]):
         if self.asker is None:
             self.say("nobody asks for your seat")
         else:
-            self.send("answer_seat", gives=gives, to=self.asker)
+            self.send(AnswerSeat(gives=gives, to=self.asker))
 
     def _ask_to_override(self, outcome: Outcome) -> None:
         given = outcome.data.get("checks")
@@ -169,7 +169,7 @@ class Seat(Screen[None]):
 
         def decided(names: tuple[str, ...] | None) -> None:
             if names is not None:
-                self.send("arm", override=list(names))
+                self.send(Arm(override=names))
 
         self.say("not armed", "warn")
         self.app.push_screen(ArmDialog(outcome.message, checks), decided)

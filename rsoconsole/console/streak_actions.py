@@ -6,6 +6,7 @@ from rsoconsole.console.messages import Pointed
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.seat import Seat
+from rsoconsole.control.commands import Accept, Choose, MarkByHand, Reject, Seek
 from rsoconsole.records import Detection
 
 CLICK_PX = 60.0
@@ -45,26 +46,28 @@ class StreakActions(Seat):
 
     def _choose(self, streak: Detection) -> None:
         assert self.picture is not None
-        self.send("choose", frame=self.picture.frame_id, x=streak.x_px, y=streak.y_px)
+        self.send(
+            Choose(frame_id=self.picture.frame_id, x_px=streak.x_px, y_px=streak.y_px),
+        )
 
     def action_accept(self) -> None:
         """The frame's likeliest candidate is what is followed."""
         if self.may_act():
-            self.send("accept", **self._frame_shown())
+            self.send(Accept(frame_id=self._frame_shown()))
 
     def action_reject(self) -> None:
         """The last measurement was something else."""
         if self.may_act():
-            self.send("reject", **self._frame_shown())
+            self.send(Reject(frame_id=self._frame_shown()))
 
-    def _frame_shown(self) -> dict[str, int]:
+    def _frame_shown(self) -> int | None:
         """The frame that the operator's word is on: the one on the screen."""
-        return {} if self.picture is None else {"frame": self.picture.frame_id}
+        return None if self.picture is None else self.picture.frame_id
 
     def action_seek(self) -> None:
         """Look for it again."""
         if self.may_act():
-            self.send("seek")
+            self.send(Seek())
 
     # -- a mark by hand -------------------------------------------------------------------------
 
@@ -150,13 +153,14 @@ class StreakActions(Seat):
             return
         (x_a, y_a), (x_b, y_b) = ends
         self.send(
-            "mark",
-            frame=self.marking.frame_id,
-            x_a=x_a,
-            y_a=y_a,
-            x_b=x_b,
-            y_b=y_b,
-            sigma_px=max(self.marking.coarsest_px, 1.0),
+            MarkByHand(
+                frame_id=self.marking.frame_id,
+                x_a_px=x_a,
+                y_a_px=y_a,
+                x_b_px=x_b,
+                y_b_px=y_b,
+                sigma_px=max(self.marking.coarsest_px, 1.0),
+            )
         )
         self._leave_mark()
 

@@ -1,4 +1,4 @@
-"""What the operator does with the telescope itself: each key is one intention, or one question."""
+"""What the operator does with the telescope itself: each key is one command, or one question."""
 
 import time
 from collections.abc import Iterable
@@ -15,6 +15,19 @@ from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs import ConfirmDialog
 from rsoconsole.console.messages import OutcomeCame
 from rsoconsole.console.seat import Seat
+from rsoconsole.control.commands import (
+    Abort,
+    Arm,
+    Disarm,
+    Goto,
+    Hold,
+    Nudge,
+    Park,
+    Resume,
+    Set,
+    Track,
+    Unpark,
+)
 from rsoconsole.records import Solution
 from rsoconsole.sky.wcs import pixel_to_sky
 
@@ -35,22 +48,22 @@ class TelescopeActions(Seat):
 
     def on_outcome_came(self, message: OutcomeCame) -> None:
         """The next nudge may go."""
-        if message.verb == "nudge":
+        if isinstance(message.command, Nudge):
             self._is_nudging = False
 
     def action_arm_or_disarm(self) -> None:
         """Whoever has the mount gives it up."""
         if self.may_act():
-            self.send("disarm" if self.engine.holder == "autonomy" else "arm")
+            self.send(Disarm() if self.engine.holder == "autonomy" else Arm())
 
     def action_hold_or_resume(self) -> None:
         """No slews for now; or give the mount back to autonomy."""
         if not self.may_act():
             return
         if self.engine.wants_resuming:
-            self.send("resume")
+            self.send(Resume())
         elif self.engine.holder == "autonomy":
-            self.send("hold")
+            self.send(Hold())
         else:
             self.say("nothing to hold: the engine is not armed", "warn")
 
@@ -59,7 +72,7 @@ class TelescopeActions(Seat):
         if not self.may_act():
             return
         if self.engine.holder == "autonomy":
-            self.send("hold", until="clear")
+            self.send(Hold(until="clear"))
         else:
             self.say("nothing to hold: the engine is not armed", "warn")
 
@@ -70,7 +83,7 @@ class TelescopeActions(Seat):
 
         def decided(is_wanted: bool | None) -> None:
             if is_wanted:
-                self.send("park")
+                self.send(Park())
 
         text = "The engine disarms and sends the mount to its park position."
         dialog = ConfirmDialog("park the mount", text, yes="Park", letter="y")
@@ -79,17 +92,17 @@ class TelescopeActions(Seat):
     def action_unpark(self) -> None:
         """Release a parked mount; nothing moves."""
         if self.may_act():
-            self.send("unpark")
+            self.send(Unpark())
 
     def action_track_or_stand(self) -> None:
         """Sidereal tracking on and off."""
         if self.may_act():
-            self.send("track", on=not self.engine.is_tracking)
+            self.send(Track(is_on=not self.engine.is_tracking))
 
     def action_abort_exposure(self) -> None:
         """Give up the exposure that runs."""
         if self.may_act():
-            self.send("abort")
+            self.send(Abort())
 
     def action_exposure(self) -> None:
         """Ask for another exposure and cadence."""
@@ -107,7 +120,7 @@ class TelescopeActions(Seat):
     def _ask_settings(self, dialog: SettingsDialog) -> None:
         def decided(wanted: dict[str, float] | None) -> None:
             for name, value in (wanted or {}).items():
-                self.send("set", name=name, value=value)
+                self.send(Set(name=name, value=value))
 
         self.app.push_screen(dialog, decided)
 
@@ -120,7 +133,7 @@ class TelescopeActions(Seat):
 
         def decided(direction: tuple[float, float] | None) -> None:
             if direction is not None:
-                self.send("goto", ra_icrs_deg=direction[0], dec_icrs_deg=direction[1])
+                self.send(Goto(ra_icrs_deg=direction[0], dec_icrs_deg=direction[1]))
 
         dialog = GotoDialog(self.night.config, self._now_utc_ns, self.orders)
         self.app.push_screen(dialog, decided)
@@ -154,7 +167,10 @@ class TelescopeActions(Seat):
         east, north = self._on_the_sky(right, down)
         arcmin = STEPS_ARCSEC[self.step] / 60.0
         self.send(
-            "nudge", east_arcmin=round(arcmin * east, 6), north_arcmin=round(arcmin * north, 6)
+            Nudge(
+                east_arcmin=round(arcmin * east, 6),
+                north_arcmin=round(arcmin * north, 6),
+            )
         )
 
     def _on_the_sky(self, right: float, down: float) -> tuple[float, float]:
@@ -207,7 +223,7 @@ class TelescopeActions(Seat):
 
         def decided(is_wanted: bool | None) -> None:
             if is_wanted:
-                self.send("goto", ra_icrs_deg=place[0], dec_icrs_deg=place[1])
+                self.send(Goto(ra_icrs_deg=place[0], dec_icrs_deg=place[1]))
 
         has_it = self.engine.holder == "autonomy"
         back = first_key("hold_or_resume", self.keymap)

@@ -18,7 +18,7 @@ KINDS: tuple[Kind, ...] = ("miss", "rejection", "loss", "operator", "note", "ala
 _OF_FRAMES: frozenset[Kind] = frozenset(("miss", "rejection", "loss"))
 """Kinds that are seen whole only when their frame's last record is there."""
 NOT_SHOWN = "accepted"
-"""The outcome of an intention that waits: what comes of it is on record too."""
+"""The outcome of a command that waits: what comes of it is on record too."""
 
 
 class FrameMark(NamedTuple):

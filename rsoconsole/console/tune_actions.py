@@ -19,13 +19,14 @@ from rsoconsole.console.tune import (
     tune_lines,
 )
 from rsoconsole.console.what_if_watch import WhatIfWatch
+from rsoconsole.control.commands import MOST_FRAMES, Set
 from rsoconsole.errors import ConfigError
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.what_if import TrackFigures
 
 PRESETS = "presets.toml"
-USUAL_FRAMES, MOST_FRAMES = 5, 1000
+USUAL_FRAMES = 5
 EVERY_S = 20.0
 """How often an open pane's figures are reckoned anew."""
 
@@ -163,7 +164,7 @@ class TuneActions(Seat):
                 self.say(f"{text!r} is no number of frames from 1 to {MOST_FRAMES}", "warn")
                 return
             for name, value in self.tuning.tried.items():
-                self.send("set", name=name, value=value, frames=int(text))
+                self.send(Set(name=name, value=value, frames=int(text)))
 
         dialog = LineDialog("apply for so many frames", "how many", f"{USUAL_FRAMES}")
         self.app.push_screen(dialog, decided)
@@ -179,7 +180,7 @@ class TuneActions(Seat):
 
     def _set(self, wanted: dict[str, Value]) -> None:
         for name, value in wanted.items():
-            self.send("set", name=name, value=value)
+            self.send(Set(name=name, value=value))
 
     def _save(self) -> None:
         present = self.tuning.present | self.tuning.tried

@@ -17,6 +17,7 @@ from rsoconsole.console.night import Night, NightView
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.picture_files import read_closeup, read_picture
 from rsoconsole.control import Wire
+from rsoconsole.control.commands import AskStatus
 from rsoconsole.control.looker import Looker
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.session.reader import SessionReader
@@ -183,7 +184,7 @@ class EngineWatch(Looker):
 
     def _ask(self) -> EngineView:
         try:
-            outcome = self._wire.send("status", timeout_s=ANSWER_S)
+            outcome = self._wire.send(AskStatus(), timeout_s=ANSWER_S)
         except ControlError as error:
             return self._out_of_reach(error)
         except Exception as error:  # whatever it says, the seat goes on

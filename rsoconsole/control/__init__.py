@@ -1,23 +1,35 @@
-"""The operator's wire: intentions go up to the engine as JSON lines, each is acknowledged.
+"""The operator's wire: commands go up to the engine as JSON lines, each is answered.
 
 The socket lies in a folder that only its owner can enter; nothing listens on a network.
-May touch config and errors below; never instruments or a session.
+May touch sky, config and errors below; never instruments or a session.
 """
 
+from rsoconsole.control import commands
 from rsoconsole.control.client import ControlClient, Wire
+from rsoconsole.control.command import COMMANDS, Command, command_of, command_words
 from rsoconsole.control.place import EngineLock, default_socket_path
-from rsoconsole.control.server import FAST_VERBS, ControlServer, Handler
-from rsoconsole.control.wire import Intention, Outcome, printable
+from rsoconsole.control.server import ControlServer, Handler
+from rsoconsole.control.status import Health, Status, read_status, status_json
+from rsoconsole.control.text import printable
+from rsoconsole.control.wire import Outcome, Request
 
 __all__ = [
-    "FAST_VERBS",
+    "COMMANDS",
+    "Command",
     "ControlClient",
     "ControlServer",
     "EngineLock",
     "Handler",
-    "Intention",
+    "Health",
     "Outcome",
+    "Request",
+    "Status",
     "Wire",
+    "command_of",
+    "command_words",
+    "commands",
     "default_socket_path",
     "printable",
+    "read_status",
+    "status_json",
 ]

@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import Any, Protocol
 
+from rsoconsole.control.command import Command
 from rsoconsole.control.place import address_of, default_socket_path, engine_pid
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, read_outcome, receive_line
 from rsoconsole.errors import ControlError
@@ -19,8 +20,8 @@ GRACE_S = 0.5
 class Wire(Protocol):
     """The operator's end of the wire, as ``ControlClient`` is."""
 
-    def send(self, verb: str, *, timeout_s: float = DEFAULT_TIMEOUT_S, **arguments: Any) -> Outcome:
-        """Raises ControlError when no engine runs or it does not answer."""
+    def send(self, command: Command, *, timeout_s: float = DEFAULT_TIMEOUT_S) -> Outcome:
+        """Raises ControlError when no engine runs or it does not answer, or what never can be."""
 
 
 class ControlClient:
@@ -30,15 +31,21 @@ class ControlClient:
         self._path = path if path is not None else default_socket_path()
         self._by = by
 
-    def send(self, verb: str, *, timeout_s: float = DEFAULT_TIMEOUT_S, **arguments: Any) -> Outcome:
-        """Hand an intention to the engine and wait for what comes of it.
+    def send(self, command: Command, *, timeout_s: float = DEFAULT_TIMEOUT_S) -> Outcome:
+        """Hand a command to the engine and wait for what comes of it.
 
-        Raises ControlError when no engine runs or it does not answer within ``timeout_s``.
+        Raises ControlError when no engine runs or it does not answer within ``timeout_s``, and
+        before it is asked where the command's arguments can never be carried out.
         """
-        message = {
+        verb = command.verb
+        try:
+            command.check()
+        except ValueError as error:
+            raise ControlError(str(error)) from error
+        message: dict[str, Any] = {
             "id": 1,
             "verb": verb,
-            "arguments": arguments,
+            "arguments": command.arguments(),
             "by": self._by,
             "timeout_s": timeout_s,
         }

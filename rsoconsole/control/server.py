@@ -1,8 +1,8 @@
 """The engine's end of the operator's wire.
 
-``stop`` and ``status`` are handled at
-once, on the thread of the connection that brought them; all other intentions wait in one queue
-for one thread, and one that has waited past its sender's patience is not carried out any more.
+Commands that are immediate (``stop``, ``status``) are handled at once, on the thread of the
+connection that brought them; all others wait in one queue for one thread, and one that has
+waited past its sender's patience is not carried out any more.
 """
 
 import contextlib
@@ -17,30 +17,30 @@ from pathlib import Path
 from rsoconsole.control.place import EngineLock, address_of, remove_socket
 from rsoconsole.control.wire import (
     Connection,
-    Intention,
-    Order,
+    NotACommand,
     Outcome,
+    Request,
+    WaitingRequest,
     is_same_user,
-    read_order,
+    read_request,
 )
 from rsoconsole.errors import ControlError
 
-FAST_VERBS = frozenset({"stop", "status"})
 MAX_CONNECTIONS = 32
 MAX_WAITING = 64
 BACKLOG = 128
 """So many may knock at once before the system turns one away."""
 
 
-Handler = Callable[[Intention], Outcome]
+Handler = Callable[[Request], Outcome]
 
 
 class ControlServer:
     """The engine's end of the wire; runs on threads of its own.
 
-    ``handler`` is called on one thread for all verbs but ``stop`` and ``status``, which may come
+    ``handler`` is called on one thread for all commands but the immediate ones, which may come
     at any moment on another thread, even while the handler is busy. What it raises becomes an
-    outcome that is not ok.
+    outcome that is not ok. What is no command never reaches it.
     """
 
     def __init__(
@@ -51,12 +51,12 @@ class ControlServer:
         lock: EngineLock | None = None,
         stamp: Callable[[], int] | None = None,
     ) -> None:
-        """``stamp``: how many STOPs there have been; each intention carries it from its reading."""
+        """``stamp``: how many STOPs there have been; each request carries it from its reading."""
         self._handler = handler
         self._stamp = stamp
         self._address = address_of(path)
         self._own_lock = EngineLock(path) if lock is None else None
-        self._waiting: queue.Queue[Order | None] = queue.Queue(MAX_WAITING)
+        self._waiting: queue.Queue[WaitingRequest | None] = queue.Queue(MAX_WAITING)
         self._connections: set[Connection] = set()
         self._guard = threading.Lock()
         self._is_closing = False
@@ -161,33 +161,35 @@ class ControlServer:
     def _take(self, connection: "Connection", line: bytes) -> None:
         stamp = None if self._stamp is None else self._stamp()
         try:
-            order = read_order(connection, line)
+            read = read_request(connection, line)
         except ControlError as error:
-            connection.answer(None, Outcome(ok=False, message=str(error)))
+            request_id = error.request_id if isinstance(error, NotACommand) else None
+            connection.answer(request_id, Outcome(ok=False, message=str(error)))
             return
-        order = replace(order, intention=replace(order.intention, stamp=stamp))
-        if order.intention.verb in FAST_VERBS:
-            connection.answer(order.id, self._carry_out(order.intention))
+        waiting = replace(read, request=replace(read.request, stamp=stamp))
+        if waiting.request.command.is_immediate:
+            connection.answer(waiting.id, self._carry_out(waiting.request))
             return
         try:
-            self._waiting.put_nowait(order)
+            self._waiting.put_nowait(waiting)
         except queue.Full:
-            busy = f"{MAX_WAITING} intentions wait already: try again"
-            connection.answer(order.id, Outcome(ok=False, message=busy))
+            busy = f"{MAX_WAITING} commands wait already: try again"
+            connection.answer(waiting.id, Outcome(ok=False, message=busy))
 
     def _work(self) -> None:
         while not self._is_closing:
-            order = self._waiting.get()
-            if order is None:
+            waiting = self._waiting.get()
+            if waiting is None:
                 return
-            if time.monotonic() > order.deadline:
+            if time.monotonic() > waiting.deadline:
                 late = Outcome(ok=False, message="the engine was busy for too long: not done")
-                order.connection.answer(order.id, late)
+                waiting.connection.answer(waiting.id, late)
             else:
-                order.connection.answer(order.id, self._carry_out(order.intention))
+                waiting.connection.answer(waiting.id, self._carry_out(waiting.request))
 
-    def _carry_out(self, intention: Intention) -> Outcome:
+    def _carry_out(self, request: Request) -> Outcome:
         try:
-            return self._handler(intention)
-        except Exception as error:  # whatever one intention breaks, the wire stays
-            return Outcome(ok=False, message=f"{intention.verb}: {error or type(error).__name__}")
+            return self._handler(request)
+        except Exception as error:  # whatever one command breaks, the wire stays
+            words = f"{request.command.verb}: {error or type(error).__name__}"
+            return Outcome(ok=False, message=words)

@@ -1,4 +1,7 @@
-"""STOP: to the engine at once, and past it as soon as it fails or is late; one yes is enough."""
+"""STOP: to the engine at once, and past it as soon as it fails or is late; one yes is enough.
+
+The one procedure of every seat: the console's key, the panel's button and the shell's verb.
+"""
 
 import logging
 import threading
@@ -8,12 +11,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rsoconsole.control.client import Wire
+from rsoconsole.control.commands import Stop
 from rsoconsole.errors import ControlError
 
 log = logging.getLogger(__name__)
 
 ENGINE_S = 1.0
+"""How long the engine's answer is waited for."""
 LATE_S = 0.3
+"""How long it is waited for before the mount itself is told."""
 REMEDY = "run 'rsoconsole stop' in another terminal; cut the mount's power if it moves"
 PATHS = {"mount": "the mount's own process", "indi": "a second INDI connection"}
 
@@ -27,16 +33,26 @@ class StopNews:
 
     phase: Literal["sent", "late", "stopped", "failed"]
     text: str
+    path: str = ""
+    """Through what motion was ended, or was tried to be last: mount, indi, engine."""
+    ms: float | None = None
+    """From the beginning to the end of the procedure; None before."""
+    reason: str = ""
+    """What is wrong where it failed."""
 
 
-class Stop:
+def unheard(_news: StopNews) -> None:
+    """For who waits for the end only."""
+
+
+class Stopping:
     """One STOP under way; ``on_news`` is called from its threads, last with its end."""
 
     def __init__(
         self,
         wire: Callable[[], Wire],
         directly: DirectStop | None,
-        on_news: Callable[[StopNews], None],
+        on_news: Callable[[StopNews], None] = unheard,
     ) -> None:
         self._wire = wire
         self._directly = directly
@@ -47,17 +63,32 @@ class Stop:
         self._is_over = False
         self._reasons: list[str] = []
         self._began_s = time.monotonic()
+        self._ended: StopNews | None = None
+        self._end = threading.Event()
+        self._past: threading.Thread | None = None
 
     def begin(self) -> None:
         """Act; returns at once."""
-        threading.Thread(target=self._by_engine, name="console-stop", daemon=True).start()
+        threading.Thread(target=self._by_engine, name="stop", daemon=True).start()
         late = threading.Timer(LATE_S, self._when_late)
         late.daemon = True
         late.start()
 
+    def wait(self) -> StopNews:
+        """How it ended, once every way has said no or one has said yes.
+
+        A way past the engine that has begun is waited for all the same: it may still set tracking
+        as configured after its own ABORT.
+        """
+        self._end.wait()
+        if self._past is not None:
+            self._past.join()
+        assert self._ended is not None
+        return self._ended
+
     def _by_engine(self) -> None:
         try:
-            outcome = self._wire().send("stop", timeout_s=ENGINE_S)
+            outcome = self._wire().send(Stop(), timeout_s=ENGINE_S)
         except ControlError as error:
             self._failed(str(error).partition(":")[0])
             return
@@ -65,16 +96,18 @@ class Stop:
             log.exception("stop")
             self._failed(str(error) or type(error).__name__)
             return
-        if outcome.ok and outcome.data.get("stopped") is True:
-            self._stopped(PATHS.get(str(outcome.data.get("path")), "the engine"))
+        path = outcome.data.get("path")
+        if outcome.ok and outcome.data.get("stopped") is True and isinstance(path, str):
+            self._stopped(PATHS.get(path, "the engine"), path)
         else:
             self._failed(outcome.message or "the engine gave no reason")
 
     def _when_late(self) -> None:
         if self._directly is None:
-            self._say("late", f"NO ANSWER YET: {REMEDY}")
+            self._say(StopNews(phase="late", text=f"NO ANSWER YET: {REMEDY}"))
         else:
-            self._say("late", f"NO ANSWER YET, going past the engine. If in doubt {REMEDY}")
+            text = f"NO ANSWER YET, going past the engine. If in doubt {REMEDY}"
+            self._say(StopNews(phase="late", text=text))
             self._go_past()
 
     def _go_past(self) -> None:
@@ -83,7 +116,10 @@ class Stop:
                 return
             self._has_gone_past = True
             self._ways_open += 1
-        threading.Thread(target=self._past_engine, name="console-stop-past", daemon=True).start()
+            self._past = threading.Thread(
+                target=self._past_engine, name="stop-past-engine", daemon=True
+            )
+            self._past.start()
 
     def _past_engine(self) -> None:
         assert self._directly is not None
@@ -93,13 +129,14 @@ class Stop:
             log.exception("stop past the engine")
             stands, words = False, str(error) or type(error).__name__
         if stands:
-            self._stopped(f"a connection past the engine ({words})")
+            self._stopped(f"a connection past the engine ({words})", words)
         else:
             self._failed(words)
 
-    def _stopped(self, path: str) -> None:
-        ms = (time.monotonic() - self._began_s) * 1e3
-        self._say("stopped", f"motion ended in {ms:.0f} ms by {path}")
+    def _stopped(self, way: str, path: str) -> None:
+        ms = self._ms()
+        text = f"motion ended in {ms:.0f} ms by {way}"
+        self._say(StopNews(phase="stopped", text=text, path=path, ms=ms))
 
     def _failed(self, reason: str) -> None:
         self._go_past()
@@ -109,11 +146,23 @@ class Stop:
             is_last = self._ways_open == 0
             reasons = "; ".join(self._reasons)
         if is_last:
-            self._say("failed", f"NOT CONFIRMED: {REMEDY} ({reasons})")
+            text = f"NOT CONFIRMED: {REMEDY} ({reasons})"
+            path = "engine" if self._directly is None else "indi"
+            news = StopNews(phase="failed", text=text, path=path, ms=self._ms(), reason=reasons)
+            self._say(news)
 
-    def _say(self, phase: Literal["late", "stopped", "failed"], text: str) -> None:
+    def _ms(self) -> float:
+        return (time.monotonic() - self._began_s) * 1e3
+
+    def _say(self, news: StopNews) -> None:
         with self._lock:
             if self._is_over:
                 return
-            self._is_over = phase != "late"
-            self._on_news(StopNews(phase=phase, text=text))
+            if news.phase != "late":
+                self._is_over = True
+                self._ended = news
+            try:
+                self._on_news(news)
+            finally:
+                if self._is_over:
+                    self._end.set()

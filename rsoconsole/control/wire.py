@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from rsoconsole.control.command import Command, command_of
+from rsoconsole.control.text import printable
 from rsoconsole.errors import ControlError
 
 MAX_LINE_BYTES = 65536
@@ -19,20 +21,19 @@ _SEND_TIMEOUT_S = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Intention:
-    """What an operator wants of the engine."""
+class Request:
+    """A command, and who asks for it."""
 
-    verb: str
-    arguments: Mapping[str, Any] = field(default_factory=dict)
+    command: Command
     by: str = "operator"
-    """Who asks: the console, a command, a script."""
+    """The console, a shell, a script."""
     stamp: int | None = None
     """How many STOPs had been given when it was read; None: not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What came of an intention."""
+    """What came of a command."""
 
     ok: bool
     message: str = ""
@@ -41,12 +42,20 @@ class Outcome:
     """The answer to a question, as JSON carries it."""
 
 
+class NotACommand(ControlError):  # noqa: N818 -- an answer to the sender, no failure of the engine
+    """A line that asks for what is no command, with the number that its sender gave it."""
+
+    def __init__(self, message: str, request_id: int | str | None) -> None:
+        super().__init__(message)
+        self.request_id = request_id
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
-    """An intention on its way, with the connection that waits for its outcome."""
+class WaitingRequest:
+    """A request on its way, with the connection that waits for its outcome."""
 
     id: int | str | None
-    intention: Intention
+    request: Request
     deadline: float
     """Monotonic; afterwards the sender has given up."""
     connection: "Connection"
@@ -66,9 +75,9 @@ class Connection:
         """Lines as they come in; raises ValueError at one that is too long."""
         return _Lines(self._peer, self)
 
-    def answer(self, order_id: int | str | None, outcome: Outcome) -> None:
+    def answer(self, request_id: int | str | None, outcome: Outcome) -> None:
         """Send an outcome; a peer that is gone or does not read is let go."""
-        reply = {"id": order_id, "ok": outcome.ok, "message": outcome.message}
+        reply = {"id": request_id, "ok": outcome.ok, "message": outcome.message}
         try:
             line = json.dumps({**reply, "data": dict(outcome.data)}, allow_nan=False)
         except (TypeError, ValueError) as error:
@@ -112,28 +121,32 @@ class _Lines:
         return line
 
 
-def read_order(connection: Connection, line: bytes) -> Order:
-    """The order in a line. Raises ControlError that says what is wrong with it."""
+def read_request(connection: Connection, line: bytes) -> WaitingRequest:
+    """The request in a line. Raises ControlError that says what is wrong with it."""
     try:
         message = json.loads(line)
     except (ValueError, RecursionError) as error:
         raise ControlError(f"not a line of JSON: {error}") from error
     if not isinstance(message, dict):
-        raise ControlError("an intention is a JSON object")
+        raise ControlError("a command is a JSON object")
     verb, arguments = message.get("verb"), message.get("arguments", {})
     by, timeout_s = message.get("by", "operator"), message.get("timeout_s", DEFAULT_TIMEOUT_S)
-    order_id = message.get("id")
+    request_id = message.get("id")
     if not isinstance(verb, str) or not verb:
-        raise ControlError("an intention needs a 'verb'")
+        raise ControlError("a command needs a 'verb'")
     if not isinstance(arguments, dict):
         raise ControlError("'arguments' is a JSON object")
-    if not isinstance(by, str) or not isinstance(order_id, int | str | None):
+    if not isinstance(by, str) or not isinstance(request_id, int | str | None):
         raise ControlError("'by' is text, 'id' a whole number or text")
     if not isinstance(timeout_s, int | float) or not 0 < timeout_s <= 3600:
         raise ControlError("'timeout_s' lies between 0 and 3600")
-    return Order(
-        id=order_id,
-        intention=Intention(verb=verb, arguments=arguments, by=by),
+    try:
+        command = command_of(verb, arguments)
+    except ValueError as error:
+        raise NotACommand(str(error), request_id) from error
+    return WaitingRequest(
+        id=request_id,
+        request=Request(command=command, by=by),
         deadline=time.monotonic() + timeout_s,
         connection=connection,
     )
@@ -152,11 +165,6 @@ def receive_line(wire: socket.socket, deadline: float) -> bytes:
             raise ConnectionResetError("it closed the connection without an answer")
         received += chunk
     return bytes(received.partition(b"\n")[0])
-
-
-def printable(text: str) -> str:
-    """The same without what would be a command to a terminal, whoever wrote it."""
-    return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
 def read_outcome(reply: bytes) -> Outcome:

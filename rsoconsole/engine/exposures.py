@@ -4,8 +4,8 @@ import time
 
 from rsoconsole.config import Config
 from rsoconsole.engine.chronicle import Chronicle
+from rsoconsole.engine.command_queue import CommandQueue
 from rsoconsole.engine.hands import NS, Hands, Interrupted
-from rsoconsole.engine.intentions import Intentions
 from rsoconsole.engine.plan import Plan, Planner
 from rsoconsole.engine.states import LimitMet
 from rsoconsole.engine.watch import Watch
@@ -24,7 +24,7 @@ class Exposures:
         planner: Planner,
         watch: Watch,
         chronicle: Chronicle,
-        intentions: Intentions,
+        queue: CommandQueue,
         config: Config,
     ) -> None:
         self.frame_id = 0
@@ -37,7 +37,7 @@ class Exposures:
         self._planner = planner
         self._watch = watch
         self._chronicle = chronicle
-        self._intentions = intentions
+        self._queue = queue
         self._config = config
 
     def configure(self, config: Config) -> None:
@@ -59,7 +59,7 @@ class Exposures:
         ahead = self._watch.limit_before(end_ns)
         if ahead is not None:
             words = f"before the end of this exposure: {ahead.text}"
-            self._intentions.stop(LimitMet(words=words), self._end_tracking)
+            self._queue.stop(LimitMet(words=words), self._end_tracking)
             raise Interrupted
         self.frame_id += 1
         self._chronicle.frame_id = self.frame_id

@@ -2,10 +2,10 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from rsoconsole.config import Config
+from rsoconsole.control import Health
 from rsoconsole.engine.doctor_system import free_bytes, read_clock
 from rsoconsole.engine.machine_watch import MachineState
 from rsoconsole.engine.retention import session_bytes
@@ -18,15 +18,6 @@ SILENT_S = 10.0
 LOW_HOURS = 4.0
 SAID_S = 900.0
 """For so long it is said that somebody has set the clock."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Health:
-    """One thing and how it is."""
-
-    name: str
-    ok: bool
-    text: str
 
 
 class HealthMeter:

@@ -7,21 +7,27 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from rsoconsole.config import Config
+from rsoconsole.control import Request, Status
 from rsoconsole.engine.arming import pointing_check
+from rsoconsole.engine.by_hand import ByHand, HandMove, Parts
 from rsoconsole.engine.chronicle import Chronicle, Recorder
-from rsoconsole.engine.exposures import Exposures
-from rsoconsole.engine.guide import Guide
-from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
-from rsoconsole.engine.intentions import (
+from rsoconsole.engine.command_queue import (
     Alarm,
-    Intentions,
+    CommandQueue,
     action_record,
     alarm_words,
     dropped_words,
 )
+from rsoconsole.engine.exposures import Exposures
+from rsoconsole.engine.guide import Guide
+from rsoconsole.engine.handlers import joined
+from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
+from rsoconsole.engine.modes import Modes
 from rsoconsole.engine.parking import Parking
 from rsoconsole.engine.plan import Plan, Planner
 from rsoconsole.engine.preview import place_of_interest
+from rsoconsole.engine.seek import Seeking
+from rsoconsole.engine.settings import Settings
 from rsoconsole.engine.slews import NowhereError, Slews
 from rsoconsole.engine.states import (
     BY_OPERATOR,
@@ -40,10 +46,10 @@ from rsoconsole.engine.states import (
     Taken,
     step,
 )
-from rsoconsole.engine.status import Status, status_of
+from rsoconsole.engine.status import status_of
 from rsoconsole.engine.temporary import Temporary
+from rsoconsole.engine.verdicts import Verdicts
 from rsoconsole.engine.watch import Watch
-from rsoconsole.engine.wishes import HandMove, grant
 from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.orbits import Orbits
@@ -81,7 +87,7 @@ class Engine:
         hands: Hands,
         reducer: FrameReducer,
         record: Recorder,
-        intentions: Intentions,
+        queue: CommandQueue,
         on_cycle: Callable[["Engine", Reduction], None] | None = None,
     ) -> None:
         self.config = config
@@ -91,17 +97,13 @@ class Engine:
         self.guide = Guide(self.orbits.online, config)
         self.planner = Planner(config, self.guide)
         self.chronicle = Chronicle(record, hands.now_utc_ns, self.orbits.hear)
-        self.watch = Watch(hands.instruments, config, intentions, self.chronicle.append)
-        self.hand_move: HandMove | None = None
-        """Where the operator has sent the mount, until it is there."""
+        self.watch = Watch(hands.instruments, config, queue, self.chronicle.append)
         self._parking = Parking(hands, self.chronicle)
         self.slews = Slews(hands, self.planner, self.watch, self.chronicle)
-        self._exposures = Exposures(
-            hands, self.planner, self.watch, self.chronicle, intentions, config
-        )
+        self._exposures = Exposures(hands, self.planner, self.watch, self.chronicle, queue, config)
         self.cycle = Cycle(reducer, config)
         """What makes a track of frames, and knows the last ones."""
-        self._intentions = intentions
+        self._queue = queue
         self._on_cycle = on_cycle
         self._plan: Plan | None = None
         self._is_first_look = False
@@ -114,6 +116,25 @@ class Engine:
         """What was followed last this night."""
         self.temporary = Temporary()
         """Settings that hold for some frames only."""
+        parts = Parts(
+            hands=hands,
+            planner=self.planner,
+            slews=self.slews,
+            watch=self.watch,
+            guide=self.guide,
+            chronicle=self.chronicle,
+        )
+        self.by_hand = ByHand(self, parts)
+        self.handlers = joined(
+            (
+                Modes(self).handlers,
+                self.by_hand.handlers,
+                Settings(self, self.temporary, self.chronicle).handlers,
+                Verdicts(self, self.cycle, self.chronicle).handlers,
+                Seeking(self, hands, self.planner, self.slews, self.guide).handlers,
+            )
+        )
+        """How each command of the operator is checked and done."""
         hands.on_tick = self.watch.hear_loop
         hands.on_clock_set = self._hear_clock_set
         self.clock_set: tuple[int, float] | None = None
@@ -129,12 +150,17 @@ class Engine:
         """What is followed."""
         return self.charge.following
 
+    @property
+    def hand_move(self) -> HandMove | None:
+        """Where the operator has sent the mount, until it is there."""
+        return self.by_hand.move
+
     def status(self) -> Status:
         """A snapshot, from any thread."""
         return status_of(
             self.charge,
             self.watch,
-            frame=self.frame_id,
+            frame_id=self.frame_id,
             now_utc_ns=self.chronicle.last_utc_ns(),
             faults=tuple(self._faults),
             exposing_until_utc_ns=self._exposures.open_until_utc_ns,
@@ -175,10 +201,10 @@ class Engine:
         observatory is gone: no time passes without it.
         """
         with self.watch.running():
-            while not self._intentions.is_shutdown and (frames is None or self.frame_id < frames):
+            while not self._queue.is_shutdown and (frames is None or self.frame_id < frames):
                 try:
                     self._heed_alarms()
-                    self._apply_wishes()
+                    self._execute_commands()
                     self._one_turn(is_bounded=frames is not None)
                 except Interrupted:
                     continue
@@ -218,14 +244,14 @@ class Engine:
         self.happen(Taken(by="somebody else"))
 
     def _end(self) -> None:
-        if self._intentions.is_shutdown:
+        if self._queue.is_shutdown:
             result = self.hands.instruments.mount.abort()
             with contextlib.suppress(Interrupted):
                 self._heed_alarms()
-            for wish in self._intentions.take_all():
-                is_done = wish.verb in ("shutdown", "disarm")
+            for request in self._queue.take_all():
+                is_done = request.command.survives_stop
                 self.chronicle.append(
-                    action_record(wish, "done" if is_done else "dropped: the engine ends")
+                    action_record(request, "done" if is_done else "dropped: the engine ends")
                 )
             if not result.stopped:
                 self.chronicle.say("alarm", f"the mount did not confirm its stop: {result.detail}")
@@ -246,7 +272,7 @@ class Engine:
         if not isinstance(happening, Followed):
             self._plan = self._exposures.next_start_utc_ns = None
         if isinstance(happening, LimitMet | BY_OPERATOR):
-            self.hand_move = None
+            self.by_hand.move = None
         if isinstance(happening, BY_OPERATOR):
             self._parking.forget()
         self._note_giving_up(happening)
@@ -307,7 +333,7 @@ class Engine:
         """An exposure while the operator has the mount: shown and measured, not followed."""
         if self.hand_move is not None:
             report = self.hands.wait_for_arrival(*self.hand_move.command)
-            self.hand_move = None
+            self.by_hand.move = None
             self.planner.moved_by_hand(report)
             self.chronicle.say("info", "the mount has arrived")
         frame, _ = self._exposures.take(self.planner.first_look(self.hands.now_utc_ns()))
@@ -403,24 +429,29 @@ class Engine:
             self.chronicle.say("alarm", f"not armed: {words}")
             self.happen(NotPointing(words=words))
 
-    def _apply_wishes(self) -> None:
-        """Grant what waits, in order; each gets its outcome on record, whatever comes between."""
-        wishes = self._intentions.take_all()
-        for number, wish in enumerate(wishes):
+    def _execute_commands(self) -> None:
+        """Do what waits, in order; each gets its outcome on record, whatever comes between."""
+        requests = self._queue.take_all()
+        for number, request in enumerate(requests):
             outcome = "done"
             try:
-                with self._intentions.granting():
-                    outcome = grant(self, wish)
+                with self._queue.executing():
+                    outcome = self._execute(request)
             except (ValueError, InstrumentError, StoppedElsewhere) as error:
                 outcome = f"refused: {error}"
-                self.chronicle.say("warning", f"{wish.verb} refused: {error}")
+                self.chronicle.say("warning", f"{request.command.verb} refused: {error}")
             except Interrupted:
                 # Taken from the queue already: what is undone there is undone here too.
-                undone, words = self._intentions.put_back(wishes[number:])
+                undone, words = self._queue.put_back(requests[number:])
                 for each in undone:
                     self.chronicle.append(action_record(each, words))
                 raise
-            self.chronicle.append(action_record(wish, outcome))
+            self.chronicle.append(action_record(request, outcome))
+        self._queue.finished()
+
+    def _execute(self, request: Request) -> str:
+        """One command, by its handler. Raises as the handler does."""
+        return self.handlers[type(request.command)].execute(request.command, request.by)
 
     def park(self, by: str) -> None:
         """Disarm and send the mount to its park position, again and again until it is there."""
@@ -431,19 +462,19 @@ class Engine:
         """What cut the loop short: pass through its step, then say so.
 
         Raises Interrupted while a STOP is still talking to the mount on its own thread: nothing
-        may be granted before it is over.
+        may be executed before it is over.
         """
-        if not self._intentions.is_stopping:
+        if not self._queue.is_stopping:
             return
-        alarms = self._intentions.take_alarms()
+        alarms = self._queue.take_alarms()
         if not alarms:
             time.sleep(STOP_POLL_S)
             raise Interrupted
         # An order may have been on its way when the flag went up: stop the mount once more.
         again = self.hands.instruments.mount.abort()
         for alarm in alarms:
-            for wish in alarm.dropped:
-                self.chronicle.append(action_record(wish, dropped_words(alarm.happening)))
+            for request in alarm.dropped:
+                self.chronicle.append(action_record(request, dropped_words(alarm.happening)))
             self._heed(alarm, again.stopped)
 
     def _heed(self, alarm: Alarm, is_stopped_again: bool) -> None:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 CONSOLE = "console "
 """How a console's name begins on the wire."""
-FREE_VERBS = frozenset(("stop", "status", "preview", "note", "ask_seat", "answer_seat"))
 GONE_S = 10.0
 """A console that has not been heard of for so long has left its seat."""
 ASKED_S = 30.0
@@ -37,13 +36,13 @@ class Seats:
         self._asked_s = 0.0
         self._heard_s: dict[str, float] = {}
 
-    def refusal(self, who: str, verb: str) -> str | None:
+    def refusal(self, who: str, *, needs_control: bool) -> str | None:
         """Why this one may not do that now; None where it may. Whoever may and acts takes it."""
         if not who.startswith(CONSOLE):
             return None
         with self._lock:
             self._hear(who)
-            if verb in FREE_VERBS:
+            if not needs_control:
                 return None
             if self._holder in {None, who}:
                 self._holder = who

@@ -1,38 +1,59 @@
-"""Looking again for what was followed, where it must be by now: the operator's wish."""
+"""Looking again for what was followed, where it must be by now: the operator's command."""
 
-from typing import TYPE_CHECKING
-
+from rsoconsole.control.commands import Seek
+from rsoconsole.engine.guide import Guide
+from rsoconsole.engine.handlers import Accepted, Control, Handler, Handlers
+from rsoconsole.engine.hands import Hands
+from rsoconsole.engine.plan import Planner
+from rsoconsole.engine.slews import Slews
 from rsoconsole.engine.states import Sought
 from rsoconsole.pipeline.absence import direction_at
 
-if TYPE_CHECKING:
-    from rsoconsole.engine.loop import Engine
 
+class Seeking:
+    """Knows where what was followed must be, and has the search begin there."""
 
-def check_seek(engine: "Engine") -> tuple[float, float]:
-    """Where what was followed must be now, ICRS.
+    def __init__(
+        self, control: Control, hands: Hands, planner: Planner, slews: Slews, guide: Guide
+    ) -> None:
+        self._control = control
+        self._hands = hands
+        self._planner = planner
+        self._slews = slews
+        self._guide = guide
 
-    Raises ValueError where it cannot be looked for.
-    """
-    track = engine.last_track
-    if track is None:
-        raise ValueError("nothing has been followed this night that could be looked for")
-    if not engine.charge.is_autonomous:
-        raise ValueError("autonomy does not have the mount: arm or resume first")
-    if engine.charge.is_held:
-        raise ValueError("the mount is held: resume first")
-    now_ns = engine.hands.now_utc_ns()
-    # A line on the sky leads astray within the hour, an orbit does not.
-    direction = engine.guide.of_last(now_ns) or direction_at(track, now_ns)
-    refused = engine.slews.refuse_direction(direction, now_ns)
-    if refused is not None:
-        raise ValueError(f"it cannot be looked for where it must be: {refused}")
-    return direction
+    @property
+    def handlers(self) -> Handlers:
+        """Its commands."""
+        return {Seek: Handler(check=self._check, execute=self._seek)}
 
+    def _check(self, _command: Seek, _by: str) -> Accepted:
+        self._direction()
+        return Accepted()
 
-def seek(engine: "Engine", by: str) -> str:
-    """Search in a widening spiral round where it must be. Raises ValueError as ``check_seek``."""
-    direction = check_seek(engine)
-    engine.happen(Sought(by=by))
-    engine.planner.search_about(direction, engine.hands.now_utc_ns())
-    return "looking for it in a widening spiral"
+    def _seek(self, _command: Seek, by: str) -> str:
+        """Search in a widening spiral round where it must be."""
+        direction = self._direction()
+        self._control.happen(Sought(by=by))
+        self._planner.search_about(direction, self._hands.now_utc_ns())
+        return "looking for it in a widening spiral"
+
+    def _direction(self) -> tuple[float, float]:
+        """Where what was followed must be now, ICRS.
+
+        Raises ValueError where it cannot be looked for.
+        """
+        track, charge = self._control.last_track, self._control.charge
+        if track is None:
+            raise ValueError("nothing has been followed this night that could be looked for")
+        if not charge.is_autonomous:
+            raise ValueError("autonomy does not have the mount: arm or resume first")
+        if charge.is_held:
+            raise ValueError("the mount is held: resume first")
+        now_ns = self._hands.now_utc_ns()
+        # A line on the sky leads astray within the hour, an orbit does not.
+        direction = self._guide.of_last(now_ns) or direction_at(track, now_ns)
+        refused = self._slews.refuse_direction(direction, now_ns)
+        if refused is not None:
+            raise ValueError(f"it cannot be looked for where it must be: {refused}")
+        return direction

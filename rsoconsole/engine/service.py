@@ -18,10 +18,10 @@ from rsoconsole.control import ControlServer, default_socket_path
 from rsoconsole.control.place import EngineLock
 from rsoconsole.engine.arming import CHECKS, arming_checks, gather_facts, refusal_text
 from rsoconsole.engine.chronicle import warnings_on_record
+from rsoconsole.engine.command_queue import CommandQueue
 from rsoconsole.engine.desk import Desk
 from rsoconsole.engine.doctor_system import read_clock
 from rsoconsole.engine.hands import Hands
-from rsoconsole.engine.intentions import Intentions
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.machine_watch import MachineWatch
 from rsoconsole.engine.notify import notify
@@ -73,12 +73,12 @@ def run_engine(
     InstrumentError, ModelError, SolverError, SessionError or ControlError before it starts.
     """
     return_what_is_freed()
-    intentions = Intentions()
+    queue = CommandQueue()
     with contextlib.ExitStack() as stack:
         starting = stack.enter_context(contextlib.ExitStack())
         starting.enter_context(told_to(_tell_service_manager))
         # Let go of last of all: a second SIGTERM must not cut the first one's safe end short.
-        heed_signals = stack.enter_context(_signals(intentions))
+        heed_signals = stack.enter_context(_signals(queue))
         path = settings.socket or default_socket_path()
         if settings.listens:
             # Before anything else: two engines must never speak to one mount.
@@ -103,10 +103,10 @@ def run_engine(
         stack.callback(writer.close)
         engine = Engine(
             config=config,
-            hands=Hands(instruments, config, lambda: intentions.is_wanted),
+            hands=Hands(instruments, config, lambda: queue.is_wanted),
             reducer=reducer,
             record=writer,
-            intentions=intentions,
+            queue=queue,
             on_cycle=on_cycle,
         )
         stack.enter_context(warnings_on_record(engine.chronicle, "rsoconsole.instruments"))
@@ -125,14 +125,14 @@ def run_engine(
         if settings.listens:
             desk = Desk(
                 engine,
-                intentions,
+                queue,
                 folder,
                 lambda: writer.faults,
                 writer.flush,
                 machine=lambda: machine.state,
             )
             stack.enter_context(
-                ControlServer(path, desk.handle, lock=lock, stamp=lambda: intentions.stops)
+                ControlServer(path, desk.handle, lock=lock, stamp=lambda: queue.stops)
             )
         heed_signals()
         starting.close()
@@ -203,7 +203,7 @@ def _site_fault(mount: MountPort, config: Config) -> str | None:
 
 
 @contextlib.contextmanager
-def _signals(intentions: Intentions) -> Iterator[Callable[[], None]]:
+def _signals(queue: CommandQueue) -> Iterator[Callable[[], None]]:
     """What makes SIGTERM and SIGINT end the engine safely, and a lost line (SIGHUP) mean nothing.
 
     Until that is called they end the process as ever; afterwards as long as this lasts they do
@@ -212,7 +212,7 @@ def _signals(intentions: Intentions) -> Iterator[Callable[[], None]]:
     """
 
     def end(_number: int, _frame: FrameType | None) -> None:
-        intentions.request_shutdown()
+        queue.request_shutdown()
 
     wanted: dict[int, Any] = {
         signal.SIGTERM: end,

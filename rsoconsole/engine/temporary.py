@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.engine.intentions import change_record, changed
+from rsoconsole.engine.tunables import change_record, changed
 from rsoconsole.records import ParameterChange
-
-MOST_FRAMES = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,15 +1,19 @@
 """What the operator says of a frame's streaks: chosen, accepted, rejected, marked by hand.
 
 Each makes a ``Ruling`` on one of the last frames, by which it and those after it are followed
-again; nothing here moves the mount. The loop's own thread grants them, the wire's only checks.
+again; nothing here moves the mount. The loop's own thread executes them, the wire's only checks.
 """
 
 import math
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
 
 from rsoconsole.config import Config
+from rsoconsole.control.commands import Accept, Choose, Decision, MarkByHand, Reject
+from rsoconsole.engine.chronicle import Chronicle
+from rsoconsole.engine.handlers import Accepted, Control, Handler, Handlers
 from rsoconsole.engine.states import Followed
+from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import measure
 from rsoconsole.pipeline.rulings import Folds
@@ -26,10 +30,6 @@ from rsoconsole.records import (
 )
 from rsoconsole.tracking.follow import Following
 
-if TYPE_CHECKING:
-    from rsoconsole.engine.loop import Engine
-
-VERBS = ("choose", "accept", "reject", "mark")
 NEAR_PX = 25.0
 """A candidate so far from where the operator points is not meant."""
 MARK_SIGMA_PX = 2.0
@@ -38,37 +38,81 @@ SHORTEST_MARK_PX = 3.0
 WIDEST_MARK_PX = 10_000.0
 
 
+class Verdicts:
+    """Takes the operator's word on a frame, and has what it changes followed again."""
+
+    def __init__(self, control: Control, cycle: Cycle, chronicle: Chronicle) -> None:
+        self._control = control
+        self._cycle = cycle
+        self._chronicle = chronicle
+
+    @property
+    def handlers(self) -> Handlers:
+        """Its commands."""
+        handler = Handler(check=self._check, execute=self._rule)
+        return dict.fromkeys((Choose, Accept, Reject, MarkByHand), handler)
+
+    def _check(self, decision: Decision, by: str) -> Accepted:
+        """Refused at once where it can be seen that it must be."""
+        ruling = self._ruling(decision, by)
+        # The frame it was said of: another may be there before the loop comes to it.
+        pinned = replace(decision, frame_id=ruling.frame_id)
+        return Accepted(message="taken up with the next frame", command=pinned)
+
+    def _rule(self, decision: Decision, by: str) -> str:
+        """In force for the order after the next frame. Gives what came of it, in words."""
+        before = self._control.following
+        ruling = self._ruling(decision, by)
+        after, records = self._cycle.rule(ruling)
+        words = verdict_words(ruling, records)
+        self._chronicle.append(ruling)
+        if after.state != before.state:
+            # Before the first frame that is followed again: behind it stand the fold's own.
+            change = StateChange(
+                frame_id=ruling.frame_id, before=before.state, after=after.state, reason=words
+            )
+            self._chronicle.append(change)
+        for record in records[1:]:
+            self._chronicle.append(record)
+        self._control.happen(Followed(after=after))
+        return words
+
+    def _ruling(self, decision: Decision, by: str) -> Ruling:
+        """What the word on a frame would be. Raises ValueError where it cannot be."""
+        if not self._control.charge.is_autonomous:
+            raise ValueError("autonomy does not have the mount: nothing is being followed")
+        return ruling_of(
+            decision,
+            by=by,
+            folds=self._cycle.folds,
+            following=self._control.following,
+            config=self._control.config,
+        )
+
+
 def ruling_of(
-    verb: str,
-    arguments: Mapping[str, Any],
-    *,
-    by: str,
-    folds: Folds,
-    following: Following,
-    config: Config,
+    decision: Decision, *, by: str, folds: Folds, following: Following, config: Config
 ) -> Ruling:
     """The operator's word as a ruling. Raises ValueError with the reason where it cannot be one."""
-    makers: dict[str, Callable[[], Ruling]] = {
-        "choose": lambda: _choose(_frame(arguments, folds), arguments, by, config),
-        "accept": lambda: _accept(_frame(arguments, folds), folds, by, config),
-        "reject": lambda: _reject(arguments, folds, following, by),
-        "mark": lambda: _mark(_frame(arguments, folds), arguments, by, config),
-    }
-    return makers[verb]()
+    match decision:
+        case Choose():
+            return _choose(_frame(decision, folds), decision, by, config)
+        case Accept():
+            return _accept(_frame(decision, folds), folds, by, config)
+        case Reject():
+            return _reject(decision, folds, following, by)
+        case MarkByHand():
+            return _mark(_frame(decision, folds), decision, by, config)
+    raise TypeError(f"{decision.verb} is no word on a frame")
 
 
-def _frame(arguments: Mapping[str, Any], folds: Folds) -> Shown:
-    frame_id = arguments.get("frame")
-    if frame_id is None:
-        return folds.newest()
-    if not isinstance(frame_id, int) or isinstance(frame_id, bool):
-        raise ValueError("frame must be a frame's number")
-    return folds.shown(frame_id)
+def _frame(decision: Decision, folds: Folds) -> Shown:
+    return folds.newest() if decision.frame_id is None else folds.shown(decision.frame_id)
 
 
-def _choose(shown: Shown, arguments: Mapping[str, Any], by: str, config: Config) -> Ruling:
+def _choose(shown: Shown, choice: Choose, by: str, config: Config) -> Ruling:
     """The streak nearest to a place is the one to follow."""
-    x_px, y_px = number(arguments, "x"), number(arguments, "y")
+    x_px, y_px = choice.x_px, choice.y_px
     found = shown.detections
     candidates = [*found.detections, *(each.detection for each in found.rejected)]
     near = min(candidates, key=lambda d: math.hypot(d.x_px - x_px, d.y_px - y_px), default=None)
@@ -104,11 +148,11 @@ def _accept(shown: Shown, folds: Folds, by: str, config: Config) -> Ruling:
     )
 
 
-def _reject(arguments: Mapping[str, Any], folds: Folds, following: Following, by: str) -> Ruling:
+def _reject(rejection: Reject, folds: Folds, following: Following, by: str) -> Ruling:
     """What a frame gave to the track was none of what is followed; without one, the last."""
     taken = following.taken
-    if arguments.get("frame") is not None:
-        shown = _frame(arguments, folds)
+    if rejection.frame_id is not None:
+        shown = _frame(rejection, folds)
         taken = folds.taken(shown.taken.frame_id)
         if taken is None:
             number = shown.taken.frame_id
@@ -120,10 +164,10 @@ def _reject(arguments: Mapping[str, Any], folds: Folds, following: Following, by
     return Ruling(frame_id=taken.frame_id, refused=(*before, taken), by=by)
 
 
-def _mark(shown: Shown, arguments: Mapping[str, Any], by: str, config: Config) -> Ruling:
+def _mark(shown: Shown, mark: MarkByHand, by: str, config: Config) -> Ruling:
     """A streak between two ends that the operator has pointed at."""
-    x_a, y_a, x_b, y_b = (number(arguments, name) for name in ("x_a", "y_a", "x_b", "y_b"))
-    sigma_px = number(arguments, "sigma_px") if "sigma_px" in arguments else MARK_SIGMA_PX
+    x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
+    sigma_px = MARK_SIGMA_PX if mark.sigma_px is None else mark.sigma_px
     taken = shown.taken
     if not all(0 <= x <= taken.width_px - 1 for x in (x_a, x_b)) or not all(
         0 <= y <= taken.height_px - 1 for y in (y_a, y_b)
@@ -157,7 +201,7 @@ def _mark(shown: Shown, arguments: Mapping[str, Any], by: str, config: Config) -
 
 
 def _measurement_of(detection: Detection, shown: Shown, config: Config) -> Measurement:
-    """What was measured of a detection; a candidate that was not is measured on his word."""
+    """What was measured of a detection; a candidate that was not is measured on their word."""
     for each in shown.measurements:
         if (each.x_px, each.y_px) == (detection.x_px, detection.y_px):
             return each
@@ -196,47 +240,3 @@ def verdict_words(ruling: Ruling, records: tuple[Record, ...]) -> str:
     refused = sum(isinstance(record, NotFollowed) for record in records)
     beside = f", {refused} left alone" if refused and ruling.taken is not None else ""
     return f"frame {ruling.frame_id}: {what}{beside}"
-
-
-def number(arguments: Mapping[str, Any], name: str) -> float:
-    """A finite number of that name. Raises ValueError otherwise."""
-    value = arguments.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{name} must be a number")
-    return float(value)
-
-
-def check(engine: "Engine", verb: str, arguments: Mapping[str, Any], by: str) -> Ruling:
-    """What the operator's word on a frame would be. Raises ValueError where it cannot be."""
-    if not engine.charge.is_autonomous:
-        raise ValueError("autonomy does not have the mount: nothing is being followed")
-    return ruling_of(
-        verb,
-        arguments,
-        by=by,
-        folds=engine.cycle.folds,
-        following=engine.following,
-        config=engine.config,
-    )
-
-
-def rule(engine: "Engine", verb: str, arguments: Mapping[str, Any], by: str) -> str:
-    """The operator's word on a frame's streaks; in force for the order after the next frame.
-
-    Returns what came of it, in words. Raises ValueError where it cannot be.
-    """
-    before = engine.following
-    ruling = check(engine, verb, arguments, by)
-    after, records = engine.cycle.rule(ruling)
-    words = verdict_words(ruling, records)
-    engine.chronicle.append(ruling)
-    if after.state != before.state:
-        # Before the first frame that is followed again: behind it stand the fold's own.
-        change = StateChange(
-            frame_id=ruling.frame_id, before=before.state, after=after.state, reason=words
-        )
-        engine.chronicle.append(change)
-    for record in records[1:]:
-        engine.chronicle.append(record)
-    engine.happen(Followed(after=after))
-    return words

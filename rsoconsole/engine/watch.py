@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 
 from rsoconsole.config import Config
-from rsoconsole.engine.intentions import Intentions
+from rsoconsole.engine.command_queue import CommandQueue
 from rsoconsole.engine.night import lasting_overrides, night_end
 from rsoconsole.engine.notify import notify
 from rsoconsole.engine.states import LimitMet, NightEnded
@@ -46,13 +46,13 @@ class Watch:
         self,
         instruments: Instruments,
         config: Config,
-        intentions: Intentions,
+        queue: CommandQueue,
         say: Callable[[Event], None],
     ) -> None:
         """``say``: puts a line on the record, from any thread."""
         self._instruments = instruments
         self._config = config
-        self._intentions = intentions
+        self._queue = queue
         self._say = say
         self._limits = Limits(config.site.to_site(), config.limits, config.mount)
         self._lifted: frozenset[str] = frozenset()
@@ -213,7 +213,7 @@ class Watch:
                 abort()
             return
         self._told["limit"] = refusal.limit
-        self._intentions.stop(LimitMet(words=refusal.text), abort)
+        self._queue.stop(LimitMet(words=refusal.text), abort)
 
     def _look_ahead(self, report: MountReport, pose: Pose) -> None:
         if report.is_slewing:
@@ -249,7 +249,7 @@ class Watch:
         if end is None:
             self._told.pop("night", None)
         elif is_ours:
-            self._intentions.interrupt(
+            self._queue.interrupt(
                 NightEnded(words=end.detail, parks=self._config.mount.park_at_end)
             )
         elif end.cause != "dawn":

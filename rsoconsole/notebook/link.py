@@ -5,10 +5,10 @@ Only while somebody looks: a panel whose page was closed lets go of engine and s
 
 import logging
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-from rsoconsole.control import Wire, printable
+from rsoconsole.control import Status, Wire, printable, read_status
+from rsoconsole.control.commands import AskStatus
 from rsoconsole.control.looker import Looker
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.notebook.live_night import LiveNight
@@ -37,7 +37,7 @@ class Link(Looker):
         self._wire, self._seat = wire, seat
         self._is_watched = is_watched
         self._on_status, self._on_night = on_status, on_night
-        self._told: dict[str, Any] = {}
+        self._told = Status()
         self._fault = ""
         self.live: LiveNight | None = None
         """The engine's session; None before it is known."""
@@ -45,8 +45,7 @@ class Link(Looker):
     @property
     def now_utc_ns(self) -> int | None:
         """The engine's clock when it last answered."""
-        now = self._told.get("now_utc_ns")
-        return now if isinstance(now, int) else None
+        return self._told.now_utc_ns
 
     def _look(self) -> None:
         try:
@@ -66,22 +65,22 @@ class Link(Looker):
     def _ask(self) -> tuple[str, str]:
         """(reach, what went wrong)."""
         try:
-            outcome = self._wire.send("status", timeout_s=ANSWER_S)
+            outcome = self._wire.send(AskStatus(), timeout_s=ANSWER_S)
         except ControlError as error:
             gone = isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError)
             return ("gone" if gone else "silent"), str(error)
         if not outcome.ok:
             return "silent", outcome.message
-        self._told = dict(outcome.data)
+        self._told = read_status(outcome.data)
         return "attached", ""
 
     def _read(self) -> None:
-        folder = self._told.get("session")
-        if not isinstance(folder, str) or not folder:
+        folder = self._told.session
+        if folder is None:
             return
         try:
-            if self.live is None or self.live.folder != Path(folder):
-                self.live = LiveNight(Path(folder))
+            if self.live is None or self.live.folder != folder:
+                self.live = LiveNight(folder)
             if self.live.read():
                 picture = b"" if self.live.picture is None else self.live.picture[1]
                 self._on_night(night_view(self.live), picture)

@@ -10,8 +10,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.control import Outcome, Wire
-from rsoconsole.control.stop import DirectStop, Stop, StopNews
+from rsoconsole.control import COMMANDS, Command, Outcome, Wire, command_of
+from rsoconsole.control.commands import Arm, Goto, Preview
+from rsoconsole.control.stop import DirectStop, StopNews, Stopping
 from rsoconsole.errors import ControlError, RsoconsoleError
 from rsoconsole.notebook.link import Link
 from rsoconsole.notebook.panel_view import TUNED
@@ -19,8 +20,6 @@ from rsoconsole.sky.angles import format_dec, format_ra
 
 log = logging.getLogger(__name__)
 
-VERBS = frozenset(("arm", "disarm", "hold", "resume", "set", "ask_seat", "answer_seat"))
-"""What a page may ask for by name; a move goes by its preview."""
 LAST_FRAMES = 40
 _PRESSES = 100
 _PHASES = ("sent", "late", "failed", "stopped")
@@ -65,8 +64,8 @@ class PanelOrders:
             self._stop_once(message.get("press"))
         elif self._read_only:
             self._say("read only: this panel only looks, but for STOP", "warning")
-        elif kind == "order" and message.get("verb") in VERBS:
-            self._order(str(message["verb"]), _mapping(message.get("arguments")))
+        elif kind == "order":
+            self._order(message.get("verb"), _mapping(message.get("arguments")))
         elif kind == "goto_preview":
             self._in_thread(self._preview, str(message.get("text", "")), message.get("number"))
         elif kind == "goto":
@@ -92,7 +91,7 @@ class PanelOrders:
             self._tell_of_stop(number, told.phase, told.text)
             self._link.look_now()
 
-        Stop(lambda: self._wire, self._stop_directly, news).begin()
+        Stopping(lambda: self._wire, self._stop_directly, news).begin()
         self._tell_of_stop(number, "sent", "sent to the engine")
         self._tell("asked", NOTHING)
         self._tell("goto", NOTHING)
@@ -108,27 +107,36 @@ class PanelOrders:
 
     # -- orders ---------------------------------------------------------------------------------
 
-    def _order(self, verb: str, arguments: Mapping[str, Any]) -> None:
+    def _order(self, verb: Any, arguments: Mapping[str, Any]) -> None:
+        """What a page may ask for by its verb; a move goes by its preview."""
+        known = COMMANDS.get(verb) if isinstance(verb, str) else None
+        if known is None or not known.is_on_panel:
+            return
         self._tell("asked", NOTHING)
-        self._say(f"{_NAMES.get(verb, verb)} …")
-        self._in_thread(self._send, verb, dict(arguments))
+        try:
+            command = command_of(known.verb, arguments)
+        except ValueError as error:
+            self._say(f"{known.label()}: not done, {error}", "warning")
+            return
+        self._say(f"{command.label()} …")
+        self._in_thread(self._send, command)
 
-    def _send(self, verb: str, arguments: Mapping[str, Any]) -> None:
+    def _send(self, command: Command) -> None:
         stops = self._stops
-        outcome = self._outcome(verb, **arguments)
+        outcome = self._outcome(command)
         self._link.look_now()
         if stops != self._stops:
             return  # STOP has the last word
-        name = _NAMES.get(verb, verb)
+        name = command.label()
         if outcome.ok:
             self._say(f"{name}: {outcome.message or 'done'}", "good")
-            if verb == "arm":
+            if isinstance(command, Arm):
                 self._tell("stop_news", NOTHING)
         elif outcome.data.get("seat"):
             holder = str(outcome.data["seat"])
             self._say(f"{name}: not done, {holder} has the seat", "warning")
             self._tell("asked", {"kind": "seat", "holder": holder})
-        elif verb == "arm" and outcome.data.get("checks"):
+        elif isinstance(command, Arm) and outcome.data.get("checks"):
             self._say("not armed", "warning")
             failed = [
                 {key: str(check.get(key) or "") for key in ("name", "detail", "remedy")}
@@ -140,9 +148,9 @@ class PanelOrders:
         else:
             self._say(f"{name}: not done, {outcome.message}", "warning")
 
-    def _outcome(self, verb: str, **arguments: Any) -> Outcome:
+    def _outcome(self, command: Command) -> Outcome:
         try:
-            return self._wire.send(verb, **arguments)
+            return self._wire.send(command)
         except ControlError as error:
             return Outcome(ok=False, message=str(error))
 
@@ -155,9 +163,8 @@ class PanelOrders:
         told: dict[str, Any] = {"number": number, "lines": [], "may_go": False}
         try:
             found = self._understood(text)
-            outcome = self._outcome(
-                "preview", ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg
-            )
+            move = Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg)
+            outcome = self._outcome(Preview(move=move))
             careful = [f"careful: {found.caution}"] if found.caution else []
             lines = preview_lines(outcome.data) if outcome.ok else [outcome.message]
             told["lines"] = [found.words, *careful, *(lines or [_UNREADABLE])]
@@ -175,8 +182,7 @@ class PanelOrders:
             self._say(f"go to: not done, {error}", "warning")
             return
         self._tell("goto", NOTHING)
-        direction = {"ra_icrs_deg": found.ra_icrs_deg, "dec_icrs_deg": found.dec_icrs_deg}
-        self._send("goto", direction)
+        self._send(Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg))
 
     def _understood(self, text: str) -> Any:
         from rsoconsole.pipeline.directions import Names, understand
@@ -223,7 +229,6 @@ class PanelOrders:
 
 
 _UNREADABLE = "the engine's answer cannot be read: are both of one version?"
-_NAMES = {"ask_seat": "seat", "answer_seat": "seat", "set": "setting", "goto": "go to"}
 
 
 def tuned_values(settings: Mapping[str, Any]) -> dict[str, float | str]:

@@ -1,11 +1,11 @@
 """What the live panel shows, in words and small drawings; the page only puts it in place."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rsoconsole.control import printable
+from rsoconsole.control import Status, printable
 from rsoconsole.notebook import svg
 from rsoconsole.notebook.draw_time import NIS_BAND
 from rsoconsole.notebook.live_night import LiveNight
@@ -36,37 +36,31 @@ TUNED = (
 CHOICES = {"filter.preset": ("tuned", "paper")}
 
 
-def status_view(status: Mapping[str, Any], reach: str, detail: str, seat: str) -> dict[str, Any]:
+def status_view(status: Status, reach: str, detail: str, seat: str) -> dict[str, Any]:
     """The engine in words: ``status`` as it last told it; ``seat``: this panel's name."""
     is_attached = reach == "attached"
-    holder = _text(status.get("holder"))
-    asker = _text(status.get("seat_asked_by"))
-    faults = [f"FAULT {_text(fault)}" for fault in _list(status.get("faults"))]
-    lifted = [_text(name) for name in _list(status.get("lifted"))]
-    if is_attached and lifted:
-        faults.append(f"overridden: {', '.join(lifted)}")
+    holder, is_ours = status.holder, bool(seat) and status.seat == seat
+    faults = [f"FAULT {fault}" for fault in status.faults]
+    if is_attached and status.lifted:
+        faults.append(f"overridden: {', '.join(status.lifted)}")
     return {
         "reach": reach,
         "detail": detail,
-        "state": _text(status.get("state")) or "-",
-        "is_held": status.get("is_held") is True,
-        "holder": HOLDERS.get(holder, f"{holder or 'unknown'} has the mount"),
+        "state": status.state or "-",
+        "is_held": status.is_held,
+        "holder": HOLDERS.get(holder or "", f"{holder or 'unknown'} has the mount"),
         "is_autonomous": holder == "autonomy",
-        "wants_resuming": status.get("is_held") is True or holder == "operator",
-        "frame": status.get("frame"),
-        "clock": _clock(status.get("now_utc_ns")),
+        "wants_resuming": status.is_held or holder == "operator",
+        "frame": status.frame_id,
+        "clock": _clock(status.now_utc_ns),
         "alerts": faults if is_attached else [],
         "facts": _facts(status),
-        "health": [
-            [_text(row.get("name")), row.get("ok") is True, _text(row.get("text"))]
-            for row in _list(status.get("health"))
-            if isinstance(row, Mapping)
-        ],
+        "health": [[each.name, each.ok, each.text] for each in status.health],
         "seat": {
-            "holder": _text(status.get("seat")),
-            "is_ours": bool(seat) and status.get("seat") == seat,
-            "asker": asker if seat and status.get("seat") == seat else "",
-            "waits": asker == seat and bool(seat),
+            "holder": status.seat or "",
+            "is_ours": is_ours,
+            "asker": (status.seat_asked_by or "") if is_ours else "",
+            "waits": bool(seat) and status.seat_asked_by == seat,
         },
     }
 
@@ -193,34 +187,33 @@ def _nis_words(night: Night) -> str:
     return f"{mean}{said.words}"
 
 
-def _facts(status: Mapping[str, Any]) -> list[list[str]]:
+def _facts(status: Status) -> list[list[str]]:
     rows = []
-    ra, dec = _number(status.get("ra")), _number(status.get("dec"))
+    ra, dec = status.ra_icrs_deg, status.dec_icrs_deg
     if ra is not None and dec is not None:
-        alt, az = _number(status.get("alt")), _number(status.get("az"))
+        alt, az = status.alt_deg, status.az_deg
         high = "" if alt is None or az is None else f"  alt {alt:.1f} az {az:.1f}"
         rows.append(["track", f"α {format_ra(ra, 1)} δ {format_dec(dec, 0)}{high}"])
-    ra, dec = _number(status.get("mount_ra")), _number(status.get("mount_dec"))
+    ra, dec = status.mount_ra_icrs_deg, status.mount_dec_icrs_deg
     if ra is not None and dec is not None:
-        does = "slewing" if status.get("is_slewing") else "standing"
-        if status.get("is_parked"):
+        does = "slewing" if status.is_slewing else "standing"
+        if status.is_parked:
             does = "parked"
-        elif status.get("is_tracking") and not status.get("is_slewing"):
+        elif status.is_tracking and not status.is_slewing:
             does = "tracking"
-        side = _text(status.get("pier_side"))
-        pier = f", {side} of the pier" if side else ""
+        pier = f", {status.pier_side} of the pier" if status.pier_side else ""
         rows.append(["mount", f"α {format_ra(ra, 1)} δ {format_dec(dec, 0)}, {does}{pier}"])
-    rows.append(["next limit", _text(status.get("next_limit")) or "none in sight"])
+    rows.append(["next limit", status.next_limit or "none in sight"])
     rows.append(["shutter", _shutter(status)])
     return rows
 
 
-def _shutter(status: Mapping[str, Any]) -> str:
-    now = status.get("now_utc_ns")
-    until, start = status.get("exposing_until_utc_ns"), status.get("next_start_utc_ns")
-    if isinstance(now, int) and isinstance(until, int) and until > now:
+def _shutter(status: Status) -> str:
+    now = status.now_utc_ns
+    until, start = status.exposing_until_utc_ns, status.next_start_utc_ns
+    if now is not None and until is not None and until > now:
         return f"open, {(until - now) / 1e9:.0f} s to go"
-    if isinstance(now, int) and isinstance(start, int) and start > now:
+    if now is not None and start is not None and start > now:
         return f"closed, opens in {(start - now) / 1e9:.0f} s"
     return "closed"
 
@@ -241,15 +234,3 @@ def _setting(config: Any, name: str) -> Any:
 def _clock(t_utc_ns: Any) -> str:
     is_instant = isinstance(t_utc_ns, int) and not isinstance(t_utc_ns, bool)
     return utc_ns_to_iso(t_utc_ns, decimals=0)[11:19] if is_instant else "--:--:--"
-
-
-def _text(value: Any) -> str:
-    return printable(value) if isinstance(value, str) else ""
-
-
-def _list(value: Any) -> list[Any]:
-    return list(value) if isinstance(value, list | tuple) else []
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None

@@ -3,73 +3,20 @@
 import contextlib
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
-from rsoconsole.config import Config, with_setting
+from rsoconsole.config import Config
+from rsoconsole.control import Request
 from rsoconsole.engine.states import Happening, LimitMet, NightEnded, Stopped
-from rsoconsole.errors import ConfigError
 from rsoconsole.instruments.ports import StopResult
-from rsoconsole.records import OperatorAction, ParameterChange
+from rsoconsole.records import OperatorAction
 
-TUNABLE = {
-    "detector.tau",
-    "detector.centroid",
-    "detector.map_mode",
-    "filter.preset",
-    "filter.sigma_arcsec",
-    "filter.q_arcsec2_s3",
-    "filter.q_multiplier",
-    "filter.q_ra_multiplier",
-    "filter.q_ra_rate_multiplier",
-    "filter.q_dec_multiplier",
-    "filter.q_dec_rate_multiplier",
-    "filter.r_multiplier",
-    "filter.r_ra_multiplier",
-    "filter.r_dec_multiplier",
-    "filter.max_3sigma_arcmin",
-    "filter.gate_nis",
-    "filter.max_coast_s",
-    "search.follow",
-    "search.recentre",
-    "search.pattern",
-    "orbit.guide",
-    "orbit.prior",
-    "orbit.wait_min",
-    "mount.meridian",
-    "mount.after_stop",
-    "aim.lead_s",
-    "aim.along_arcmin",
-    "aim.across_arcmin",
-    "exposure.exposure_s",
-    "exposure.cadence_s",
-}
-"""What may change while the loop runs."""
-
-
-URGENT = frozenset(("abort", "track", "disarm", "goto", "nudge", "park", "unpark", "hold"))
-"""Wishes that do not wait for the end of an exposure."""
-
-
-OUTLIVES_STOP = frozenset(("disarm", "shutdown"))
-"""Wishes that STOP does not undo: they move nothing."""
-MOVING = frozenset(("goto", "nudge", "arm", "resume", "seek"))
-"""Wishes that a limit and the end of the night undo: they may move the mount."""
 OVERTAKEN = "dropped by STOP"
 
 
 class OvertakenError(ValueError):
-    """STOP came between a wish and its being heard."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
-    """One intention, already known to be possible."""
-
-    verb: str
-    arguments: Mapping[str, Any] = field(default_factory=dict)
-    by: str = "operator"
+    """STOP came between a command and its being heard."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,48 +27,61 @@ class Alarm:
     result: StopResult | None = None
     """What the mount answered, where its motion was ended before the loop was told; None where
     it was not, or where that broke."""
-    dropped: tuple[Wish, ...] = ()
-    """Wishes that waited when it came: STOP undoes them."""
+    dropped: tuple[Request, ...] = ()
+    """Commands that waited when it came: STOP undoes them."""
 
 
-class Intentions:
-    """A queue of wishes, and the flags that cut everything short.
+class CommandQueue:
+    """A queue of commands, and the flags that cut everything short.
 
     The flags are plain attributes: a signal handler may set one at any instant.
     """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._wishes: deque[Wish] = deque()
+        self._waiting: deque[Request] = deque()
         self._alarms: deque[Alarm] = deque()
         self._stops_under_way = 0
         self._stops = 0
-        self._is_granting = False
+        self._are_under_way = False
+        self._is_executing = False
         self._cut_by: Happening | None = None
         """What cut the loop short last."""
         self._is_shutdown = False
 
-    def put(self, wish: Wish, stamp: int | None = None) -> None:
-        """Queue a wish for the loop (any thread).
+    def put(self, request: Request) -> None:
+        """Queue a command for the loop (any thread).
 
-        Raises OvertakenError where STOP has come since it was given: with ``stamp`` before it.
+        Raises OvertakenError where STOP has come since it was given: with a stamp before it.
         """
         with self._lock:
-            if stamp is not None and stamp < self._stops and wish.verb not in OUTLIVES_STOP:
+            is_late = request.stamp is not None and request.stamp < self._stops
+            if is_late and not request.command.survives_stop:
                 raise OvertakenError(OVERTAKEN)
-            self._wishes.append(wish)
+            self._waiting.append(request)
 
     @property
     def stops(self) -> int:
         """How many STOPs there have been; limits and the end of the night do not count."""
         return self._stops
 
-    def take_all(self) -> tuple[Wish, ...]:
-        """All waiting wishes, in order."""
+    def take_all(self) -> tuple[Request, ...]:
+        """All that wait, in order; they count as under way until ``finished`` or put back."""
         with self._lock:
-            wishes = tuple(self._wishes)
-            self._wishes.clear()
-        return wishes
+            requests = tuple(self._waiting)
+            self._waiting.clear()
+            self._are_under_way = bool(requests)
+        return requests
+
+    def finished(self) -> None:
+        """What was taken last is done, refused or dropped."""
+        self._are_under_way = False
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether nothing waits or is under way that may change what can be asked for."""
+        with self._lock:
+            return not (self._waiting or self._are_under_way or self.is_stopping)
 
     def stop(self, happening: Happening, abort: Callable[[], StopResult]) -> StopResult:
         """Raise the flag, then stop the mount, then keep what came of it for the record.
@@ -132,8 +92,8 @@ class Intentions:
             self._stops_under_way += 1
             self._stops += isinstance(happening, Stopped)
             self._cut_by = happening
-            dropped = tuple(wish for wish in self._wishes if is_undone(wish, happening))
-            self._wishes = deque(wish for wish in self._wishes if wish not in dropped)
+            dropped = tuple(r for r in self._waiting if is_undone(r, happening))
+            self._waiting = deque(r for r in self._waiting if r not in dropped)
         result: StopResult | None = None
         try:
             result = abort()
@@ -150,25 +110,26 @@ class Intentions:
             self._cut_by = happening
             self._alarms.append(Alarm(happening=happening))
 
-    def put_back(self, wishes: tuple[Wish, ...]) -> tuple[tuple[Wish, ...], str]:
-        """These were taken and not granted: they wait again, before all others.
+    def put_back(self, requests: tuple[Request, ...]) -> tuple[tuple[Request, ...], str]:
+        """These were taken and not executed: they wait again, before all others.
 
         Gives those that do not, since what cut in undoes them, and why in words.
         """
         with self._lock:
             cut_by = self._cut_by if self.is_stopping else None
-            dropped = tuple(w for w in wishes if cut_by is not None and is_undone(w, cut_by))
-            self._wishes.extendleft(wish for wish in reversed(wishes) if wish not in dropped)
+            dropped = tuple(r for r in requests if cut_by is not None and is_undone(r, cut_by))
+            self._waiting.extendleft(r for r in reversed(requests) if r not in dropped)
+            self._are_under_way = False
         return dropped, "" if cut_by is None else dropped_words(cut_by)
 
     @contextlib.contextmanager
-    def granting(self) -> Iterator[None]:
-        """While a wish is granted no other one cuts it short; STOP and alarms do."""
-        self._is_granting = True
+    def executing(self) -> Iterator[None]:
+        """While a command is executed no other one cuts it short; STOP and alarms do."""
+        self._is_executing = True
         try:
             yield
         finally:
-            self._is_granting = False
+            self._is_executing = False
 
     def take_alarms(self) -> tuple[Alarm, ...]:
         """What has cut the loop short since last asked, in order."""
@@ -196,49 +157,29 @@ class Intentions:
         """Whether the loop is to drop what it does and look here."""
         if self._is_shutdown or self.is_stopping:
             return True
-        if self._is_granting:
+        if self._is_executing:
             return False
         with self._lock:
-            return any(wish.verb in URGENT for wish in self._wishes)
+            return any(request.command.is_urgent for request in self._waiting)
 
 
-def changed(config: Config, name: str, value: float | str) -> Config:
-    """The configuration with one tunable set. Raises ValueError naming what is allowed."""
-    if name not in TUNABLE:
-        raise ValueError(f"{name} cannot be tuned; tunable are {', '.join(sorted(TUNABLE))}")
-    try:
-        return with_setting(config, name, value)
-    except ConfigError as error:
-        raise ValueError(str(error)) from error
-
-
-def change_record(before: Config, after: Config, name: str, by: str) -> ParameterChange:
-    """The change for the record."""
-    section, _, key = name.partition(".")
-    return ParameterChange(
-        name=name,
-        before=getattr(getattr(before, section), key),
-        after=getattr(getattr(after, section), key),
-        by=by,
-    )
-
-
-def action_record(wish: Wish, outcome: str) -> OperatorAction:
-    """The intention and its outcome for the record."""
+def action_record(request: Request, outcome: str) -> OperatorAction:
+    """The command and its outcome for the record."""
+    command = request.command
     return OperatorAction(
-        verb=wish.verb, arguments=dict(wish.arguments), outcome=outcome, by=wish.by
+        verb=command.verb, arguments=command.arguments(), outcome=outcome, by=request.by
     )
 
 
-def is_undone(wish: Wish, happening: Happening) -> bool:
-    """Whether what cuts the loop short undoes a wish that has not been granted."""
+def is_undone(request: Request, happening: Happening) -> bool:
+    """Whether what cuts the loop short undoes a command that has not been executed."""
     if isinstance(happening, Stopped):
-        return wish.verb not in OUTLIVES_STOP
-    return wish.verb in MOVING
+        return not request.command.survives_stop
+    return request.command.moves_mount
 
 
 def dropped_words(happening: Happening) -> str:
-    """Why a wish that waited was not granted."""
+    """Why a command that waited was not executed."""
     if isinstance(happening, Stopped):
         return OVERTAKEN
     return (

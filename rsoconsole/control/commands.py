@@ -1,0 +1,444 @@
+"""Everything an operator can ask of the engine: one command a verb.
+
+A new verb is a class here and a handler in the engine (``engine/handlers.py``); with a key in the
+console it is an entry in ``console/commands.py`` too. Wire, record, log, seats, panel and shell
+take the rest from the class: README.md beside this file shows one whole.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rsoconsole.control.command import Command, argument, register, with_overrides
+from rsoconsole.sky.angles import format_dec, format_ra
+
+LARGEST_NUDGE_ARCMIN = 600.0
+MOST_FRAMES = 1000
+"""For which a setting can be changed for a while."""
+OVERRIDE_HELP = "Go without this check of the arming list; may be repeated."
+_COMPASS = (
+    *("north", "north-east", "east", "south-east"),
+    *("south", "south-west", "west", "north-west"),
+)
+
+
+# -- answered at once -------------------------------------------------------------------------
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stop(Command):
+    """End every motion and exposure, disarm: at once, whoever asks, whatever else goes on."""
+
+    verb = "stop"
+    is_immediate = True
+    survives_stop = True
+    needs_control = False
+    takes_anything = True
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskStatus(Command):
+    """How the engine is; the answer is a ``Status``."""
+
+    verb = "status"
+    is_immediate = True
+    survives_stop = True
+    needs_control = False
+    takes_anything = True
+
+
+# -- who has the mount ------------------------------------------------------------------------
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arm(Command):
+    """Hand the mount to autonomy, after its checklist."""
+
+    verb = "arm"
+    moves_mount = True
+    is_on_panel = True
+    shell = "rsoconsole arm --override disk"
+    shell_help = """Hand the mount to the engine: it searches from where the telescope points.
+
+    A checklist is gone through first (clock, site, Sun, weather, disk and so on); what is not
+    well can be overridden by name, which goes on record."""
+
+    override: tuple[str, ...] = argument(default=(), help_=OVERRIDE_HELP)
+    """Checks of the list that are overridden by name."""
+
+    def words(self) -> str:
+        """What is wanted."""
+        return with_overrides("arm", self.override)
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disarm(Command):
+    """Take the mount back from autonomy without moving it."""
+
+    verb = "disarm"
+    is_urgent = True
+    survives_stop = True
+    is_on_panel = True
+    shell = "rsoconsole disarm"
+    shell_help = (
+        "Take the mount back from the engine; it keeps running and waits to be armed again."
+    )
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hold(Command):
+    """No slews for now: what is followed is still exposed, measured and predicted."""
+
+    verb = "hold"
+    is_urgent = True
+    is_on_panel = True
+    shell = "rsoconsole hold"
+    shell_help = "No slews for now: what is followed is still exposed, measured and predicted."
+
+    until: str | None = argument(default=None, help_="'clear': until the stars are back.")
+
+    def check(self) -> None:
+        """A hold ends by the sky or by the operator."""
+        if self.until not in {None, "clear"}:
+            raise ValueError("a hold is until 'clear', or until you resume")
+
+    def words(self) -> str:
+        """What is wanted."""
+        return "hold until it clears" if self.until == "clear" else "hold"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Resume(Command):
+    """Give the mount back to autonomy after a hold or a move by hand."""
+
+    verb = "resume"
+    moves_mount = True
+    is_on_panel = True
+    shell = "rsoconsole resume"
+    shell_help = "Give the mount back to the engine after a hold or a move by hand."
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Park(Command):
+    """Disarm and send the mount to its park position."""
+
+    verb = "park"
+    is_urgent = True
+    shell = "rsoconsole park"
+    shell_help = "Disarm and send the mount to its park position."
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Abort(Command):
+    """Give up the exposure that runs; the next begins as planned."""
+
+    verb = "abort"
+    is_urgent = True
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shutdown(Command):
+    """End the engine: the mount stops, the session is closed."""
+
+    verb = "shutdown"
+    survives_stop = True
+    shell = "rsoconsole quit"
+    shell_help = "End the engine safely: the mount stops, the session is closed."
+
+
+# -- by hand ----------------------------------------------------------------------------------
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Goto(Command):
+    """Move the telescope by hand, within its limits; autonomy waits until it is resumed."""
+
+    verb = "goto"
+    title = "go to"
+    is_urgent = True
+    moves_mount = True
+    shell = "rsoconsole goto 83.05 -4.87"
+    shell_help = (
+        "Move the telescope by hand, within its limits; autonomy waits until 'rsoconsole resume'."
+    )
+
+    ra_icrs_deg: float = argument(shell="ra", help_="Right ascension, ICRS, degrees.")
+    dec_icrs_deg: float = argument(shell="dec", help_="Declination, ICRS, degrees.")
+    override: tuple[str, ...] = argument(default=(), help_=OVERRIDE_HELP)
+
+    def check(self) -> None:
+        """The declination lies on the sky."""
+        if not -90.0 <= self.dec_icrs_deg <= 90.0:
+            raise ValueError(f"declination {self.dec_icrs_deg:g} is outside -90 to 90")
+
+    def words(self) -> str:
+        """What is wanted."""
+        place = f"α {format_ra(self.ra_icrs_deg, 1)} δ {format_dec(self.dec_icrs_deg, 0)}"
+        return with_overrides(f"go to {place}", self.override)
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nudge(Command):
+    """Move the telescope by hand a little, on the sky; several add up."""
+
+    verb = "nudge"
+    is_urgent = True
+    moves_mount = True
+
+    east_arcmin: float
+    north_arcmin: float
+    override: tuple[str, ...] = argument(default=(), help_=OVERRIDE_HELP)
+
+    def check(self) -> None:
+        """It is a small way."""
+        if math.hypot(self.east_arcmin, self.north_arcmin) > LARGEST_NUDGE_ARCMIN:
+            raise ValueError(f"a nudge goes at most {LARGEST_NUDGE_ARCMIN:g} arcmin: use goto")
+
+    def words(self) -> str:
+        """What is wanted."""
+        arcmin = math.hypot(self.east_arcmin, self.north_arcmin)
+        size = f"{arcmin:.3g}′" if arcmin >= 0.995 else f"{arcmin * 60:.3g}″"
+        angle_deg = math.degrees(math.atan2(self.east_arcmin, self.north_arcmin))
+        return with_overrides(
+            f"nudge {size} {_COMPASS[round(angle_deg / 45.0) % 8]}", self.override
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beside(Command):
+    """A place beside the prediction; only ever previewed, the settings ``aim.*`` go there."""
+
+    verb = "aim"
+
+    lead_s: float | None = None
+    along_arcmin: float | None = None
+    across_arcmin: float | None = None
+
+    def settings(self) -> dict[str, float]:
+        """What is given, by the setting's name."""
+        return {f"aim.{name}": value for name, value in self.arguments().items()}
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Preview(Command):
+    """Where a move would lead, how long it takes and what stands against it; nothing moves."""
+
+    verb = "preview"
+    needs_control = False
+
+    move: Goto | Nudge | Beside
+
+    def arguments(self) -> dict[str, Any]:
+        """Those of the move: by them it is known."""
+        return self.move.arguments()
+
+    @classmethod
+    def read(cls, arguments: Mapping[str, Any]) -> "Preview":
+        """The preview of the move that has such arguments."""
+        if "east_arcmin" in arguments:
+            return cls(move=Nudge.read(arguments))
+        is_beside = not Beside.__dataclass_fields__.keys().isdisjoint(arguments)
+        return cls(move=Beside.read(arguments) if is_beside else Goto.read(arguments))
+
+    def check(self) -> None:
+        """What the move itself could never be."""
+        self.move.check()
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Track(Command):
+    """Sidereal tracking on and off, by hand."""
+
+    verb = "track"
+    is_urgent = True
+
+    is_on: bool = argument("on", default=True)
+
+    def words(self) -> str:
+        """What is wanted."""
+        return "track" if self.is_on else "stand still"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unpark(Command):
+    """Release a parked mount; nothing moves."""
+
+    verb = "unpark"
+    is_urgent = True
+    shell = "rsoconsole unpark"
+    shell_help = "Release a parked mount; nothing moves."
+
+
+# -- settings ---------------------------------------------------------------------------------
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Set(Command):
+    """Change a setting of the running engine, for good or for some frames."""
+
+    verb = "set"
+    title = "setting"
+    wakes_loop = False
+    is_on_panel = True
+    shell = "rsoconsole set detector.tau 0.2"
+    shell_help = (
+        "Change a setting of the running engine, from the next exposure until the engine ends."
+    )
+
+    name: str = argument(help_="Dotted name, as 'config show' lists it.")
+    value: int | float | str = argument(help_="New value.")
+    frames: int | None = argument(default=None, help_="Set it back after this many frames.")
+
+    def check(self) -> None:
+        """Frames are counted."""
+        if self.frames is not None and not 1 <= self.frames <= MOST_FRAMES:
+            raise ValueError(f"frames must be a number from 1 to {MOST_FRAMES}")
+
+    def words(self) -> str:
+        """What is wanted."""
+        frames = self.frames
+        lent = "" if frames is None else f" for {frames} frame{'s' if frames != 1 else ''}"
+        return f"{self.name} {self.value}{lent}"
+
+
+# -- the operator's decisions on a frame ------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decision(Command):
+    """The operator's word on one frame's streaks; without a frame: on the newest."""
+
+    frame_id: int | None = argument("frame", default=None)
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choose(Decision):
+    """The streak nearest to a place is the one to follow."""
+
+    verb = "choose"
+
+    x_px: float = argument("x")
+    y_px: float = argument("y")
+
+    def words(self) -> str:
+        """What is wanted."""
+        return f"follow the streak at {self.x_px:.0f}, {self.y_px:.0f}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Accept(Decision):
+    """The frame's likeliest streak that was not taken is taken, whatever the gates said."""
+
+    verb = "accept"
+
+    def words(self) -> str:
+        """What is wanted."""
+        return "accept" if self.frame_id is None else f"accept frame {self.frame_id}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reject(Decision):
+    """What the frame gave to the track was something else; without a frame: the last."""
+
+    verb = "reject"
+
+    def words(self) -> str:
+        """What is wanted."""
+        return "reject" if self.frame_id is None else f"reject frame {self.frame_id}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarkByHand(Decision):
+    """A streak between two ends that the operator has pointed at."""
+
+    verb = "mark"
+
+    x_a_px: float = argument("x_a")
+    y_a_px: float = argument("y_a")
+    x_b_px: float = argument("x_b")
+    y_b_px: float = argument("y_b")
+    sigma_px: float | None = None
+    """How finely it was made; None: as a hand does."""
+
+    def words(self) -> str:
+        """What is wanted."""
+        known = "" if self.frame_id is None else f" in frame {self.frame_id}"
+        return f"mark by hand{known}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seek(Command):
+    """Look again for what was followed, round where it must be, in a widening spiral."""
+
+    verb = "seek"
+    moves_mount = True
+
+
+# -- among the consoles -----------------------------------------------------------------------
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskSeat(Command):
+    """Ask the console in control for it."""
+
+    verb = "ask_seat"
+    title = "seat"
+    needs_control = False
+    is_on_panel = True
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnswerSeat(Command):
+    """Give control to the console that asks for it, or keep it."""
+
+    verb = "answer_seat"
+    title = "seat"
+    needs_control = False
+    is_on_panel = True
+
+    gives: bool = False
+    to: str | None = None
+    """Whom that answers; None: whoever asks."""
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Note(Command):
+    """A remark for the record."""
+
+    verb = "note"
+    needs_control = False
+
+    text: str = argument(help_="What you want to remember.")
+
+    def check(self) -> None:
+        """It says something."""
+        if not self.text.strip():
+            raise ValueError("a note needs words")
+
+    def words(self) -> str:
+        """What is wanted."""
+        return f"note: {self.text}"

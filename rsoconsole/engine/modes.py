@@ -1,0 +1,58 @@
+"""The commands on who has the mount: arm, disarm, hold, resume, park, and the engine's end."""
+
+from rsoconsole.control import Command
+from rsoconsole.control.commands import Abort, Arm, Disarm, Hold, Park, Resume, Shutdown
+from rsoconsole.engine.handlers import DONE, Control, Handler, Handlers
+from rsoconsole.engine.states import Armed, Disarmed, Happening, Held, Resumed, step
+
+
+class Modes:
+    """Turns commands into what happens to the state machine."""
+
+    def __init__(self, control: Control) -> None:
+        self._control = control
+
+    @property
+    def handlers(self) -> Handlers:
+        """Its commands."""
+        return {
+            Arm: Handler(expect=self._expect, execute=self._arm),
+            Disarm: Handler(execute=self._pass),
+            Hold: Handler(expect=self._expect, execute=self._pass),
+            Resume: Handler(expect=self._expect, execute=self._pass),
+            Park: Handler(execute=self._park),
+            Abort: Handler(execute=lambda _command, _by: "the exposure was given up"),
+            Shutdown: Handler(execute=lambda _command, _by: DONE),
+        }
+
+    def _expect(self, command: Command, by: str) -> None:
+        """The state machine itself says whether it would refuse."""
+        refusal = step(self._control.charge, happening_of(command, by)).refusal
+        if refusal is not None:
+            raise ValueError(refusal)
+
+    def _pass(self, command: Command, by: str) -> str:
+        self._control.happen(happening_of(command, by))
+        return DONE
+
+    def _arm(self, command: Arm, by: str) -> str:
+        self._control.arm(by, frozenset(command.override))
+        return DONE
+
+    def _park(self, _command: Park, by: str) -> str:
+        self._control.park(by)
+        return "parking"
+
+
+def happening_of(command: Command, by: str) -> Happening:
+    """What a command on who has the mount is to the state machine."""
+    match command:
+        case Arm():
+            return Armed(by=by)
+        case Disarm():
+            return Disarmed(by=by)
+        case Hold():
+            return Held(by=by, until_clear=command.until == "clear")
+        case Resume():
+            return Resumed(by=by)
+    raise TypeError(f"{command.verb} is nothing to the state machine")

@@ -1,0 +1,36 @@
+"""The command that changes a setting, for good or for some frames."""
+
+from rsoconsole.control.commands import Set
+from rsoconsole.engine.chronicle import Chronicle
+from rsoconsole.engine.handlers import DONE, Accepted, Control, Handler, Handlers
+from rsoconsole.engine.temporary import Temporary
+from rsoconsole.engine.tunables import change_record, changed
+
+
+class Settings:
+    """What may be tuned while the loop runs."""
+
+    def __init__(self, control: Control, temporary: Temporary, chronicle: Chronicle) -> None:
+        self._control = control
+        self._temporary = temporary
+        self._chronicle = chronicle
+
+    @property
+    def handlers(self) -> Handlers:
+        """Its commands."""
+        return {Set: Handler(check=self._check, execute=self._set)}
+
+    def _check(self, command: Set, _by: str) -> Accepted:
+        changed(self._control.config, command.name, command.value)
+        return Accepted()
+
+    def _set(self, command: Set, by: str) -> str:
+        before = self._control.config
+        after = changed(before, command.name, command.value)
+        if command.frames is None:
+            self._temporary.keep(command.name)
+        else:
+            self._temporary.lend(before, command.name, command.frames)
+        self._chronicle.append(change_record(before, after, command.name, by))
+        self._control.configure(after)
+        return DONE

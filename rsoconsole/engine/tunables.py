@@ -1,0 +1,60 @@
+"""The settings that may change while the loop runs, and the record of a change."""
+
+from rsoconsole.config import Config, with_setting
+from rsoconsole.errors import ConfigError
+from rsoconsole.records import ParameterChange
+
+TUNABLE = {
+    "detector.tau",
+    "detector.centroid",
+    "detector.map_mode",
+    "filter.preset",
+    "filter.sigma_arcsec",
+    "filter.q_arcsec2_s3",
+    "filter.q_multiplier",
+    "filter.q_ra_multiplier",
+    "filter.q_ra_rate_multiplier",
+    "filter.q_dec_multiplier",
+    "filter.q_dec_rate_multiplier",
+    "filter.r_multiplier",
+    "filter.r_ra_multiplier",
+    "filter.r_dec_multiplier",
+    "filter.max_3sigma_arcmin",
+    "filter.gate_nis",
+    "filter.max_coast_s",
+    "search.follow",
+    "search.recentre",
+    "search.pattern",
+    "orbit.guide",
+    "orbit.prior",
+    "orbit.wait_min",
+    "mount.meridian",
+    "mount.after_stop",
+    "aim.lead_s",
+    "aim.along_arcmin",
+    "aim.across_arcmin",
+    "exposure.exposure_s",
+    "exposure.cadence_s",
+}
+"""What may change while the loop runs."""
+
+
+def changed(config: Config, name: str, value: float | str) -> Config:
+    """The configuration with one tunable set. Raises ValueError naming what is allowed."""
+    if name not in TUNABLE:
+        raise ValueError(f"{name} cannot be tuned; tunable are {', '.join(sorted(TUNABLE))}")
+    try:
+        return with_setting(config, name, value)
+    except ConfigError as error:
+        raise ValueError(str(error)) from error
+
+
+def change_record(before: Config, after: Config, name: str, by: str) -> ParameterChange:
+    """The change for the record."""
+    section, _, key = name.partition(".")
+    return ParameterChange(
+        name=name,
+        before=getattr(getattr(before, section), key),
+        after=getattr(getattr(after, section), key),
+        by=by,
+    )
