@@ -6,7 +6,6 @@ again; nothing here moves the mount. The loop's own thread executes them, the wi
 
 import math
 from dataclasses import replace
-from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.control.commands import Accept, Choose, Decision, MarkByHand, Reject
