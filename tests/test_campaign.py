@@ -1,5 +1,6 @@
 """A campaign's answers are kept, added up rightly, and not asked for twice."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +77,18 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, monkeypatch: pytest.Monk
     }
     assert sorted(asked) == sorted(case.name for case in cases)
     assert runner.answers(cases, tmp_path).keys() == {case.name for case in cases}
+
+
+def test_the_answers_lie_beside_the_table_one_night_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runner, "RESULTS", tmp_path / "results")
+    runner.keep("worlds", {"world-001": night(), "world-002": {"error": "x"}})
+    runner.keep("gps", {})
+    [kept] = (tmp_path / "results").iterdir()
+    text = kept.read_text(encoding="utf-8")
+    assert json.loads(text) == {"world-001": night(), "world-002": {"error": "x"}}
+    assert len(text.splitlines()) == 4
 
 
 def test_names_within_a_group_are_its_own() -> None:

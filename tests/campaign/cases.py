@@ -1,7 +1,7 @@
 """Which nights there are, by group: the words for ``rsoconsole demo`` and the world around it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rsoconsole.simulator.scenarios import elements_path
@@ -134,11 +134,27 @@ def _indi(seeds: Sequence[int]) -> list[Case]:
     ]
 
 
+def _inclined(seeds: Sequence[int]) -> list[Case]:
+    cases = _objects("inclined", _GEO, tuple(_INCLINED))(seeds)
+    sites = [site for site in _INCLINED.values() for _ in seeds]
+    return [
+        replace(case, words=(*case.words, "--site", site))
+        for case, site in zip(cases, sites, strict=True)
+    ]
+
+
 _GPS = (26407, 43873, 23833, 27663, 28874, 34661, 39533, 41019)
 _GALILEO = (37846, 40545, 41859, 43058)
 _MOLNIYA = (7276, 8601, 11896, 13890, 17328, 21426)
 _TRANSFER = (862, 23866, 27684, 33156, 39021)
-_INCLINED = (634, 36395, 36828, 37158, 42965)
+_INCLINED = {
+    634: "52.2,21.0,110",
+    36395: "29.19,-81.05,10",
+    36828: "-31.3,149.1,1100",
+    37158: "-31.3,149.1,1100",
+    42965: "-31.3,149.1,1100",
+}
+"""Each with a site that sees it."""
 _LOW = (25544, 45085, 44713, 46039, 12, 4420, 8294, 11681, 22220, 38341)
 
 GROUPS = {
@@ -174,7 +190,7 @@ GROUPS = {
         Group(
             name="inclined",
             title="inclined geosynchronous",
-            cases=_objects("inclined", _GEO, _INCLINED),
+            cases=_inclined,
             seeds=(1,),
         ),
         Group(name="astra", title="Astra 19.2 E, four together", cases=_astra, seeds=(1, 2)),
