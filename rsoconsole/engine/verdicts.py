@@ -13,6 +13,7 @@ from rsoconsole.engine.states import Followed
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import measure
 from rsoconsole.pipeline.rulings import Folds
+from rsoconsole.reasons import Cause
 from rsoconsole.records import (
     Detection,
     Measurement,
@@ -233,7 +234,10 @@ def rule(engine: "Engine", verb: str, arguments: Mapping[str, Any], by: str) -> 
     if after.state != before.state:
         # Before the first frame that is followed again: behind it stand the fold's own.
         change = StateChange(
-            frame_id=ruling.frame_id, before=before.state, after=after.state, reason=words
+            frame_id=ruling.frame_id,
+            before=before.state,
+            after=after.state,
+            reason=Cause(kind="operator's word", detail=words),
         )
         engine.chronicle.append(change)
     for record in records[1:]:
