@@ -14,12 +14,15 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.reasons import BelowTau, Cause, Missed, NotTaken
+
 FloatArray = npt.NDArray[np.float64]
 PixelArray = npt.NDArray[np.uint16] | npt.NDArray[np.float32]
 
 Source = Literal["network", "operator"]
 LoopState = Literal["IDLE", "SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST", "MANUAL", "FAULT"]
 MapMode = Literal["fast", "paper"]
+Topic = Literal["", "limit", "machine"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +113,7 @@ class Rejection:
     """A candidate that was not taken, and why."""
 
     detection: Detection
-    reason: str
+    reason: BelowTau | str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -298,7 +301,7 @@ class NotFollowed:
 
     frame_id: int
     measurement: Measurement
-    reason: str
+    reason: NotTaken | str
     nis: float | None = None
     """Its normalised innovation squared, where there was a prediction to compare with."""
     track_id: int | None = None
@@ -310,7 +313,7 @@ class Miss:
     """A frame in which the followed object was not measured, and why."""
 
     frame_id: int
-    reason: str
+    reason: Missed | str
     track_id: int | None = None
     """The track that misses it; None where there was none."""
 
@@ -390,7 +393,7 @@ class StateChange:
     frame_id: int
     before: LoopState
     after: LoopState
-    reason: str
+    reason: Cause | str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -450,6 +453,8 @@ class Event:
     level: Literal["info", "warning", "alarm"]
     text: str
     frame_id: int | None = None
+    topic: Topic = ""
+    """What it is about, where somebody must know without reading it."""
 
 
 Record: TypeAlias = (

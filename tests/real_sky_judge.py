@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rsoconsole.engine.summary import SAME_OBJECT_ARCSEC, summarise
+from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Event,
     FrameTaken,
@@ -114,7 +115,9 @@ def _take(frame: _Frame, record: Any) -> None:
         case StateChange():
             frame.state = record.after
         case Miss() | NotFollowed():
-            frame.reasons.append(f"{type(record).__name__}: {_without_figures(record.reason)}")
+            frame.reasons.append(
+                f"{type(record).__name__}: {_without_figures(text(record.reason))}"
+            )
 
 
 def _without_figures(reason: str) -> str:

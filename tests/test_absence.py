@@ -18,6 +18,8 @@ from rsoconsole.pipeline.absence import (
 )
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     Detections,
     Frame,
@@ -138,7 +140,7 @@ TABLE = [
 )
 def test_an_absence_is_put_down_to_what_caused_it(shown, before, t_utc_ns, blocked, words):
     found = explain_absence(
-        "no detection",
+        Missed(kind="no detection"),
         stars=stars(shown) if isinstance(shown, int) else shown,
         stars_before=before,
         track=track(t_utc_ns),
@@ -146,12 +148,12 @@ def test_an_absence_is_put_down_to_what_caused_it(shown, before, t_utc_ns, block
         t_utc_ns=t_utc_ns,
         blocked=blocked,
     )
-    assert found == words
+    assert text(found) == words
 
 
 def test_without_a_track_there_is_neither_eclipse_nor_refused_slew():
     found = explain_absence(
-        "no detection",
+        Missed(kind="no detection"),
         stars=stars(200),
         stars_before=CLEAR,
         track=None,
@@ -159,7 +161,7 @@ def test_without_a_track_there_is_neither_eclipse_nor_refused_slew():
         t_utc_ns=SHADOW,
         blocked="the Sun",
     )
-    assert found == "no detection"
+    assert text(found) == "no detection"
 
 
 def test_the_equinox_eclipse_is_as_long_as_published_and_lies_about_the_slots_midnight():
@@ -261,7 +263,7 @@ def test_the_misses_of_a_night_are_named_and_a_second_run_says_the_same():
             # Bounds never end it here: only the words are looked at.
             following = dataclasses.replace(following, state="TRACK", track=track(start_ns))
             result = cycle.run(frame, following, blocked)
-            reasons += [r.reason for r in result.records if isinstance(r, Miss)]
+            reasons += [text(r.reason) for r in result.records if isinstance(r, Miss)]
         return reasons
 
     first = night()

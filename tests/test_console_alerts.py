@@ -7,12 +7,12 @@ import pytest
 from textual.pilot import Pilot
 
 from rsoconsole.config import Config, ConsoleConfig
-from rsoconsole.console.alerts import SOUGHT, alerts_between, notification
+from rsoconsole.console.alerts import alerts_between, notification
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.log_lines import line_of
 from rsoconsole.console.night import NightView
-from rsoconsole.pipeline.replay import SOUGHT_AGAIN
+from rsoconsole.reasons import Cause
 from rsoconsole.records import Event, StateChange
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
@@ -47,7 +47,8 @@ def test_states_ring_when_they_are_entered(was, now, said):
 
 
 def test_a_limit_rings_once_and_history_never():
-    said = Event(level="alarm", text="limit: altitude 14.9 deg; motion and tracking ended")
+    words = "limit: altitude 14.9 deg; motion and tracking ended"
+    said = Event(level="alarm", text=words, topic="limit")
     line = line_of(said, 1)
     assert line is not None
     line = dataclasses.replace(line, seq=1)
@@ -70,7 +71,7 @@ def test_a_limit_rings_once_and_history_never():
 
 def test_a_weak_supply_rings_as_a_fault_with_its_name():
     text = "machine: under-voltage: the power supply gives too little: use another"
-    line = line_of(Event(level="alarm", text=text), 1)
+    line = line_of(Event(level="alarm", text=text, topic="machine"), 1)
     assert line is not None
     after = dataclasses.replace(HERE, log=(dataclasses.replace(line, seq=1),), seq=1)
     assert alerts_between((HERE, ATTACHED), (after, ATTACHED)) == [("fault", "under-voltage")]
@@ -82,16 +83,13 @@ def test_a_weak_supply_rings_as_a_fault_with_its_name():
 
 
 def test_what_the_operator_has_looked_for_again_is_no_loss():
-    assert SOUGHT == SOUGHT_AGAIN
-    change = StateChange(
-        frame_id=1, before="TRACK", after="SEARCH", reason=f"{SOUGHT_AGAIN} by operator"
-    )
+    sought = Cause(kind="looked for again", by="operator")
+    change = StateChange(frame_id=1, before="TRACK", after="SEARCH", reason=sought)
     line = line_of(change, 1)
     assert line is not None
     assert alerts(HERE, dataclasses.replace(HERE, state="SEARCH", log=(line,))) == []
-    rejected = line_of(
-        StateChange(frame_id=1, before="TRACK", after="SEARCH", reason="frame 1: rejected"), 1
-    )
+    word = Cause(kind="operator's word", detail="frame 1: rejected")
+    rejected = line_of(StateChange(frame_id=1, before="TRACK", after="SEARCH", reason=word), 1)
     assert rejected is not None
     assert alerts(HERE, dataclasses.replace(HERE, state="SEARCH", log=(rejected,))) == []
 

@@ -9,6 +9,7 @@ import pytest
 
 from rsoconsole.config import DetectorConfig
 from rsoconsole.instruments.frame_files import read_frame
+from rsoconsole.reason_text import text
 from rsoconsole.records import Frame
 from rsoconsole.simulator.psf import add_points
 from rsoconsole.vision.candidates import is_same_streak
@@ -109,7 +110,7 @@ def test_below_tau_is_rejected_with_both_numbers() -> None:
     detector = StreakDetector(Proposals(candidate(A, B, 0.06)), DetectorConfig())
     found = detector.detect(frame_with((A, B)))
     assert found.detections == ()
-    assert [r.reason for r in found.rejected] == ["confidence 0.06 below tau 0.10"]
+    assert [text(r.reason) for r in found.rejected] == ["confidence 0.06 below tau 0.10"]
     assert found.rejected[0].detection.length_px == pytest.approx(119, abs=1.5)
     assert len(detector.detect(frame_with((A, B)), tau=0.05).detections) == 1
 
@@ -180,9 +181,9 @@ def test_a_field_of_trailed_stars_gives_no_detection() -> None:
     boxes = [candidate(a, b, 0.5) for a, b in streaks]
     found = analyse(frame_with(*streaks), *boxes).detections
     assert found.detections == ()
-    reasons = [r.reason for r in found.rejected if not r.reason.startswith("not measured")]
+    reasons = [r.reason for r in found.rejected if not text(r.reason).startswith("not measured")]
     assert len(reasons) >= TRAILED_STREAKS
-    assert all("the stars are trailed" in reason for reason in reasons)
+    assert all("the stars are trailed" in text(reason) for reason in reasons)
     fewer = TRAILED_STREAKS - 1
     kept = analyse(frame_with(*streaks[:fewer]), *boxes[:fewer]).detections
     assert len(kept.detections) == fewer
@@ -205,7 +206,7 @@ def test_box_mode_takes_the_papers_centre_not_its_word_for_what_is_a_streak() ->
         (found[centroid],) = detector.detect(frame).detections
         strict = detector.detect(frame, tau=0.5)
         assert strict.detections == ()
-        assert strict.rejected[0].reason.startswith("below tau 0.50")
+        assert text(strict.rejected[0].reason).startswith("below tau 0.50")
     assert found["box"].confidence == found["line"].confidence != box.confidence
     assert found["box"].snr == found["line"].snr
     nothing = analyse(frame_with(), box, centroid="box").detections
@@ -238,7 +239,7 @@ def test_a_short_proposal_is_measured_only_where_its_length_leaves_hope() -> Non
     for weight, reasons in ((0.0, set()), (-20.0, {"below tau 0.10 however well a line fits"})):
         hope = StreakDetector(Proposals(short), DetectorConfig(), curve(shortness=weight))
         found = hope.detect(frame)
-        assert {r.reason for r in found.rejected if "however" in r.reason} == reasons
+        assert {r.reason for r in found.rejected if "however" in text(r.reason)} == reasons
 
 
 def test_the_map_is_made_as_configured() -> None:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import FilterConfig
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import Missed
 from rsoconsole.records import Miss, NotFollowed, TrackState
 from rsoconsole.sky.wcs import tan_wcs
 from rsoconsole.tracking.follow import CANNOT_TELL, Following, FollowSettings, follow
@@ -58,8 +60,8 @@ def after_a_coast(
         shown.append(geo_measurement(until, ra_deg=150.0 + NEIGHBOUR_DEG + shift_deg))
     sight = dataclasses.replace(seen(until, *shown), field=field)
     after, records = follow(following, sight, settings)
-    told = [r.reason for r in records if isinstance(r, NotFollowed)]
-    missed = [r.reason for r in records if isinstance(r, Miss)]
+    told = [text(r.reason) for r in records if isinstance(r, NotFollowed)]
+    missed = [text(r.reason) for r in records if isinstance(r, Miss)]
     return after, "; ".join(told), "; ".join(missed)
 
 
@@ -101,7 +103,7 @@ def test_after_a_long_coast_one_streak_alone_is_nobodys(monkeypatch, shift_deg, 
     """Bounds of 130 arcsec hold two objects 216 apart: without a margin it was a coin's toss."""
     shown = {"target": who == "target", "neighbour": who == "neighbour"}
     after, told, missed = after_a_coast(shift_deg, **shown)
-    assert (after.state, told, missed) == ("COAST", CANNOT_TELL, CANNOT_TELL)
+    assert (after.state, told, missed) == ("COAST", text(CANNOT_TELL), text(CANNOT_TELL))
 
     monkeypatch.setattr("rsoconsole.tracking.follow.LEAST_MARGIN", 0.0)
     before, _, _ = after_a_coast(shift_deg, **shown)
@@ -127,12 +129,12 @@ def test_what_a_miss_without_a_known_identity_is_put_down_to():
         coasting(LONG),
         neighbours=(Neighbour(east_arcsec=216.0, north_arcsec=0.0, t_utc_ns=T0_UTC_NS),),
     )
-    absence = "cloud: the stars are 0.9 mag fainter; nothing fits the prediction"
+    absence = Missed(kind="nothing fits", hidden_by="cloud: the stars are 0.9 mag fainter")
     _, records = follow(
         following, dataclasses.replace(seen(LONG, sight), absence=absence), SETTINGS
     )
     (miss,) = [r for r in records if isinstance(r, Miss)]
-    assert miss.reason == f"cloud: the stars are 0.9 mag fainter; {CANNOT_TELL}"
+    assert text(miss.reason) == f"cloud: the stars are 0.9 mag fainter; {text(CANNOT_TELL)}"
 
 
 def test_without_that_memory_the_neighbour_would_be_taken():

@@ -20,6 +20,7 @@ from rsoconsole.engine.hands import Hands
 from rsoconsole.engine.loop import Engine
 from rsoconsole.instruments.connect import connect_instruments
 from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.reason_text import text
 from rsoconsole.records import Detections, Event, Frame, Measurement, Miss, SlewCommand
 from rsoconsole.simulator.launch import start_observatory
 from rsoconsole.sky.angles import separation_deg, wrap_360
@@ -241,6 +242,6 @@ def test_a_mount_that_must_not_flip_is_left_on_its_side_and_the_misses_say_why(t
         assert "mount.meridian is hold" in refusals[0]
         assert it.engine.hands.mount_report().pier_side == "west"
         assert it.engine.following.state == "COAST"
-        reasons = [miss.reason for miss in it.memory.of(Miss)]
+        reasons = [text(miss.reason) for miss in it.memory.of(Miss)]
         assert len(reasons) == 2
         assert all(reason.startswith("slew refused: hour angle") for reason in reasons)

@@ -13,6 +13,8 @@ from rsoconsole.pipeline.recorded_frames import recorded_frames
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.pipeline.replay import ReplayedFrame, replay
 from rsoconsole.pipeline.what_if import as_recorded, figures_of
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import BelowTau
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -160,10 +162,10 @@ def busy_night() -> Night:
 
 
 def test_the_night_has_seen_it_all(busy_night):
-    reasons = " | ".join(change.reason for change in busy_night.of(StateChange))
+    reasons = " | ".join(text(change.reason) for change in busy_night.of(StateChange))
     for word in ("armed", "moves the mount", "resumed", "limit met", "STOP", "camera", "coasted"):
         assert word in reasons, word
-    misses = " | ".join(miss.reason for miss in busy_night.of(Miss))
+    misses = " | ".join(text(miss.reason) for miss in busy_night.of(Miss))
     for word in ("cloud: 12 stars", "no frame in 30 s", "reduction broke", "did not take"):
         assert word in misses, word
     reduced = {found.frame_id for found in busy_night.of(Detections)}
@@ -235,7 +237,7 @@ def falsified(records: list[Any]) -> list[Any]:
         lambda rs: without(rs, lambda r: isinstance(r, ParameterChange)),
         lambda rs: without(rs, lambda r: "MANUAL" in passage(r)),
         lambda rs: without(rs, lambda r: "IDLE" in passage(r) and r.frame_id > 0),
-        lambda rs: without(rs, lambda r: getattr(r, "reason", "").startswith("limit met")),
+        lambda rs: without(rs, lambda r: text(getattr(r, "reason", "")).startswith("limit met")),
         lambda rs: without(rs, lambda r: isinstance(r, Detections) and r.frame_id == 4),
         falsified,
     ],
@@ -309,8 +311,7 @@ def detections(frame_id: int, *faint: Detection) -> Detections:
         height_px=3520,
         detections=(),
         rejected=tuple(
-            Rejection(detection=d, reason=f"confidence {d.confidence:.2f} below tau 0.10")
-            for d in faint
+            Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=0.1)) for d in faint
         ),
     )
 

@@ -15,6 +15,8 @@ from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.rulings import KEPT
 from rsoconsole.pipeline.what_if import as_recorded, figures_of
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import BelowTau, NotTaken
 from rsoconsole.records import (
     Event,
     FollowedAgain,
@@ -51,7 +53,7 @@ class Misleading(ScriptedReducer):
             detection=straight_detection(
                 frame_id=frame.frame_id, x_px=2.0, y_px=1.0, length_px=20.0, confidence=0.05
             ),
-            reason="confidence 0.05 below tau 0.10",
+            reason=BelowTau(confidence=0.05, tau=0.1),
         )
         detections = dataclasses.replace(plain.detections, detections=found, rejected=(below,))
         measured = plain.measurements
@@ -96,7 +98,7 @@ def test_a_streak_marked_by_hand_measures_a_frame_that_had_missed():
     assert after.taken.frame_id == 9
     assert after.track.misses == 0
     (change,) = [c for c in r.memory.of(StateChange) if c.before == "COAST"]
-    assert change.reason == "frame 9: taken by the operator's hand"
+    assert text(change.reason) == "frame 9: taken by the operator's hand"
     r.engine.run(frames=13)
     assert r.engine.following.state == "TRACK"
     frames = replayed(r)
@@ -111,7 +113,7 @@ def test_a_rejected_measurement_is_as_if_it_had_never_been():
     assert say(r, "reject").ok
     assert r.engine.following.state == plain.engine.following.state == "COAST"
     assert r.engine.following.track == plain.engine.following.track
-    (no,) = [n for n in r.memory.of(NotFollowed) if n.reason == "refused by the operator"]
+    (no,) = [n for n in r.memory.of(NotFollowed) if n.reason == NotTaken(kind="refused")]
     assert no.frame_id == 8
     for each in (r, plain):
         each.engine.run(frames=11)

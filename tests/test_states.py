@@ -24,6 +24,7 @@ from rsoconsole.engine.states import (
     Taken,
     step,
 )
+from rsoconsole.reason_text import text
 from rsoconsole.records import LoopState
 from rsoconsole.tracking.follow import Following
 from rsoconsole.tracking.lqe import initialise
@@ -156,8 +157,8 @@ def test_a_limit_met_again_and_again_is_a_fault_that_names_the_way_out():
         result = step(charge, LimitMet(words="altitude 14.9 deg"))
         charge = result.charge
     assert charge.state == "FAULT"
-    assert "altitude 14.9 deg" in result.reason
-    assert "arm again" in result.reason
+    assert "altitude 14.9 deg" in text(result.reason)
+    assert "arm again" in text(result.reason)
 
 
 def test_a_track_is_taken_up_again_after_a_move_by_hand():

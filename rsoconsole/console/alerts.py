@@ -5,7 +5,6 @@ from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.night import NightView
 
 FOLLOWING = {"TRACK", "COAST"}
-LIMIT, SOUGHT, REJECTED = "ALARM: limit:", "looked for again", ": rejected"
 MACHINE = "ALARM: machine: "
 """Under-voltage, or a processor that is slowed down."""
 LOOK_BACK_LINES = 6
@@ -31,12 +30,12 @@ def alerts_between(
     ):
         found.append(("loss", "the satellite is lost"))
     new_lines = [line for line in night_now.log if line.seq > night.seq]
-    if any(line.text.startswith(LIMIT) for line in new_lines if line.level == "alarm"):
+    if any(line.topic == "limit" for line in new_lines if line.level == "alarm"):
         found.append(("limit", "the mount has met a limit"))
     found += [
         ("fault", line.text.removeprefix(MACHINE).partition(":")[0])
         for line in new_lines
-        if line.level == "alarm" and line.text.startswith(MACHINE)
+        if line.level == "alarm" and line.topic == "machine"
     ]
     if now == "FAULT" and was != "FAULT":
         found.append(("fault", "the engine is in FAULT"))
@@ -47,8 +46,7 @@ def alerts_between(
 
 def _is_sought(night: NightView) -> bool:
     """Whether it is the operator's own doing: he looks for it again, or has rejected it."""
-    texts = [line.text for line in night.log[-LOOK_BACK_LINES:]]
-    return any(SOUGHT in text or text.endswith(REJECTED) for text in texts)
+    return any(line.is_wanted for line in night.log[-LOOK_BACK_LINES:])
 
 
 def notification(words: str) -> str:

@@ -6,6 +6,8 @@ from functools import singledispatch
 from typing import Literal
 
 from rsoconsole.control import command_words, printable
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import Cause
 from rsoconsole.records import (
     CatalogueMatch,
     Event,
@@ -17,6 +19,7 @@ from rsoconsole.records import (
     ParameterChange,
     Record,
     StateChange,
+    Topic,
 )
 
 Level = Literal["info", "good", "warning", "alarm"]
@@ -42,6 +45,12 @@ class LogLine:
     """How many records it stands for."""
     asked: str = ""
     """What an operator wanted, without what came of it."""
+    topic: Topic = ""
+    """What an event is about."""
+    is_of_miss: bool = False
+    """True for a change of state that a miss led to."""
+    is_wanted: bool = False
+    """True for a change of state by the operator's word, to look for it again or on a streak."""
     is_accepted: bool = False
     """True for a command that waits for its outcome."""
 
@@ -58,11 +67,7 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
     last = log[-1] if log and log[-1].frame_id == line.frame_id else None
     if last is not None and last.kind == line.kind == "NotFollowed":
         log[-1] = replace(last, times=last.times + 1)
-    elif (
-        last is not None
-        and (last.kind, line.kind) == ("Miss", "StateChange")
-        and line.text.endswith(last.text.removeprefix("miss"))
-    ):
+    elif last is not None and (last.kind, line.kind) == ("Miss", "StateChange") and line.is_of_miss:
         log[-1] = line
     else:
         if line.kind == "OperatorAction":
@@ -96,15 +101,20 @@ def line_of(record: Record, t_utc_ns: int) -> LogLine | None:
     if words is None:
         return None
     # Control characters would reach the terminal, whoever wrote them.
-    text = printable(words[1]).replace("\n", " ")
+    said = printable(words[1]).replace("\n", " ")
+    cause = record.reason if isinstance(record, StateChange) else None
+    kind = cause.kind if isinstance(cause, Cause) else ""
     frame_id = getattr(record, "frame_id", None) or None
     action = record if isinstance(record, OperatorAction) else None
     return LogLine(
         t_utc_ns=t_utc_ns,
         frame_id=frame_id,
         level=words[0],
-        text=text,
+        text=said,
         kind=type(record).__name__,
+        topic=record.topic if isinstance(record, Event) else "",
+        is_of_miss=kind in {"missed", "instrument"},
+        is_wanted=kind in {"looked for again", "operator's word"},
         asked=f"{action.by} {command_words(action.verb, action.arguments)}" if action else "",
         is_accepted=action is not None and action.outcome == ACCEPTED,
     )
@@ -119,13 +129,13 @@ def _(record: StateChange) -> tuple[Level, str]:
         "FAULT": "alarm",
     }
     return levels.get(record.after, "info"), (
-        f"{record.before} → {record.after}: {without_console(record.reason)}"
+        f"{record.before} → {record.after}: {without_console(text(record.reason))}"
     )
 
 
 @_words.register
 def _(record: Miss) -> tuple[Level, str]:
-    return "warning", f"miss: {record.reason}"
+    return "warning", f"miss: {text(record.reason)}"
 
 
 @_words.register
@@ -135,7 +145,7 @@ def _(record: NotSolved) -> tuple[Level, str]:
 
 @_words.register
 def _(record: NotFollowed) -> tuple[Level, str]:
-    return "info", f"not taken: {record.reason}"
+    return "info", f"not taken: {text(record.reason)}"
 
 
 @_words.register

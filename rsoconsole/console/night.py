@@ -8,6 +8,7 @@ from typing import Any, assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.console.log_lines import LogLine, append_line, line_of
+from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -364,7 +365,9 @@ class Night:
     def _detections(self, record: Detections, _t_utc_ns: int) -> None:
         best = max((d.confidence for d in record.detections), default=None)
         rejected = max(record.rejected, key=lambda r: r.detection.confidence, default=None)
-        refused = None if rejected is None else (rejected.detection.confidence, rejected.reason)
+        refused = (
+            None if rejected is None else (rejected.detection.confidence, text(rejected.reason))
+        )
         self._change(
             record.frame_id,
             confidence=best,
@@ -394,7 +397,7 @@ class Night:
         row = self._rows.get(record.frame_id)
         confidence = record.measurement.confidence
         if row is not None and (row.refused is None or row.refused[0] < confidence):
-            self._change(record.frame_id, refused=(confidence, record.reason))
+            self._change(record.frame_id, refused=(confidence, text(record.reason)))
         if record.frame_id in self._details:
             before = self._details[record.frame_id].not_followed
             self._detail(record.frame_id, not_followed=(*before, record))
@@ -453,7 +456,7 @@ class Night:
             now.orbit = now.orbit_utc_ns = None  # of what was followed before
 
     def _miss(self, record: Miss, _t_utc_ns: int) -> None:
-        self._change(record.frame_id, miss=record.reason, is_reduced=True)
+        self._change(record.frame_id, miss=text(record.reason), is_reduced=True)
 
     def _state_change(self, record: StateChange, t_utc_ns: int) -> None:
         now = self._now

@@ -13,6 +13,7 @@ from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.words import short
+from rsoconsole.reason_text import text
 from rsoconsole.records import Detection
 
 COLUMNS = 70
@@ -57,7 +58,7 @@ def verdict_lines(detail: FrameDetail, tau: float) -> list[str]:
         lines += _lines(each, *fate(each, detail))
     rejected = sorted(found.rejected, key=lambda r: -r.detection.confidence)
     for one in rejected[:MOST_REJECTED]:
-        lines += _lines(one.detection, "rejected", one.reason)
+        lines += _lines(one.detection, "rejected", text(one.reason))
     by_hand = [m for m in detail.measurements if m.source == "operator"]
     lines += [f"  by your hand, at {m.x_px:.0f}, {m.y_px:.0f}" for m in by_hand]
     if not lines:
@@ -77,7 +78,7 @@ def fate(streak: Detection, detail: FrameDetail) -> tuple[str, str]:
         return "followed", "" if nis is None else f"NIS {nis:.1f}"
     for refused in detail.not_followed:
         if _is_at(streak, refused.measurement.x_px, refused.measurement.y_px):
-            return "not taken", refused.reason
+            return "not taken", text(refused.reason)
     if any(_is_at(streak, m.x_px, m.y_px) for m in detail.measurements):
         return "measured", ""
     return "not measured", "the frame has no place on the sky"

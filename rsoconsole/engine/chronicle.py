@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from rsoconsole.engine.preview import closeup_of, preview_of
 from rsoconsole.errors import RsoconsoleError
-from rsoconsole.records import Closeup, Event, Frame, Record
+from rsoconsole.records import Closeup, Event, Frame, Record, Topic
 
 log = logging.getLogger(__name__)
 
@@ -56,9 +56,9 @@ class Chronicle:
         if self._on_record is not None:
             self._on_record(record)
 
-    def say(self, level: Literal["info", "warning", "alarm"], text: str) -> None:
+    def say(self, level: Literal["info", "warning", "alarm"], text: str, topic: Topic = "") -> None:
         """A line of the log in the operator's words."""
-        self.append(Event(level=level, text=text, frame_id=self.frame_id))
+        self.append(Event(level=level, text=text, frame_id=self.frame_id, topic=topic))
         log.log(_LOG_LEVELS[level], "%s", text)
 
     def tell(self, records: Iterable[Record]) -> None:

@@ -54,12 +54,14 @@ from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.orbits import Orbits
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
+from rsoconsole.reasons import Cause, Missed
 from rsoconsole.records import (
     CycleTiming,
     Frame,
     Miss,
     Solution,
     StateChange,
+    Topic,
     TrackState,
 )
 from rsoconsole.tracking import lqe
@@ -255,7 +257,7 @@ class Engine:
                 )
             if not result.stopped:
                 self.chronicle.say("alarm", f"the mount did not confirm its stop: {result.detail}")
-            self._enter(Charge(), "the engine ends")
+            self._enter(Charge(), Cause(kind="engine ended"))
 
     def happen(self, happening: Happening) -> Step:
         """Pass through one step: do what it asks, and put the change on record.
@@ -479,7 +481,9 @@ class Engine:
 
     def _heed(self, alarm: Alarm, is_stopped_again: bool) -> None:
         # The words first: what has to be done may fail.
-        self.chronicle.say("alarm", alarm_words(alarm, is_stopped_again, self.config))
+        topic: Topic = "limit" if isinstance(alarm.happening, LimitMet) else ""
+        words = alarm_words(alarm, is_stopped_again, self.config)
+        self.chronicle.say("alarm", words, topic)
         self.happen(alarm.happening)
 
     def _on_failure(self, words: str, *, is_final: bool = False) -> None:
@@ -491,15 +495,16 @@ class Engine:
         self._faults.append(words)
         self.chronicle.say("alarm", words)
         track_id = self.following.track_id
-        self.chronicle.append(Miss(frame_id=self.frame_id, reason=words, track_id=track_id))
+        reason = Missed(kind="instrument", detail=words)
+        self.chronicle.append(Miss(frame_id=self.frame_id, reason=reason, track_id=track_id))
         self.happen(Failed(words=words, is_final=is_final))
 
-    def _enter(self, charge: Charge, reason: str) -> None:
+    def _enter(self, charge: Charge, reason: Cause | None) -> None:
         before, self.charge = self.charge.state, charge
         over = charge.state in ("IDLE", "FAULT")
         self.watch.take_charge(charge.is_responsible, frozenset() if over else None)
         # Without a reason it is the fold's own passage, which is on record already.
-        if before != charge.state and reason:
+        if before != charge.state and reason is not None:
             self.chronicle.append(
                 StateChange(
                     frame_id=self.frame_id, before=before, after=charge.state, reason=reason

@@ -9,6 +9,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -119,7 +120,7 @@ def run_engine(
         if site_fault is not None:
             engine.chronicle.say("warning", site_fault)
         _say_outlook(engine, config, folder, now_ns)
-        machine = MachineWatch(folder, engine.chronicle.say)
+        machine = MachineWatch(folder, partial(engine.chronicle.say, topic="machine"))
         stack.callback(machine.close)
         machine.start()
         if settings.listens:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from typing import Any, Literal
 
-from rsoconsole.pipeline.replay import CLOCK_SET, LIMIT_MET, SOUGHT_AGAIN
+from rsoconsole.reasons import Cause
 from rsoconsole.records import LoopState
 from rsoconsole.tracking.follow import Following
 
@@ -186,7 +186,7 @@ class Step:
 
     charge: Charge
     actions: tuple[Action, ...] = ()
-    reason: str = ""
+    reason: Cause | None = None
     """Of the change of state, for the record."""
     refusal: str | None = None
     """Why nothing changes, where the operator asked for what cannot be."""
@@ -206,17 +206,19 @@ def _step(happening: Any, charge: Charge) -> Step:  # noqa: ARG001
 def _(happening: Armed, charge: Charge) -> Step:
     if charge.is_autonomous:
         return Step(charge=charge, refusal="it is armed already")
-    return _enter(charge, "SEARCH", f"armed by {happening.by}", "start search", "forget plate")
+    return _enter(
+        charge, "SEARCH", Cause(kind="armed", by=happening.by), "start search", "forget plate"
+    )
 
 
 @_step.register
 def _(happening: Disarmed, charge: Charge) -> Step:
-    return _enter(charge, "IDLE", f"disarmed by {happening.by}")
+    return _enter(charge, "IDLE", Cause(kind="disarmed", by=happening.by))
 
 
 @_step.register
 def _(happening: Stopped, charge: Charge) -> Step:
-    return _enter(charge, "IDLE", f"STOP by {happening.by}", "abort")
+    return _enter(charge, "IDLE", Cause(kind="STOP", by=happening.by), "abort")
 
 
 @_step.register
@@ -231,7 +233,9 @@ def _(happening: Taken, charge: Charge) -> Step:
         suspended=suspended,
         is_resumable=is_resumable,
     )
-    return Step(charge=after, actions=("forget plate",), reason=f"{happening.by} moves the mount")
+    return Step(
+        charge=after, actions=("forget plate",), reason=Cause(kind="moved by hand", by=happening.by)
+    )
 
 
 @_step.register
@@ -251,7 +255,7 @@ def _(happening: Resumed, charge: Charge) -> Step:
     if not charge.is_resumable:
         # Else a move by hand would be a way round the checklist.
         return Step(charge=charge, refusal="it was not armed before you took the mount: arm it")
-    reason = f"resumed by {happening.by}"
+    reason = Cause(kind="resumed", by=happening.by)
     if charge.suspended is None:
         return _enter(charge, "SEARCH", reason, "start search", "forget plate")
     after = Charge(following=replace(charge.suspended, state="COAST", candidates=()))
@@ -265,7 +269,7 @@ def _(happening: Sought, charge: Charge) -> Step:
     if charge.state == "SEARCH":
         return Step(charge=charge)
     after = replace(charge, following=charge.following.without_track("SEARCH"))
-    return Step(charge=after, reason=f"{SOUGHT_AGAIN} by {happening.by}")
+    return Step(charge=after, reason=Cause(kind="looked for again", by=happening.by))
 
 
 @_step.register
@@ -282,7 +286,7 @@ def _(happening: Failed, charge: Charge) -> Step:
     if charge.state == "FAULT":
         return Step(charge=charge)
     if happening.is_final or failures >= FAILURES_IN_A_ROW:
-        return _enter(charge, "FAULT", happening.words, "abort")
+        return _enter(charge, "FAULT", Cause(kind="instrument", detail=happening.words), "abort")
     return Step(charge=replace(charge, failures=failures))
 
 
@@ -292,14 +296,14 @@ def _(happening: LimitMet, charge: Charge) -> Step:
         return Step(charge=charge)
     failures = charge.failures + 1
     if failures >= FAILURES_IN_A_ROW:
-        return _enter(
-            charge, "FAULT", f"{happening.words}; move away by hand or park, then arm again"
-        )
+        return _enter(charge, "FAULT", Cause(kind="too many limits", detail=happening.words))
     # What was followed has set, or stands behind the wall: the search goes on where it began.
     # A hold stays a hold: what the operator has stopped does not go on by itself.
     after = replace(charge, following=charge.following.without_track("SEARCH"), failures=failures)
     actions: tuple[Action, ...] = ("search home", "forget plate")
-    return Step(charge=after, actions=actions, reason=f"{LIMIT_MET}: {happening.words}")
+    return Step(
+        charge=after, actions=actions, reason=Cause(kind="limit met", detail=happening.words)
+    )
 
 
 @_step.register
@@ -309,7 +313,9 @@ def _(happening: ClockSet, charge: Charge) -> Step:
         return Step(charge=replace(charge, suspended=None))
     after = replace(charge, following=charge.following.without_track("SEARCH"))
     actions: tuple[Action, ...] = ("start search", "forget plate")
-    return Step(charge=after, actions=actions, reason=f"{CLOCK_SET} by {happening.step_s:+.1f} s")
+    return Step(
+        charge=after, actions=actions, reason=Cause(kind="clock set", step_s=happening.step_s)
+    )
 
 
 @_step.register
@@ -317,16 +323,16 @@ def _(happening: NightEnded, charge: Charge) -> Step:
     if not charge.is_responsible:
         return Step(charge=charge)
     actions: tuple[Action, ...] = ("abort", "park") if happening.parks else ("abort",)
-    return _enter(charge, "IDLE", f"the night ends: {happening.words}", *actions)
+    return _enter(charge, "IDLE", Cause(kind="night ended", detail=happening.words), *actions)
 
 
 @_step.register
 def _(happening: NotPointing, charge: Charge) -> Step:
     if not charge.is_autonomous:
         return Step(charge=charge)
-    return _enter(charge, "IDLE", f"not armed: {happening.words}")
+    return _enter(charge, "IDLE", Cause(kind="not pointing", detail=happening.words))
 
 
-def _enter(charge: Charge, state: LoopState, reason: str, *actions: Action) -> Step:
+def _enter(charge: Charge, state: LoopState, reason: Cause, *actions: Action) -> Step:
     after = Charge(following=charge.following.without_track(state))
     return Step(charge=after, actions=actions, reason=reason)

@@ -16,6 +16,7 @@ from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import measure
 from rsoconsole.pipeline.rulings import Folds
+from rsoconsole.reasons import Cause
 from rsoconsole.records import (
     Detection,
     Measurement,
@@ -68,7 +69,10 @@ class Verdicts:
         if after.state != before.state:
             # Before the first frame that is followed again: behind it stand the fold's own.
             change = StateChange(
-                frame_id=ruling.frame_id, before=before.state, after=after.state, reason=words
+                frame_id=ruling.frame_id,
+                before=before.state,
+                after=after.state,
+                reason=Cause(kind="operator's word", detail=words),
             )
             self._chronicle.append(change)
         for record in records[1:]:

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias, assert_never
 from rsoconsole import __version__
 from rsoconsole.config import Config
 from rsoconsole.export.rows import MeasuredRow, row_of
+from rsoconsole.reason_text import text
 from rsoconsole.records import (
     FollowedAgain,
     FrameTaken,
@@ -213,7 +214,7 @@ def _reason(
         return None
     if story.ruling is not None and measurement in story.ruling.refused:
         return f"refused by {story.ruling.by}"
-    return None if refusal is None else refusal.reason
+    return None if refusal is None else text(refusal.reason)
 
 
 def _firsts(stories: Mapping[int, _FrameStory]) -> dict[str, int]:

@@ -7,6 +7,7 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import ConfigError
 from rsoconsole.notebook.night import Night, NightFold, title_of
 from rsoconsole.notebook.overlay import FrameFacts
+from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Event,
     FrameTaken,
@@ -114,11 +115,11 @@ def _line(record: Record) -> tuple[str, str] | None:
         case Event():
             level, words = record.level, record.text
         case StateChange():
-            words = f"{record.before} → {record.after}: {record.reason}"
+            words = f"{record.before} → {record.after}: {text(record.reason)}"
         case Miss():
-            level, words = "warning", f"missed: {record.reason}"
+            level, words = "warning", f"missed: {text(record.reason)}"
         case NotFollowed():
-            words = f"not followed: {record.reason}"
+            words = f"not followed: {text(record.reason)}"
         case ParameterChange():
             words = f"{record.name} {record.before} → {record.after} by {_who(record.by)}"
         case OperatorAction():

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias, assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
+from rsoconsole.reason_text import text
 from rsoconsole.records import (
     FollowedAgain,
     FrameTaken,
@@ -136,7 +137,7 @@ def _put(frame: NightFrame, record: OfFrame, measured: dict[int, list[Measuremen
             # By the operator's word: what was made of it before counts no more.
             frame.predicted = frame.corrected = frame.missed = None
         case Miss():
-            frame.missed = record.reason
+            frame.missed = text(record.reason)
         case TrackState(is_lead=False):
             pass
         case TrackState(kind="predicted"):

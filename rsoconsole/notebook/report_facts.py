@@ -13,6 +13,7 @@ from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.notebook.night import Night, NightFrame
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.what_if import TrackFigures, figures_of
+from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Event,
     OperatorAction,
@@ -171,7 +172,7 @@ def read_course(session: Path, night: Night) -> Course:
             case StateChange():
                 state = record.after
                 locked = record.frame_id if locked is None and state == "TRACK" else locked
-                words = f"{record.before} → {record.after}: {record.reason}"
+                words = f"{record.before} → {record.after}: {text(record.reason)}"
                 told.append((t_utc_ns, _entry(t_utc_ns, record.frame_id, "state", words)))
             case Event():
                 alarms += record.level == "alarm"

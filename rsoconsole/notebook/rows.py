@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import BelowTau, Cause, Missed, NotTaken
 from rsoconsole.records import (
     CycleTiming,
     Detections,
@@ -175,6 +177,8 @@ def _plain(value: Any) -> Any:
     """As it is; records and mappings as the JSON that the log has."""
     if value is None or isinstance(value, bool | int | float | str | tuple):
         return value
+    if isinstance(value, BelowTau | NotTaken | Missed | Cause):
+        return text(value)
     return json.dumps(to_json_value(value), separators=(",", ":"))
 
 

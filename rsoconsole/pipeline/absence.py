@@ -4,10 +4,11 @@ Everything is derived from what is on record of a session, so that a replay says
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rsoconsole.reasons import Missed
 from rsoconsole.records import Detections, FloatArray, Site, Solution, TrackState
 from rsoconsole.sky.angles import separation_deg, wrap_360
 from rsoconsole.sky.belt import GEO_RADIUS_KM
@@ -86,7 +87,7 @@ def counted(before: StarHistory, stars: Stars | None, solution: object) -> StarH
 
 
 def explain_absence(
-    plain: str,
+    plain: Missed,
     *,
     stars: Stars | None,
     stars_before: StarHistory,
@@ -94,7 +95,7 @@ def explain_absence(
     site: Site,
     t_utc_ns: int,
     blocked: str | None = None,
-) -> str:
+) -> Missed:
     """``plain`` with what it is put down to, most certain first; ``plain`` alone where unknown.
 
     ``blocked``: why the slew to the track was refused. Without a track there is nothing to miss:
@@ -106,7 +107,7 @@ def explain_absence(
     causes.extend(filter(None, (cloud_words(stars, stars_before),)))
     if track is not None:
         causes.extend(filter(None, (shadow_words(track, site, t_utc_ns),)))
-    return "; ".join((*causes, plain))
+    return replace(plain, hidden_by="; ".join(causes))
 
 
 def cloud_words(stars: Stars | None, before: StarHistory) -> str | None:

@@ -12,6 +12,7 @@ from rsoconsole.pipeline.absence import StarHistory, counted, explain_absence, s
 from rsoconsole.pipeline.foretelling import may_guide
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.reduce import plain_absence
+from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     Detections,
     Frame,
@@ -26,7 +27,6 @@ from rsoconsole.records import (
 )
 from rsoconsole.tracking import lqe
 from rsoconsole.tracking.follow import (
-    NOTHING_FITS,
     Following,
     FollowSettings,
     Seen,
@@ -67,7 +67,7 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
     taken = shown.taken
     t_mid_ns, exposure_s = when(taken, config)
     stars = stars_of(shown.detections, exposure_s)
-    plain = NOTHING_FITS
+    plain = Missed(kind="nothing fits")
     if not shown.measurements:
         plain = plain_absence(shown.detections, shown.solution, t_mid_ns)
     # Asked for by misses alone: the Sun and the Earth's shadow cost more than all the rest.

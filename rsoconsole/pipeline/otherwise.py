@@ -5,10 +5,8 @@ from dataclasses import replace
 from rsoconsole.config import Config
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import measure
+from rsoconsole.reasons import BelowTau
 from rsoconsole.records import Rejection, Solution, measurement_id_of
-
-TOO_FAINT = "confidence "
-"""How the detector's verdict on what is only below tau begins."""
 
 
 def at_instant(shown: Shown, t_mid_utc_ns: int) -> Shown:
@@ -30,12 +28,12 @@ def at_tau(shown: Shown, config: Config) -> Shown:
     numbered = {
         number: r.detection
         for number, r in enumerate(found.rejected, start=len(found.detections))
-        if r.reason.startswith(TOO_FAINT) and r.detection.confidence > tau
+        if isinstance(r.reason, BelowTau) and r.detection.confidence > tau
     }
     admitted = list(numbered.values())
     kept = [d for d in found.detections if d.confidence > tau]
     too_faint = [
-        Rejection(detection=d, reason=f"{TOO_FAINT}{d.confidence:.2f} below tau {tau:.2f}")
+        Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=tau))
         for d in found.detections
         if d.confidence <= tau
     ]

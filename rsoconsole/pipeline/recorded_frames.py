@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import assert_never
 
-from rsoconsole.pipeline.replay import FOLDED, is_from_outside
+from rsoconsole.pipeline.replay import FOLDED, is_from_outside, is_instruments
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -77,21 +77,18 @@ class _Walk:
     state: LoopState = "SEARCH"
     taken: FrameTaken | None = None
     open: _Open | None = None
-    alarms: set[str] = field(default_factory=set)
-    """Said since the last frame came."""
     followed: dict[int, _Open] = field(default_factory=dict)
     """Frames without anything from outside after them, which a ruling may have followed again."""
     is_ruled: bool = False
     """A ruling has come, and none of the frames that it has followed again."""
     is_first_again: bool = False
 
-    def hear(self, record: Record) -> Iterator[RecordedFrame]:  # noqa: PLR0912 -- one case a kind
+    def hear(self, record: Record) -> Iterator[RecordedFrame]:
         """One record; gives the frame that it shows to be complete."""
         match record:
             case FrameTaken():
                 yield from self.close()
                 self.taken = record
-                self.alarms.clear()
             case Detections():
                 if self.taken is not None:
                     self.open = _Open(taken=self.taken, before=self.state)
@@ -107,15 +104,12 @@ class _Walk:
                 yield from self.close()
                 self.followed.clear()
                 self.state = record.after
-            case Event():
-                if record.level == "alarm":
-                    self.alarms.add(record.text)
             case TrackState() | NotFollowed() | Miss() | StateChange():
                 if self.open is not None and not self._is_loops_own(record):
                     self.open.records.append(record)
             case Solution() | NotSolved() | Measurement() | SlewCommand():
                 pass
-            case OrbitEstimate() | Identified() | OperatorAction() | Closeup():
+            case OrbitEstimate() | Identified() | OperatorAction() | Closeup() | Event():
                 pass
             case _:
                 assert_never(record)
@@ -146,5 +140,5 @@ class _Walk:
     def _is_loops_own(self, record: Record) -> bool:
         """An instrument that failed, or what a ruling came to in words: nothing of the fold's."""
         if isinstance(record, Miss):
-            return record.reason in self.alarms
+            return is_instruments(record)
         return isinstance(record, StateChange) and self.is_ruled

@@ -10,6 +10,8 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.measure import measured
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import Missed
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.detector import Proposer, StreakDetector
@@ -102,7 +104,7 @@ class FrameReducer:
             measurements=measurements,
             star_count=star_count,
             fwhm_px=analysis.stars.median_fwhm_px,
-            absence=plain_absence(found, solution, frame.t_mid_utc_ns),
+            absence=text(plain_absence(found, solution, frame.t_mid_utc_ns)),
             stage_ms=stage_ms,
         )
 
@@ -120,15 +122,13 @@ def typical_flux_adu(stars: StarList) -> float | None:
 
 def plain_absence(
     found: Detections, solution: Solution | NotSolved | None, t_mid_utc_ns: int | None
-) -> str:
+) -> Missed:
     """Why a frame without a measurement has none, by its own records alone."""
     if not found.detections:
-        return "no detection"
+        return Missed(kind="no detection")
     if isinstance(solution, NotSolved):
-        return f"detected, but not solved: {solution.reason}"
-    if t_mid_utc_ns is None:
-        return "the frame has no time"
-    return "not measured"
+        return Missed(kind="not solved", detail=solution.reason)
+    return Missed(kind="no time" if t_mid_utc_ns is None else "not measured")
 
 
 @contextmanager

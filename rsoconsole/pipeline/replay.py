@@ -19,6 +19,7 @@ from rsoconsole.pipeline.fold import Shown, fold, looked_at
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.otherwise import at_instant, at_tau
 from rsoconsole.pipeline.rulings import Fold, Folds
+from rsoconsole.reasons import FROM_OUTSIDE, Cause, Missed
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -50,9 +51,6 @@ FOLDED: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST",
 """States in which a frame is folded into what is followed."""
 FOLDS = (TrackState, NotFollowed, Miss, StateChange)
 """What the fold puts on record."""
-LIMIT_MET, SOUGHT_AGAIN, CLOCK_SET = "limit met", "looked for again", "the clock was set"
-FROM_OUTSIDE = (LIMIT_MET, SOUGHT_AGAIN, CLOCK_SET)
-"""How the reasons begin that lead from one of them to another without a frame's doing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,8 +164,6 @@ class Walk:
     is_another_night: bool = False
     """A frame came out otherwise than recorded: the orbits behind it are of another track."""
     open: _Open | None = None
-    alarms: set[str] = field(default_factory=set)
-    """Said since the last frame came."""
     folds: Folds = field(default_factory=Folds)
     again: dict[int, Fold] = field(default_factory=dict)
     """Frames that a ruling has had followed again, by number."""
@@ -198,7 +194,6 @@ class Walk:
             case FrameTaken():
                 yield from self.close()
                 self.taken = record
-                self.alarms.clear()
             case Detections():
                 if self.taken is not None:
                     self.part = "input"
@@ -218,14 +213,11 @@ class Walk:
                 self._pass(record)
             case OrbitEstimate():
                 self.orbit = None if self.is_another_night else record
-            case Event():
-                if record.level == "alarm":
-                    self.alarms.add(record.text)
             case Solution() | NotSolved() | Measurement():
                 self.part = self._hear_of_frame(record)
             case TrackState() | NotFollowed() | Miss() | StateChange():
                 self.part = self._hear_of_frame(record)
-            case SlewCommand() | Identified() | OperatorAction() | Closeup():
+            case SlewCommand() | Identified() | OperatorAction() | Closeup() | Event():
                 pass  # led to by what is followed, or beside it
             case _:
                 assert_never(record)
@@ -256,7 +248,7 @@ class Walk:
     def _is_loops_own(self, record: Record) -> bool:
         """An instrument that failed, or what a ruling came to in words: nothing of the fold's."""
         if isinstance(record, Miss):
-            return record.reason in self.alarms
+            return is_instruments(record)
         return isinstance(record, StateChange) and self.is_ruled
 
     def close(self) -> Iterator[ReplayedFrame | LookedAt]:
@@ -313,7 +305,7 @@ class Walk:
     def _pass(self, change: StateChange) -> None:
         """The operator, a limit, a fault or the end of the night: what is followed after it."""
         self.folds.forget()
-        if change.reason.startswith(CLOCK_SET):
+        if isinstance(change.reason, Cause) and change.reason.kind == "clock set":
             self.orbit = None
         if change.after == "MANUAL":
             # Only a track is worth coming back to.
@@ -347,4 +339,10 @@ def _replayed(done: Fold, recorded: tuple[Record, ...]) -> ReplayedFrame:
 def is_from_outside(change: StateChange) -> bool:
     """Whether a change of state is none of the fold's."""
     is_between_folded = change.before in FOLDED and change.after in FOLDED
-    return not is_between_folded or change.reason.startswith(FROM_OUTSIDE)
+    cause = change.reason
+    return not is_between_folded or (isinstance(cause, Cause) and cause.kind in FROM_OUTSIDE)
+
+
+def is_instruments(miss: Miss) -> bool:
+    """Whether an instrument failed: there was nothing to fold, and the miss is the loop's own."""
+    return isinstance(miss.reason, Missed) and miss.reason.kind == "instrument"

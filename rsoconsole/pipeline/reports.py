@@ -8,6 +8,7 @@ from typing import Any
 
 from rsoconsole.pipeline.batch import Processed
 from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -46,7 +47,9 @@ def detections_report(name: str, found: Detections) -> dict[str, Any]:
         "width": found.width_px,
         "height": found.height_px,
         "detections": [detection_report(d) for d in found.detections],
-        "rejected": [{**detection_report(r.detection), "reason": r.reason} for r in found.rejected],
+        "rejected": [
+            {**detection_report(r.detection), "reason": text(r.reason)} for r in found.rejected
+        ],
         "ms": {stage: round(value, 3) for stage, value in found.stage_ms.items()},
     }
 

@@ -18,6 +18,7 @@ from rsoconsole.instruments.solver import PlateSolver
 from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.pipeline.reduce import FrameReducer, Plate
 from rsoconsole.pipeline.rerun import RecordedPlate
+from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -311,7 +312,7 @@ def verdicts(found: Detections | None) -> Iterable[Verdict]:
     for each in found.detections:
         yield Verdict(detection=each, is_taken=True, reason="")
     for one in found.rejected:
-        yield Verdict(detection=one.detection, is_taken=False, reason=one.reason)
+        yield Verdict(detection=one.detection, is_taken=False, reason=text(one.reason))
 
 
 def _away_px(one: Verdict, other: Verdict) -> float:

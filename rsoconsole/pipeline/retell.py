@@ -23,6 +23,7 @@ from rsoconsole.pipeline.replay import (
     Walk,
     is_from_outside,
 )
+from rsoconsole.reasons import Cause
 from rsoconsole.records import (
     CycleTiming,
     Event,
@@ -148,7 +149,8 @@ class _Telling:
         self._ruled = None
         if before == after:
             return
-        reason = "followed again by the operator's word" if recorded is None else recorded.reason
+        anew = Cause(kind="operator's word", detail="followed again by the operator's word")
+        reason = anew if recorded is None else recorded.reason
         change = StateChange(frame_id=ruling.frame_id, before=before, after=after, reason=reason)
         self.told.append((t_utc_ns, change))
 

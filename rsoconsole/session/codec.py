@@ -17,6 +17,8 @@ from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_typ
 import numpy as np
 
 from rsoconsole.errors import SessionError
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import BelowTau, Cause, Missed, NotTaken
 from rsoconsole.records import Record
 
 KINDS: Mapping[str, type] = types.MappingProxyType(
@@ -65,7 +67,7 @@ def to_json_value(value: Any, where: str = "value") -> Any:
     return _plain(value, where)
 
 
-def _plain(value: Any, where: str) -> Any:
+def _plain(value: Any, where: str) -> Any:  # noqa: PLR0911 -- one case a type
     if value is None or isinstance(value, (bool, str)):
         return value
     if isinstance(value, np.generic):
@@ -82,19 +84,28 @@ def _plain(value: Any, where: str) -> Any:
         return [_plain(item, where) for item in value]
     if isinstance(value, Mapping):
         return {str(key): _plain(item, f"{where}.{key}") for key, item in value.items()}
+    if isinstance(value, BelowTau | NotTaken | Missed | Cause):
+        # For people who read the log by SQL; no program reads it back.
+        return {**_members(value, where), "text": text(value)}
     if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _plain(getattr(value, f.name), f"{where}.{f.name}") for f in fields(value)}
+        return _members(value, where)
     raise SessionError(f"{where} is a {type(value).__name__}, which JSON cannot carry")
 
 
+def _members(value: Any, where: str) -> dict[str, Any]:
+    return {f.name: _plain(getattr(value, f.name), f"{where}.{f.name}") for f in fields(value)}
+
+
 @cache
-def _decoder(hint: Any) -> _Decoder:
+def _decoder(hint: Any) -> _Decoder:  # noqa: PLR0911 -- one case a type
     if hint is float:
         return _to_float
     if hint is int:
         return _to_int
-    if hint is str or get_origin(hint) is Literal:
+    if hint is str:
         return _to_str
+    if get_origin(hint) is Literal:
+        return _literal_decoder(get_args(hint))
     if hint is bool:
         return _to_bool
     if is_dataclass(hint):
@@ -139,6 +150,15 @@ def _union_decoder(arguments: tuple[Any, ...]) -> _Decoder:
     return read
 
 
+def _literal_decoder(allowed: tuple[Any, ...]) -> _Decoder:
+    def read(value: Any) -> Any:
+        if value not in allowed:
+            raise ValueError(f"{value!r} where one of {', '.join(map(repr, allowed))} belongs")
+        return value
+
+    return read
+
+
 def _record_decoder(record_type: Any) -> _Decoder:
     hints = get_type_hints(record_type)
     members = {f.name: _decoder(hints[f.name]) for f in fields(record_type)}
@@ -147,6 +167,8 @@ def _record_decoder(record_type: Any) -> _Decoder:
     }
 
     def read(value: Any) -> Any:
+        if not isinstance(value, dict):
+            raise ValueError(f"{value!r} where text or a {record_type.__name__} belongs")
         missing = required - value.keys()
         if missing:
             raise KeyError(f"no {', '.join(sorted(missing))}")

@@ -4,10 +4,12 @@ Their records carry no ids. Which measurement a track took is told by the track'
 the two that began it by its first slope; both were exact when they were written.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple, assert_never
 
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import Cause, Missed, Reason
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -32,6 +34,7 @@ from rsoconsole.records import (
     mark_id_of,
     measurement_id_of,
 )
+from rsoconsole.session import old_reasons
 from rsoconsole.session.codec import decode
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.times import NS_PER_S
@@ -51,11 +54,17 @@ KINDS = (
     Identified,
     SlewCommand,
     CycleTiming,
+    Event,
 )
 """Records that get ids, and those that tell which."""
 _OF_TRACK = ("prediction", "prediction, offset by hand", "orbit", "orbit, offset by hand")
 """Reasons of slews that led to a track."""
 _SAME_PLACE_DEG = 1.0 / 3600.0
+_READ: dict[str, Callable[[str], Reason | str]] = {
+    "NotFollowed": old_reasons.not_taken,
+    "Miss": old_reasons.missed,
+    "StateChange": old_reasons.cause,
+}
 _NO_ID: dict[str, dict[str, Any]] = {
     "Measurement": {"measurement_id": ""},
     "TrackState": {"track_id": 0},
@@ -70,13 +79,35 @@ def decode_old(kind: str, body: str) -> Record:
 
 
 def _upgraded(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
-    """The fields of a record with those that it lacks."""
+    """The fields of a record with those that it lacks, and its reason as kind and figures."""
+    read = _READ.get(kind)
+    if read is not None and isinstance(words := fields.get("reason"), str):
+        reason = read(words)
+        if fields.get("after") == "FAULT" and isinstance(reason, str):
+            reason = Cause(kind="instrument", detail=words)
+        fields = {**fields, "reason": as_fields(reason)}
+    if kind == "Event":
+        return {"topic": old_reasons.topic_of(fields["text"]), **fields}
+    if kind == "Detections":
+        return {**fields, "rejected": [_rejected(each) for each in fields.get("rejected", ())]}
     if kind == "NotFollowed":
         return {**fields, "measurement": _measurement(fields["measurement"])}
     if kind == "Ruling":
         refused = [_measurement(each) for each in fields.get("refused", ())]
         return {**fields, "taken": _measurement(fields.get("taken")), "refused": refused}
     return {**_NO_ID.get(kind, {}), **fields}
+
+
+def as_fields(reason: Reason | str) -> Any:
+    """As the log has it."""
+    return reason if isinstance(reason, str) else asdict(reason)
+
+
+def _rejected(fields: dict[str, Any]) -> dict[str, Any]:
+    reason = fields["reason"]
+    if isinstance(reason, str):
+        reason = as_fields(old_reasons.below_tau(reason))
+    return {**fields, "reason": reason}
 
 
 def _measurement(fields: Any) -> Any:
@@ -89,6 +120,8 @@ class Ids(NamedTuple):
     track_id: int | None = None
     measurements: tuple[str, ...] = ()
     """Of the measurements in it or named by it, in order."""
+    is_instruments: bool = False
+    """A miss of the loop's own: an instrument failed, as an alarm had said before."""
 
 
 def with_ids(record: Record, ids: Ids) -> Record:  # noqa: PLR0911 -- one case a kind
@@ -111,7 +144,11 @@ def with_ids(record: Record, ids: Ids) -> Record:  # noqa: PLR0911 -- one case a
             )
         case OrbitEstimate() | Identified():
             return replace(record, track_id=ids.track_id or 1)
-        case Miss() | SlewCommand():
+        case Miss():
+            words = text(record.reason)
+            own = Missed(kind="instrument", detail=words) if ids.is_instruments else record.reason
+            return replace(record, track_id=ids.track_id, reason=own)
+        case SlewCommand():
             return replace(record, track_id=ids.track_id)
         case _:
             return record
@@ -170,6 +207,8 @@ class IdGiver:
         """Of the frame whose records come in."""
         self._is_ruled = False
         """A ruling has come, and none of the frames that it has followed again."""
+        self._alarms: set[str] = set()
+        """Said since the last frame came."""
 
     def ids_of(self, record: Record) -> Ids:  # noqa: PLR0911, PLR0912 -- one case a kind
         """What this record is to be given; nothing for most kinds."""
@@ -177,6 +216,7 @@ class IdGiver:
             case FrameTaken():
                 self._frames[record.frame_id] = _Frame(self._tracks)
                 self._track_id = None
+                self._alarms.clear()
             case CycleTiming():
                 self._track_id = None
             case Measurement():
@@ -193,10 +233,13 @@ class IdGiver:
             case OrbitEstimate() | Identified():
                 return Ids(max(self._tracks, 1))
             case Miss():
-                return Ids(self._track_id)
+                return Ids(self._track_id, is_instruments=text(record.reason) in self._alarms)
+            case Event():
+                if record.level == "alarm":
+                    self._alarms.add(record.text)
             case SlewCommand():
                 return Ids(max(self._tracks, 1) if record.reason in _OF_TRACK else None)
-            case Detections() | Solution() | NotSolved() | StateChange() | Event():
+            case Detections() | Solution() | NotSolved() | StateChange():
                 pass
             case ParameterChange() | OperatorAction() | Closeup():
                 pass

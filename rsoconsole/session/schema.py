@@ -7,7 +7,8 @@ gets today's views over it, made for his connection alone (``temporary_views``).
 
 Schema 2 adds the hash of every file, and on close the digest of the log (``session/digest.py``);
 schema 3 the views of orbits and identifications; schema 4 the ids of measurements and tracks
-(records of older ones are given theirs by ``session/legacy.py``, the columns are NULL).
+and reasons as kinds with figures (records of older ones are given theirs by ``session/legacy.py``;
+in SQL their columns are NULL).
 """
 
 import re
@@ -148,7 +149,7 @@ _NOT_FOLLOWED = """
 SELECT seq, t_utc_ns, frame_id,
   json_extract(body, '$.measurement.ra_icrs_deg') AS ra_icrs_deg,
   json_extract(body, '$.measurement.dec_icrs_deg') AS dec_icrs_deg,
-  json_extract(body, '$.reason') AS reason,
+  coalesce(json_extract(body, '$.reason.text'), json_extract(body, '$.reason')) AS reason,
   json_extract(body, '$.measurement.measurement_id') AS measurement_id,
   json_extract(body, '$.track_id') AS track_id, {superseded}
 FROM log WHERE kind = 'NotFollowed'
@@ -206,6 +207,9 @@ def _columns(spec: str, body: str, prefix: str = "$.") -> str:
 def _extracted(body: str, place: str) -> str:
     place, _, default = place.partition("?")
     value = f"json_extract({body}, '{place}')"
+    if place.endswith(".reason"):
+        # A kind with its figures, and what they say as text; text alone in older sessions.
+        return f"coalesce(json_extract({body}, '{place}.text'), {value})"
     return f"coalesce({value}, '{default}')" if default else value
 
 
@@ -219,7 +223,7 @@ def _candidates(member: str, prefix: str, extra: str) -> str:
 
 def _selects() -> dict[str, str]:
     """What each public view selects."""
-    rejected_because = ", json_extract(one.value, '$.reason') AS reason"
+    rejected_because = f", {_extracted('one.value', '$.reason')} AS reason"
     return {
         "frames": _FRAMES_VIEW,
         "detections": _candidates("detections", "$.", ""),

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from rsoconsole.config import FilterConfig
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import Cause, Missed, NotTaken
 from rsoconsole.records import (
     FoldRecord,
     LoopState,
@@ -41,12 +43,11 @@ Choice = Literal["nearest", "most confident"]
 AS_GOOD_AS_CERTAIN = 0.9
 """Confidence from which on how well its place is known says which of two to follow."""
 
-NOTHING_SEEN = "no detection"
-NOTHING_FITS = "nothing fits the prediction"
-REFUSED, NOT_CHOSEN = "refused by the operator", "the operator chose another one"
+NOTHING_SEEN = Missed(kind="no detection")
+REFUSED, NOT_CHOSEN = NotTaken(kind="refused"), NotTaken(kind="not chosen")
 ANOTHER_OBJECT_NIS = 100.0
 """What the operator chooses ten sigmas from the prediction is another object: it begins anew."""
-CANNOT_TELL = "cannot be told apart from its neighbour"
+CANNOT_TELL = NotTaken(kind="cannot be told apart")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +59,7 @@ class Seen:
     exposure_s: float
     measurements: tuple[Measurement, ...]
     """Most confident first."""
-    absence: str | Callable[[], str] = NOTHING_SEEN
+    absence: Missed | str | Callable[[], Missed | str] = NOTHING_SEEN
     """What a miss of this frame is put down to; a function is asked only where there is one."""
     field: Field | None = None
     """What the frame could show; None where that is not known."""
@@ -71,9 +72,9 @@ class Seen:
     Asked only where nothing fits."""
 
     @property
-    def why_absent(self) -> str:
+    def why_absent(self) -> Missed | str:
         """What a miss of this frame is put down to."""
-        return self.absence if isinstance(self.absence, str) else self.absence()
+        return self.absence if isinstance(self.absence, Missed | str) else self.absence()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,15 +149,13 @@ def _of_track(records: tuple[FoldRecord, ...]) -> tuple[FoldRecord, ...]:
 
 def _reason(
     before: Following, after: Following, records: tuple[FoldRecord, ...], seen: Seen
-) -> str:
+) -> Cause:
     if after.state == "TRACK":
-        return "measured again" if before.state == "COAST" else "two frames agree on one motion"
+        return Cause(kind="measured again" if before.state == "COAST" else "two frames agree")
     if after.state == "ACQUIRE":
-        number = len(seen.measurements)
-        plural = "" if number == 1 else "s"
-        return f"{number} detection{plural}, waiting for a second frame"
+        return Cause(kind="waiting", detections=len(seen.measurements))
     misses = [record for record in records if isinstance(record, Miss)]
-    return misses[-1].reason if misses else seen.why_absent
+    return Cause(kind="missed", missed=misses[-1].reason if misses else seen.why_absent)
 
 
 def _acquire(
@@ -176,7 +175,7 @@ def _acquire(
     if settings.choice == "nearest":
         usable = tuple(sorted(usable, key=_rank))
     clipped = tuple(
-        _not_followed(m, "clipped by the frame: starts no track")
+        _not_followed(m, NotTaken(kind="clipped at start"))
         for m in seen.measurements
         if m.is_clipped and m != seen.chosen
     )
@@ -194,7 +193,7 @@ def _acquire(
             )
             track_id = before.last_track_id + 1
             track = lqe.initialise(first, second, settings.filter, track_id=track_id)
-            told = (_not_followed(m, "another one leads") for m in others)
+            told = (_not_followed(m, NotTaken(kind="another leads")) for m in others)
             after = Following(
                 state="TRACK",
                 track=track,
@@ -217,7 +216,7 @@ def _rank(m: Measurement) -> tuple[float, float]:
 def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: Seen) -> str:
     """Why a candidate came to nothing, by what came nearest to being its second."""
     if not usable:
-        return f"no second frame: {seen.why_absent}"
+        return f"no second frame: {text(seen.why_absent)}"
     nearest = min(usable, key=lambda m: pair_misfit_arcsec(first, m, seen.exposure_s))
     return f"no second frame: {pair_disagreement(first, nearest, seen.exposure_s)}"
 
@@ -249,9 +248,10 @@ def _follow_track(
         return after, records
     reason = seen.why_absent
     if seen.measurements and reason == NOTHING_SEEN:
-        reason = NOTHING_FITS
-    if CANNOT_TELL in reasons.values():
-        reason = reason.replace(NOTHING_FITS, CANNOT_TELL)
+        reason = Missed(kind="nothing fits")
+    is_nothing_fitting = isinstance(reason, Missed) and reason.kind == "nothing fits"
+    if isinstance(reason, Missed) and is_nothing_fitting and CANNOT_TELL in reasons.values():
+        reason = replace(reason, kind="cannot be told apart")
     updated = {m: lqe.update(predicted, m, settings.filter) for m in seen.measurements}
     refused = _verdicts(reasons, updated)
     return _coast(before, predicted, seen, settings, (predicted, *refused), reason)
@@ -259,14 +259,14 @@ def _follow_track(
 
 def _taken_by(
     predicted: TrackState, before: Following, seen: Seen, settings: FollowSettings
-) -> tuple[Following | None, tuple[FoldRecord, ...], dict[Measurement, str]]:
+) -> tuple[Following | None, tuple[FoldRecord, ...], dict[Measurement, NotTaken | str]]:
     """The measurement that fits a prediction: what is followed then, None where none does.
 
     With what belongs on the record, and why the others do not fit.
     """
     expected = expected_motion(predicted, seen.exposure_s)
     updated = {m: lqe.update(predicted, m, settings.filter) for m in seen.measurements}
-    reasons: dict[Measurement, str] = {}
+    reasons: dict[Measurement, NotTaken | str] = {}
     if settings.choice == "nearest":  # the paper's rule asks for nothing but confidence
         reasons = _refusals(predicted, expected, updated, before.neighbours, seen, settings)
     fitting = [m for m in seen.measurements if m not in reasons]
@@ -275,7 +275,7 @@ def _taken_by(
     chosen = fitting[0]
     if settings.choice == "nearest":
         chosen = min(fitting, key=lambda m: _nis(updated[m]))
-    reasons |= {m: "another one is taken" for m in fitting if m is not chosen}
+    reasons |= {m: NotTaken(kind="another taken") for m in fitting if m is not chosen}
     after = Following(
         state="TRACK",
         track=updated[chosen],
@@ -316,9 +316,9 @@ def _refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     neighbours: tuple[Neighbour, ...],
     seen: Seen,
     settings: FollowSettings,
-) -> dict[Measurement, str]:
+) -> dict[Measurement, NotTaken | str]:
     """Which measurements do not belong to the track, and why: motion, position, neighbours."""
-    reasons: dict[Measurement, str] = {}
+    reasons: dict[Measurement, NotTaken | str] = {}
     for measurement in updated:
         reason = disagreement(measurement, expected)
         if reason is None and measurement.is_clipped:
@@ -331,8 +331,7 @@ def _refusals(  # noqa: PLR0917 -- one call, each argument a different thing
         if measurement in reasons:
             continue
         if lqe.is_gated_out(_nis(state), settings.filter):
-            gate = settings.filter.gate_nis
-            reasons[measurement] = f"NIS {_nis(state):.1f} above the gate {gate:.1f}"
+            reasons[measurement] = NotTaken.by_gate(_nis(state), settings.filter.gate_nis)
         elif measurement in strangers:
             reasons[measurement] = strangers[measurement]
     return reasons
@@ -345,7 +344,7 @@ def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
     neighbours: tuple[Neighbour, ...],
     seen: Seen,
     settings: FollowSettings,
-) -> dict[Measurement, str]:
+) -> dict[Measurement, NotTaken | str]:
     """Which of those that move alike are not what is followed, or may not be, and why."""
     if not neighbours or not alike:
         return {}
@@ -360,7 +359,7 @@ def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
     if settings.filter.preset == "tuned" and match.margin < LEAST_MARGIN:
         return dict.fromkeys(alike, CANNOT_TELL)
     others = (m for m in alike if m is not match.measurement)
-    return dict.fromkeys(others, "stands where a neighbour of the one followed was")
+    return dict.fromkeys(others, NotTaken(kind="neighbour"))
 
 
 def _too_far_for_clipped(
@@ -380,12 +379,14 @@ def _too_far_for_clipped(
 
 
 def _verdicts(
-    reasons: dict[Measurement, str], updated: dict[Measurement, TrackState]
+    reasons: dict[Measurement, NotTaken | str], updated: dict[Measurement, TrackState]
 ) -> tuple[NotFollowed, ...]:
     return tuple(_not_followed(m, reason, updated[m].nis) for m, reason in reasons.items())
 
 
-def _not_followed(measurement: Measurement, reason: str, nis: float | None = None) -> NotFollowed:
+def _not_followed(
+    measurement: Measurement, reason: NotTaken | str, nis: float | None = None
+) -> NotFollowed:
     return NotFollowed(
         frame_id=measurement.frame_id, measurement=measurement, reason=reason, nis=nis
     )
@@ -401,7 +402,7 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     seen: Seen,
     settings: FollowSettings,
     records: tuple[FoldRecord, ...],
-    reason: str,
+    reason: Missed | str,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     miss = Miss(frame_id=seen.frame_id, reason=reason)
     since_ns = predicted.t_utc_ns if before.taken is None else before.taken.t_mid_utc_ns
@@ -416,9 +417,13 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     elif coasted_s > settings.filter.max_coast_s:
         lost = f"coasted for {coasted_s / 60:.0f} min"
     if lost is not None:
-        return before.without_track("LOST"), (*records, replace(miss, reason=f"{reason}; {lost}"))
+        return before.without_track("LOST"), (*records, replace(miss, reason=_ended(reason, lost)))
     after = replace(before, state="COAST", track=predicted, candidates=())
     return after, (*records, miss)
+
+
+def _ended(reason: Missed | str, lost: str) -> Missed | str:
+    return f"{reason}; {lost}" if isinstance(reason, str) else replace(reason, lost=lost)
 
 
 def expected_motion(track: TrackState, exposure_s: float) -> Motion:

@@ -12,6 +12,7 @@ from functools import partial
 from typing import Protocol
 
 from rsoconsole.config import DetectorConfig
+from rsoconsole.reasons import BelowTau
 from rsoconsole.records import Detection, Detections, Frame, Rejection
 from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.background import Background, local_background
@@ -106,9 +107,7 @@ class StreakDetector:
                 taken = [at_box_centre(d) for d in taken]
             faint = [d for d in taken if d.confidence <= threshold]
             rejected += [
-                Rejection(
-                    detection=d, reason=f"confidence {d.confidence:.2f} below tau {threshold:.2f}"
-                )
+                Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=threshold))
                 for d in faint
             ]
         return FrameAnalysis(
