@@ -1,7 +1,8 @@
 """The public tables of a session: which columns each has, of what type, and what they mean.
 
 Declared once: the SQL of the views (``session/schema.py``), the notebook's tables, and the
-documentation (``sessions/README.md``, held to this by a test) are made of it.
+documentation (``sessions/README.md``, held to this by a test) are made of it. Exported tables
+declare theirs in the same language (``export/rows.py``).
 
 A column's unit is the one in its name, so that no table can say another.
 """
@@ -38,6 +39,7 @@ _UNITS = (
     ("_arcsec_px", "arcsec / pix"),
     ("_deg_s", "deg / s"),
     ("_km_s", "km / s"),
+    ("_arcsec_s", "arcsec / s"),
     ("_arcsec2", "arcsec2"),
     ("_arcsec", "arcsec"),
     ("_bytes", "byte"),
@@ -100,8 +102,8 @@ class Table:
         return (*HEAD, *self.own, *((SUPERSEDED,) if self.is_followed_again else ()))
 
 
-def _columns(spec: str, source: Source = "log") -> tuple[Column, ...]:
-    """A line a column: name=path?default, its type with its shape, and what it means."""
+def columns_of(spec: str, source: Source = "log") -> tuple[Column, ...]:
+    """Columns from lines such as ``name=path?default type[shape] meaning``."""
     return tuple(_column(line, source) for line in spec.strip().splitlines())
 
 
@@ -124,7 +126,7 @@ def _column(line: str, source: Source) -> Column:
     )
 
 
-HEAD = _columns("""
+HEAD = columns_of("""
 seq integer place in the order of the log
 t_utc_ns integer when it was put on record
 frame_id integer number of the exposure
@@ -283,14 +285,14 @@ _ABOUT: tuple[Table, ...] = (
         name="frames",
         kind=FrameTaken,
         row="an exposure",
-        own=(*_columns(_OF_FRAME), *_columns(_OF_FILES, "files")),
+        own=(*columns_of(_OF_FRAME), *columns_of(_OF_FILES, "files")),
     ),
     Table(
         name="detections",
         kind=Detections,
         parts="detections",
         row="a streak",
-        own=_columns(f"number=# integer place among them, from 0{_OF_CANDIDATE}"),
+        own=columns_of(f"number=# integer place among them, from 0{_OF_CANDIDATE}"),
     ),
     Table(
         name="rejections",
@@ -298,7 +300,7 @@ _ABOUT: tuple[Table, ...] = (
         parts="rejected",
         row="a candidate not taken",
         own=(
-            *_columns("number=# integer place among them, from 0"),
+            *columns_of("number=# integer place among them, from 0"),
             *(
                 Column(
                     name=each.name,
@@ -306,22 +308,22 @@ _ABOUT: tuple[Table, ...] = (
                     meaning=each.meaning,
                     path=f"detection.{each.place}",
                 )
-                for each in _columns(_OF_CANDIDATE)
+                for each in columns_of(_OF_CANDIDATE)
             ),
-            *_columns("reason text why not"),
+            *columns_of("reason text why not"),
         ),
     ),
     Table(
         name="not_solved",
         kind=NotSolved,
         row="a frame without a plate solution",
-        own=_columns("reason text why\nms real how long it took"),
+        own=columns_of("reason text why\nms real how long it took"),
     ),
     Table(
         name="not_followed",
         kind=NotFollowed,
         row="a measurement the track did not take",
-        own=_columns(_OF_NOT_FOLLOWED),
+        own=columns_of(_OF_NOT_FOLLOWED),
         is_followed_again=True,
     ),
     Table(
@@ -329,55 +331,55 @@ _ABOUT: tuple[Table, ...] = (
         kind=CycleTiming,
         parts="stage_ms",
         row="a stage of one cycle",
-        own=_columns("stage=# text its name\nms== real wall time"),
+        own=columns_of("stage=# text its name\nms== real wall time"),
     ),
-    Table(name="solutions", kind=Solution, row="a plate solution", own=_columns(_OF_SOLUTION)),
+    Table(name="solutions", kind=Solution, row="a plate solution", own=columns_of(_OF_SOLUTION)),
     Table(
         name="measurements",
         kind=Measurement,
         row="a direction on the sky",
-        own=_columns(_OF_MEASUREMENT),
+        own=columns_of(_OF_MEASUREMENT),
     ),
     Table(
         name="track",
         kind=TrackState,
         row="the filter at one instant",
-        own=_columns(_OF_TRACK),
+        own=columns_of(_OF_TRACK),
         is_followed_again=True,
     ),
-    Table(name="slews", kind=SlewCommand, row="an order to the mount", own=_columns(_OF_SLEW)),
+    Table(name="slews", kind=SlewCommand, row="an order to the mount", own=columns_of(_OF_SLEW)),
     Table(
         name="misses",
         kind=Miss,
         row="an exposure without the object",
-        own=_columns(_OF_MISS),
+        own=columns_of(_OF_MISS),
         is_followed_again=True,
     ),
     Table(
         name="orbits",
         kind=OrbitEstimate,
         row="the orbit through all that a track has measured, after each measurement",
-        own=_columns(_OF_ORBIT),
+        own=columns_of(_OF_ORBIT),
         is_followed_again=True,
     ),
     Table(
         name="identifications",
         kind=Identified,
         row="which catalogued object a track is of",
-        own=_columns(_OF_NAME),
+        own=columns_of(_OF_NAME),
         is_followed_again=True,
     ),
     Table(
         name="states",
         kind=StateChange,
         row="a change of the loop's state",
-        own=_columns("before text state before\nafter text state after\nreason text why"),
+        own=columns_of("before text state before\nafter text state after\nreason text why"),
     ),
     Table(
         name="parameters",
         kind=ParameterChange,
         row="a changed setting",
-        own=_columns(
+        own=columns_of(
             "name text dotted, as in the configuration\nbefore text its value before\n"
             "after text its value from then on\nby text who wanted it"
         ),
@@ -386,7 +388,7 @@ _ABOUT: tuple[Table, ...] = (
         name="actions",
         kind=OperatorAction,
         row="an operator's command",
-        own=_columns(
+        own=columns_of(
             "verb text what was wanted\narguments json with what\n"
             "outcome text what came of it\nby text who wanted it"
         ),
@@ -395,7 +397,7 @@ _ABOUT: tuple[Table, ...] = (
         name="events",
         kind=Event,
         row="a line of the log",
-        own=_columns("level text info, warning or alarm\ntext text what was said"),
+        own=columns_of("level text info, warning or alarm\ntext text what was said"),
     ),
 )
 TABLES: Mapping[str, Table] = MappingProxyType({each.name: each for each in _ABOUT})
