@@ -13,6 +13,7 @@ from typing import Any, TypedDict, cast
 
 from models.frames import Kind, TrueFrame, TrueTrail
 from rsoconsole.config import DetectorConfig
+from rsoconsole.reason_text import text
 from rsoconsole.records import Detection, Detections
 from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.candidates import Measurements
@@ -158,7 +159,7 @@ class Judge:
             return NOT_PROPOSED
         for rejection in analysis.detections.rejected:
             if _is_on(rejection.detection, trail, BOX_ON_TRAIL_PX):
-                return without_figures(rejection.reason)
+                return without_figures(text(rejection.reason))
         # Whom the network hardly believes is refused without a record: asked once more.
         box = max(near, key=lambda each: each.confidence)
         measured = Measurements(true.frame, analysis.background, analysis.stars)
@@ -168,7 +169,7 @@ class Judge:
         if sum(not measured.is_dark(each) for each in before) >= MOST_FITS:
             return NOT_MEASURED
         measured.measure(replace(box, confidence=1.0))
-        reasons = [without_figures(rejection.reason) for rejection in measured.rejected]
+        reasons = [without_figures(text(rejection.reason)) for rejection in measured.rejected]
         return reasons[0] if reasons else "measured elsewhere"
 
 
@@ -261,6 +262,6 @@ def _rounded(value: Any) -> Any:
 def _counted(found: Detections) -> dict[str, int]:
     counted: dict[str, int] = {}
     for rejection in found.rejected:
-        reason = without_figures(rejection.reason)
+        reason = without_figures(text(rejection.reason))
         counted[reason] = counted.get(reason, 0) + 1
     return counted

@@ -115,4 +115,6 @@ def _loss(writer: SessionWriter, n: int) -> None:
 
 def _alarm(writer: SessionWriter, n: int) -> None:
     if n % ALARMS == 0:
-        writer.append(Event(level="alarm", text="limit: altitude", frame_id=n), night.t_of(n))
+        writer.append(
+            Event(level="alarm", text="limit: altitude", frame_id=n, topic="limit"), night.t_of(n)
+        )

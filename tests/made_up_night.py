@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
+from rsoconsole.reasons import Cause, Missed
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -28,6 +29,7 @@ CADENCE_S = 30
 WIDTH_PX, HEIGHT_PX = 4656, 3520
 SCALE_DEG = 1.264 / 3600
 FIRST_MEASURED, MISSED = 3, 12
+NO_DETECTION = Missed(kind="no detection")
 
 
 def begin(folder: Path, **about: Any) -> SessionWriter:
@@ -42,7 +44,7 @@ def t_of(frame_id: int) -> int:
 
 def armed(writer: SessionWriter) -> None:
     """The first line of a night."""
-    _state(writer, 0, "IDLE", "SEARCH", "armed by operator")
+    _state(writer, 0, "IDLE", "SEARCH", Cause(kind="armed", by="operator"))
 
 
 def add_frames(writer: SessionWriter, frames: range, missed: Collection[int] = (MISSED,)) -> None:
@@ -96,14 +98,14 @@ def add_one(writer: SessionWriter, n: int, missed: Collection[int]) -> None:
         _track(writer, n, measurement)
     elif n > FIRST_MEASURED:
         writer.append(state_of(n, ra, dec, "predicted"), ns)
-        writer.append(Miss(frame_id=n, reason="no detection"), ns)
-        _state(writer, n, "TRACK", "COAST", "no detection")
+        writer.append(Miss(frame_id=n, reason=NO_DETECTION, track_id=1), ns)
+        _state(writer, n, "TRACK", "COAST", Cause(kind="missed", missed=NO_DETECTION))
     if n == FIRST_MEASURED:
-        _state(writer, n, "SEARCH", "ACQUIRE", "1 detection, waiting for a second frame")
+        _state(writer, n, "SEARCH", "ACQUIRE", Cause(kind="waiting", detections=1))
     elif n == FIRST_MEASURED + 1:
-        _state(writer, n, "ACQUIRE", "TRACK", "two frames agree on one motion")
+        _state(writer, n, "ACQUIRE", "TRACK", Cause(kind="two frames agree"))
     elif n - 1 in missed:
-        _state(writer, n, "COAST", "TRACK", "measured again")
+        _state(writer, n, "COAST", "TRACK", Cause(kind="measured again"))
     if n == 7:
         writer.append(Event(level="warning", text="slew refused: altitude", frame_id=n), ns)
     stages = {"read": 30.0, "process": 54.0, "detect": 90.0, "solve": 4.0, "filter": 0.4}
@@ -191,5 +193,7 @@ def _solution(n: int, ra: float, dec: float) -> Solution:
     )
 
 
-def _state(writer: SessionWriter, n: int, before: LoopState, after: LoopState, reason: str) -> None:
+def _state(
+    writer: SessionWriter, n: int, before: LoopState, after: LoopState, reason: Cause
+) -> None:
     writer.append(StateChange(frame_id=n, before=before, after=after, reason=reason), t_of(n))

@@ -30,6 +30,7 @@ from rsoconsole.console.plot import Column, residual_limit, residual_plot
 from rsoconsole.control import ControlClient, ControlServer, Outcome, Request
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
+from rsoconsole.reasons import Cause, Missed
 from rsoconsole.records import Event, Miss, OperatorAction, Site, SlewCommand, StateChange
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.writer import SessionWriter
@@ -172,10 +173,13 @@ def test_every_pane_lies_in_the_terminal_while_it_is_resized(wire: FakeWire) -> 
 
 def test_misses_in_a_row_are_one_line() -> None:
     log: list[LogLine] = []
+    cloud = "cloud"
     records = [
-        *(Miss(frame_id=n, reason="no detection") for n in range(1, 6)),
-        Miss(frame_id=6, reason="cloud"),
-        StateChange(frame_id=6, before="COAST", after="LOST", reason="cloud"),
+        *(Miss(frame_id=n, reason=Missed(kind="no detection")) for n in range(1, 6)),
+        Miss(frame_id=6, reason=cloud),
+        StateChange(
+            frame_id=6, before="COAST", after="LOST", reason=Cause(kind="missed", missed=cloud)
+        ),
     ]
     for record in records:
         line = line_of(record, night.T0_UTC_NS)

@@ -133,7 +133,7 @@ def test_ecsv_says_units_and_where_it_comes_from(session: Path, scratch: Path):
     assert table["residual_ra_arcsec"].unit == units.arcsec
     assert table["rate_ra_arcsec_s"].unit == units.arcsec / units.s
     assert table["exposure_s"].unit == units.s
-    assert all(table[column.name].description == column.words for column in COLUMNS)
+    assert all(table[column.name].description == column.meaning for column in COLUMNS)
     meta = read_ecsv(path)[1]
     assert meta["site"]["latitude_deg"] == 47.5
     assert meta["title"] == "across 0h"
@@ -142,7 +142,7 @@ def test_ecsv_says_units_and_where_it_comes_from(session: Path, scratch: Path):
 
 def test_every_column_is_documented_once():
     assert len({column.name for column in COLUMNS}) == len(COLUMNS)
-    assert all(column.words for column in COLUMNS)
+    assert all(column.meaning for column in COLUMNS)
     for column in COLUMNS:
         ends = {"_deg": "deg", "_arcsec": "arcsec", "_px": "pix", "_ns": "ns"}
         for end, unit in ends.items():

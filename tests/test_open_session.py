@@ -14,17 +14,18 @@ import pytest
 import rsoconsole
 from rsoconsole import open_session
 from rsoconsole.errors import ConfigError, ControlError, RsoconsoleError, SessionError
-from rsoconsole.notebook import rows
 from rsoconsole.notebook import session as session_room
 from rsoconsole.notebook.card import card_text, strip_svg
 from rsoconsole.notebook.plots import NightPlots
 from rsoconsole.notebook.summary import Spell
 from rsoconsole.pipeline.alike import are_alike, is_alike
 from rsoconsole.pipeline.what_if import figures_of
-from rsoconsole.records import Measurement, TrackState
+from rsoconsole.record_columns import TABLES
+from rsoconsole.records import Measurement, OrbitEstimate, TrackState
 from rsoconsole.session import schema
 from rsoconsole.session.reader import SessionReader
 from tests import made_up_night as made
+from tests import orbit_night
 
 SAMPLE = Path(__file__).parent.parent / "sessions" / "intelsat-14"
 PLOTS = {"confidence": 1, "track": 2, "about_line": 2, "residuals": 2, "nis": 1}
@@ -152,7 +153,7 @@ def says_the_same(value, told):
     return value == told
 
 
-@pytest.mark.parametrize("name", rows.VIEWS)
+@pytest.mark.parametrize("name", TABLES)
 def test_a_table_says_what_the_view_says(name, night, tmp_path):
     """SQL is the other implementation; it may round the last digit."""
     reader = SessionReader(SAMPLE)
@@ -160,9 +161,48 @@ def test_a_table_says_what_the_view_says(name, night, tmp_path):
     columns, made_rows = night._rows(name)
     assert len(made_rows) == len(viewed)
     for mine, theirs in zip(made_rows, viewed, strict=True):
-        assert tuple(mine) == columns == tuple(theirs)
+        assert set(mine) == {column.name for column in columns}
+        assert tuple(theirs) == tuple(column.name for column in columns)
         for column, value in mine.items():
             assert says_the_same(value, theirs[column]), column
+
+
+@pytest.fixture(scope="module")
+def followed(tmp_path_factory):
+    """A night with an orbit and a name after every frame."""
+    writer = orbit_night.write(tmp_path_factory.mktemp("orbits") / "night", 20)
+    writer.close()
+    return open_session(writer.folder)
+
+
+@pytest.mark.parametrize("name", ["orbits", "identifications"])
+def test_a_night_with_orbits_has_a_table_of_them(name, followed):
+    columns, made_rows = followed._rows(name)
+    assert len(made_rows) > 1
+    for mine, theirs in zip(made_rows, SessionReader(followed.path).view(name), strict=True):
+        for column in columns:
+            assert says_the_same(mine[column.name], theirs[column.name]), column.name
+    assert len(followed.table(name)) == len(followed.frame(name)) == len(made_rows)
+
+
+def test_an_orbits_covariance_is_a_matrix_and_its_sizes_have_units(followed):
+    table = followed.orbits
+    assert table["covariance"].shape == (len(table), 6, 6)
+    exact = [r.covariance for _, _, r in followed.records if isinstance(r, OrbitEstimate)]
+    assert np.array_equal(np.asarray(table["covariance"]), exact)
+    assert (str(table["a_km"].unit), str(table["vx_gcrs_km_s"].unit)) == ("km", "km / s")
+    assert table["observations"].dtype.kind == "i"
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_table_without_rows_has_all_its_columns(name, tmp_path):
+    writer = made.begin(tmp_path / "empty")
+    writer.close()
+    nothing = open_session(tmp_path / "empty")
+    named = [column.name.replace("_utc_ns", "_utc") for column in TABLES[name].columns]
+    assert nothing.frame(name).shape == (0, len(named))
+    assert list(nothing.frame(name).columns) == named
+    assert [each for each in nothing.table(name).colnames if each != "direction"] == named
 
 
 def test_floats_are_those_of_the_log_bit_for_bit(night):

@@ -19,6 +19,7 @@ from astropy.io import fits
 
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import SessionError
+from rsoconsole.record_columns import TABLES, documentation
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -753,13 +754,10 @@ def test_the_documented_views_are_those_there_are_column_by_column(
     writer: SessionWriter, folder: Path
 ) -> None:
     text = (Path(__file__).parents[1] / "sessions" / "README.md").read_text(encoding="utf-8")
-    rows = [line.split("|") for line in text.splitlines() if line.startswith("| `")]
-    documented = {row[1].strip(" `"): row[3].strip() for row in rows if len(row) == 5}
-    documented["rejections"] = documented["detections"] + ", reason"
+    assert documentation() in text
+    assert f"## The database (schema {SCHEMA_VERSION})" in text
     with sqlite3.connect(folder / "session.db") as connection:
         for name in VIEWS:
             columns = [row[1] for row in connection.execute(f"PRAGMA table_info({name})")]
-            assert columns[:3] == ["seq", "t_utc_ns", "frame_id"]
-            assert documented.pop(name).split(", ") == columns[3:], name
+            assert columns == [column.name for column in TABLES[name].columns]
     connection.close()
-    assert documented == {}

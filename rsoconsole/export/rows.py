@@ -1,10 +1,10 @@
 """One measurement with what the track made of it: a line of every table, and its columns."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
+from rsoconsole.record_columns import Column, columns_of
 from rsoconsole.records import FrameTaken, Measurement, TrackState
 from rsoconsole.sky.angles import wrap_360
 from rsoconsole.sky.times import utc_ns_to_iso
@@ -80,60 +80,43 @@ class MeasuredRow:
         return east**2, self.correlation * east * north, north**2
 
 
-Kind = Literal["integer", "real", "text", "truth"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
-    """One column of a table."""
-
-    name: str
-    kind: Kind
-    unit: str | None
-    """As astropy writes it."""
-    words: str
-
-
-_SPEC: Sequence[tuple[str, Kind, str | None, str]] = (
-    ("frame_id", "integer", None, "number of the exposure"),
-    ("track", "integer", None, "track that took it, from 1 in order of time"),
-    ("t_mid_utc", "text", None, "mid-exposure by the shutter, UTC"),
-    ("t_mid_utc_ns", "integer", "ns", "the same since 1970-01-01, POSIX count"),
-    ("exposure_s", "real", "s", "length of the exposure"),
-    ("ra_icrs_deg", "real", "deg", "measured right ascension, astrometric"),
-    ("dec_icrs_deg", "real", "deg", "measured declination, astrometric"),
-    ("sigma_ra_arcsec", "real", "arcsec", "one sigma in right ascension times cos Dec"),
-    ("sigma_dec_arcsec", "real", "arcsec", "one sigma in declination"),
-    ("correlation", "real", None, "of both errors"),
-    ("x_px", "real", "pix", "column of the streak's midpoint, 0-based"),
-    ("y_px", "real", "pix", "row of it"),
-    ("confidence", "real", None, "of the detection, 0 to 1"),
-    ("source", "text", None, "network or operator"),
-    ("is_clipped", "truth", None, "the frame cuts the streak"),
-    ("is_taken", "truth", None, "a track took it"),
-    ("not_taken_because", "text", None, "why none did"),
-    ("ra_a_icrs_deg", "real", "deg", "one end of the streak"),
-    ("dec_a_icrs_deg", "real", "deg", "one end of the streak"),
-    ("ra_b_icrs_deg", "real", "deg", "its other end"),
-    ("dec_b_icrs_deg", "real", "deg", "its other end"),
-    ("predicted_ra_icrs_deg", "real", "deg", "where the track expected it"),
-    ("predicted_dec_icrs_deg", "real", "deg", "where the track expected it"),
-    ("predicted_sigma_ra_arcsec", "real", "arcsec", "one sigma of that, times cos Dec"),
-    ("predicted_sigma_dec_arcsec", "real", "arcsec", "one sigma of that"),
-    ("residual_ra_arcsec", "real", "arcsec", "measured minus predicted, times cos Dec"),
-    ("residual_dec_arcsec", "real", "arcsec", "measured minus predicted"),
-    ("sigma_residual_ra_arcsec", "real", "arcsec", "sqrt(S) of the innovation"),
-    ("sigma_residual_dec_arcsec", "real", "arcsec", "sqrt(S) of the innovation"),
-    ("nis", "real", None, "normalised innovation squared"),
-    ("updated_ra_icrs_deg", "real", "deg", "the track after it"),
-    ("updated_dec_icrs_deg", "real", "deg", "the track after it"),
-    ("rate_ra_arcsec_s", "real", "arcsec / s", "motion of the track, times cos Dec"),
-    ("rate_dec_arcsec_s", "real", "arcsec / s", "motion of the track"),
-    ("is_superseded", "truth", None, "counts no more, by the operator's word"),
-)
-COLUMNS: tuple[Column, ...] = tuple(
-    Column(name=name, kind=kind, unit=unit, words=words) for name, kind, unit, words in _SPEC
-)
+COLUMNS: tuple[Column, ...] = columns_of("""
+frame_id integer number of the exposure
+track integer track that took it, from 1 in order of time
+t_mid_utc text mid-exposure by the shutter, UTC
+t_mid_utc_ns integer the same since 1970-01-01, POSIX count
+exposure_s real length of the exposure
+ra_icrs_deg real measured right ascension, astrometric
+dec_icrs_deg real measured declination, astrometric
+sigma_ra_arcsec real one sigma in right ascension times cos Dec
+sigma_dec_arcsec real one sigma in declination
+correlation real of both errors
+x_px real column of the streak's midpoint, 0-based
+y_px real row of it
+confidence real of the detection, 0 to 1
+source text network or operator
+is_clipped truth the frame cuts the streak
+is_taken truth a track took it
+not_taken_because text why none did
+ra_a_icrs_deg real one end of the streak
+dec_a_icrs_deg real one end of the streak
+ra_b_icrs_deg real its other end
+dec_b_icrs_deg real its other end
+predicted_ra_icrs_deg real where the track expected it
+predicted_dec_icrs_deg real where the track expected it
+predicted_sigma_ra_arcsec real one sigma of that, times cos Dec
+predicted_sigma_dec_arcsec real one sigma of that
+residual_ra_arcsec real measured minus predicted, times cos Dec
+residual_dec_arcsec real measured minus predicted
+sigma_residual_ra_arcsec real sqrt(S) of the innovation
+sigma_residual_dec_arcsec real sqrt(S) of the innovation
+nis real normalised innovation squared
+updated_ra_icrs_deg real the track after it
+updated_dec_icrs_deg real the track after it
+rate_ra_arcsec_s real motion of the track, times cos Dec
+rate_dec_arcsec_s real motion of the track
+is_superseded truth counts no more, by the operator's word
+""")
 DERIVED = ("t_mid_utc",)
 """Columns for people: made of others, and not read back."""
 

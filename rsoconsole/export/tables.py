@@ -14,7 +14,8 @@ from typing import Any
 
 from rsoconsole.errors import ExportError
 from rsoconsole.export.night import ExportedNight
-from rsoconsole.export.rows import COLUMNS, DERIVED, Column, MeasuredRow
+from rsoconsole.export.rows import COLUMNS, DERIVED, MeasuredRow
+from rsoconsole.record_columns import Column
 
 _NAMES = tuple(column.name for column in COLUMNS)
 _TRUTH = {"true": True, "false": False}
@@ -88,14 +89,14 @@ def to_ecsv(night: ExportedNight) -> str:
     table = Table(meta=night.facts())
     for column in COLUMNS:
         values = [getattr(row, column.name) for row in night.rows]
-        blank: Any = "" if column.kind == "text" else 0
+        blank: Any = "" if column.type == "text" else 0
         filled = [blank if value is None else value for value in values]
         table[column.name] = MaskedColumn(
             filled,
             mask=[value is None for value in values],
-            dtype=types.get(column.kind, str),
+            dtype=types.get(column.type, str),
             unit=column.unit,
-            description=column.words,
+            description=column.meaning,
         )
     text = io.StringIO()
     table.write(text, format="ascii.ecsv")
@@ -134,11 +135,11 @@ def _parsed(column: Column, text: str, where: str) -> Any:
     if text == "":
         return None
     try:
-        if column.kind == "integer":
+        if column.type == "integer":
             return int(text)
-        if column.kind == "real":
+        if column.type == "real":
             return float(text)
-        return _TRUTH[text] if column.kind == "truth" else text
+        return _TRUTH[text] if column.type == "truth" else text
     except (ValueError, KeyError) as error:
         raise ExportError(f"{where}: {text!r} is no {column.name}") from error
 
@@ -166,11 +167,11 @@ def _checked(column: Column, value: Any, where: str) -> Any:
     if value is None:
         return None
     is_truth = isinstance(value, bool)
-    if not isinstance(value, expected[column.kind]) or is_truth != (column.kind == "truth"):
+    if not isinstance(value, expected[column.type]) or is_truth != (column.type == "truth"):
         raise ExportError(f"{where}: {value!r} is no {column.name}")
     if isinstance(value, float) and not math.isfinite(value):
         raise ExportError(f"{where}: {column.name} is {value}")
-    return float(value) if isinstance(value, int) and column.kind == "real" else value
+    return float(value) if isinstance(value, int) and column.type == "real" else value
 
 
 def _text(path: Path) -> str:

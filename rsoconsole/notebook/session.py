@@ -12,9 +12,10 @@ from rsoconsole.errors import SessionError
 from rsoconsole.notebook import card
 from rsoconsole.notebook.night import Night, NightFold, title_of, with_frames
 from rsoconsole.notebook.plots import NightPlots
-from rsoconsole.notebook.rows import VIEWS, Logged, Row, columns_of, rows_of
+from rsoconsole.notebook.rows import Logged, Row, rows_of
 from rsoconsole.notebook.session_pictures import SessionPictures
 from rsoconsole.notebook.summary import Summary, spells_of, summary_of
+from rsoconsole.record_columns import TABLES, Column
 from rsoconsole.records import StateChange
 from rsoconsole.session import schema
 from rsoconsole.session.reader import SessionReader
@@ -85,6 +86,8 @@ class Session(SessionPictures, NightPlots):
     track = _table("track", "The filter's states: predicted, initial, updated")
     slews = _table("slews", "Orders to the mount")
     misses = _table("misses", "Exposures without the object, and why")
+    orbits = _table("orbits", "The orbit after each measurement")
+    identifications = _table("identifications", "Which catalogued object a track is of")
     states = _table("states", "Changes of the loop's state")
     parameters = _table("parameters", "Settings that were changed")
     actions = _table("actions", "What operators wanted, and what came of it")
@@ -144,7 +147,7 @@ class Session(SessionPictures, NightPlots):
     @property
     def table_names(self) -> tuple[str, ...]:
         """What ``table`` and ``frame`` know."""
-        return (*VIEWS, *(name for name in schema.VIEWS if name not in VIEWS))
+        return tuple(TABLES)
 
     def table(self, name: str) -> Any:
         """One of the session's views as an astropy ``QTable``, floats as exact as the log's.
@@ -164,14 +167,11 @@ class Session(SessionPictures, NightPlots):
 
         return as_frame(*self._rows(name))
 
-    def _rows(self, name: str) -> tuple[tuple[str, ...], list[Row]]:
-        if name in VIEWS:
-            files = self._reader.view("frames") if name == "frames" else ()
-            return columns_of(name), rows_of(name, self._log, files)
-        if name not in schema.VIEWS:
-            raise SessionError(f"there is no table {name!r}; there are {', '.join(VIEWS)}")
-        rows = self._reader.view(name)
-        return tuple(rows[0]) if rows else (), rows
+    def _rows(self, name: str) -> tuple[tuple[Column, ...], list[Row]]:
+        if name not in TABLES:
+            raise SessionError(f"there is no table {name!r}; there are {', '.join(TABLES)}")
+        files = self._reader.view("frames") if name == "frames" else ()
+        return TABLES[name].columns, rows_of(name, self._log, files)
 
     # -- again, and otherwise -------------------------------------------------------------------
 

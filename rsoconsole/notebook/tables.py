@@ -1,6 +1,6 @@
 """Rows as tables for analysis: astropy's with units, times and directions, or pandas'.
 
-A column is named as in the session's views and its unit is the one in that name, with two
+A column is named as in the session's views, with its type and unit (``record_columns``), with two
 exceptions: an instant ``*_utc_ns`` becomes a ``Time`` (pandas: a timestamp) named ``*_utc``, and
 where a row is a direction there is also ``direction``, a ``SkyCoord``.
 Missing is masked, never NaN.
@@ -13,44 +13,24 @@ import numpy as np
 
 from rsoconsole.notebook.extra import needed
 from rsoconsole.notebook.rows import Row
+from rsoconsole.record_columns import Column
 from rsoconsole.sky.times import jd_utc
 
 NS = "_utc_ns"
-_UNITS = (
-    ("_arcsec_px", "arcsec / pix"),
-    ("_deg_s", "deg / s"),
-    ("_arcsec2", "arcsec2"),
-    ("_arcsec", "arcsec"),
-    ("_bytes", "byte"),
-    ("_deg", "deg"),
-    ("_px", "pix"),
-    ("_s", "s"),
-)
-_WHOLE = frozenset(("seq", "frame_id", "number", "matched", "misses", "track_id"))
-_NUMBERS = frozenset(("confidence", "snr", "unevenness", "nis"))
-_NOT_PLAIN = frozenset(("covariance", "ends_icrs_deg"))
-_SHAPES = {"covariance": (4, 4), "ends_icrs_deg": (2, 2)}
 
 
-def unit_of(column: str) -> str | None:
-    """The unit that a column's name says, as astropy writes it; None for a number without."""
-    if column == "ms":
-        return "ms"
-    return next((unit for ending, unit in _UNITS if column.endswith(ending)), None)
-
-
-def as_table(columns: Sequence[str], rows: Sequence[Row], meta: dict[str, Any]) -> Any:
+def as_table(columns: Sequence[Column], rows: Sequence[Row], meta: dict[str, Any]) -> Any:
     """An astropy ``QTable``: quantities, times in UTC (to the nanosecond), ICRS directions."""
     from astropy.table import QTable
 
     table = QTable(meta=meta)
     for column in columns:
-        values = [row[column] for row in rows]
-        if column.endswith(NS):
-            table[column.removesuffix("_ns")] = _times(values)
+        values = [row[column.name] for row in rows]
+        if column.name.endswith(NS):
+            table[column.name.removesuffix("_ns")] = _times(values)
         else:
-            table[column] = _column(column, values)
-    if {"ra_icrs_deg", "dec_icrs_deg"} <= set(columns):
+            table[column.name] = _column(column, values)
+    if {"ra_icrs_deg", "dec_icrs_deg"} <= {column.name for column in columns}:
         from astropy.coordinates import SkyCoord
 
         table["direction"] = SkyCoord(table["ra_icrs_deg"], table["dec_icrs_deg"], frame="icrs")
@@ -70,50 +50,54 @@ def _times(values: Sequence[int | None]) -> Any:
     return times
 
 
-def _column(column: str, values: Sequence[Any]) -> Any:
-    """A quantity where the name says a unit, else a plain column; masked where values miss."""
+def _column(column: Column, values: Sequence[Any]) -> Any:
+    """A quantity where there is a unit, else a plain column; masked where values miss."""
     from astropy import units
-    from astropy.table import Column, MaskedColumn
+    from astropy.table import Column as Plain
+    from astropy.table import MaskedColumn
     from astropy.utils.masked import Masked
 
     missing = np.array([value is None for value in values], bool)
-    unit = unit_of(column)
-    if column in _SHAPES:
-        shape = _SHAPES[column]
-        filled = [np.zeros(shape) if value is None else value for value in values]
-        data = np.array(filled, float).reshape(len(values), *shape)
-        missing = np.broadcast_to(missing[:, None, None], data.shape)
-    elif unit is not None or column in _NUMBERS:
-        data = np.array([0.0 if value is None else value for value in values], float)
-    elif column in _WHOLE:
-        data = np.array([0 if value is None else value for value in values], np.int64)
-    elif column.startswith("is_"):
-        data = np.array([bool(value) for value in values], bool)
-    else:
-        data = np.array(["" if value is None else str(value) for value in values], str)
-    if unit is not None:
-        quantity = data * units.Unit(unit)
+    data = _array(column, values)
+    missing = np.broadcast_to(missing.reshape(-1, *(1 for _ in column.shape)), data.shape)
+    if column.unit is not None and not column.shape:
+        quantity = data * units.Unit(column.unit)
         return Masked(quantity, mask=missing) if missing.any() else quantity
-    return MaskedColumn(data, mask=missing) if missing.any() else Column(data)
+    return MaskedColumn(data, mask=missing) if missing.any() else Plain(data)
 
 
-def as_frame(columns: Sequence[str], rows: Sequence[Row]) -> Any:
+def _array(column: Column, values: Sequence[Any]) -> Any:
+    """The values in an array of the column's type; what is missing as nothing of that type."""
+    if column.shape:
+        filled = [np.zeros(column.shape) if value is None else value for value in values]
+        return np.array(filled, float).reshape(len(values), *column.shape)
+    if column.type == "real" or (column.type == "integer" and column.unit is not None):
+        return np.array([0.0 if value is None else value for value in values], float)
+    if column.type == "integer":
+        return np.array([0 if value is None else value for value in values], np.int64)
+    if column.type == "truth":
+        return np.array([bool(value) for value in values], bool)
+    return np.array(["" if value is None else str(value) for value in values], str)
+
+
+def as_frame(columns: Sequence[Column], rows: Sequence[Row]) -> Any:
     """A pandas ``DataFrame``. Raises RsoconsoleError where pandas is not installed."""
     pandas = needed("pandas", "a data frame")
     series = {}
     for column in columns:
-        values = [row[column] for row in rows]
-        if column.endswith(NS):
-            series[column.removesuffix("_ns")] = _timestamps(pandas, values)
-        elif column in _WHOLE or column.endswith("_bytes"):
+        name = column.name
+        values = [row[name] for row in rows]
+        if name.endswith(NS):
+            series[name.removesuffix("_ns")] = _timestamps(pandas, values)
+        elif column.type == "integer":
             is_whole = all(value is not None for value in values)
-            series[column] = pandas.Series(values, dtype="int64" if is_whole else "Int64")
-        elif column not in _NOT_PLAIN and (unit_of(column) or column in _NUMBERS):
-            series[column] = pandas.Series(values, dtype="float64")
-        elif column.startswith("is_"):
-            series[column] = pandas.Series(map(bool, values), dtype="bool")
+            series[name] = pandas.Series(values, dtype="int64" if is_whole else "Int64")
+        elif column.type == "real" and not column.shape:
+            series[name] = pandas.Series(values, dtype="float64")
+        elif column.type == "truth":
+            series[name] = pandas.Series(map(bool, values), dtype="bool")
         else:
-            series[column] = pandas.Series(values, dtype="object")
+            series[name] = pandas.Series(values, dtype="object")
     return pandas.DataFrame(series, columns=list(series))
 
 

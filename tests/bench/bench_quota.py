@@ -34,6 +34,7 @@ from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.instruments.indi_wire import IndiWire
 from rsoconsole.pipeline.reports import detection_report
+from rsoconsole.reason_text import text
 from rsoconsole.records import CycleTiming, Detections, Event, FrameTaken, Miss
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.sky.times import iso_to_utc_ns
@@ -249,7 +250,8 @@ def _judge(
         r.text for r in records if isinstance(r, Event) and r.level in ("warning", "alarm")
     ]
     # A miss in a frame that went through the whole cycle is judged by the truth instead.
-    bad_words += [r.reason for r in records if isinstance(r, Miss) and r.frame_id not in timings]
+    bad = (r for r in records if isinstance(r, Miss) and r.frame_id not in timings)
+    bad_words += [text(r.reason) for r in bad]
     blames = [w for w in ("set indi.", "did not start", "has no device") if w in terminal.text]
     differing = _detect_again(place, reader, found)
     spent = seen.spent()

@@ -1,0 +1,413 @@
+"""The public tables of a session: which columns each has, of what type, and what they mean.
+
+Declared once: the SQL of the views (``session/schema.py``), the notebook's tables, and the
+documentation (``sessions/README.md``, held to this by a test) are made of it. Exported tables
+declare theirs in the same language (``export/rows.py``).
+
+A column's unit is the one in its name, so that no table can say another.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal, TypeAlias
+
+from rsoconsole.records import (
+    CycleTiming,
+    Detections,
+    Event,
+    FrameTaken,
+    Identified,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    OrbitEstimate,
+    ParameterChange,
+    SlewCommand,
+    Solution,
+    StateChange,
+    TrackState,
+)
+
+ColumnType: TypeAlias = Literal["integer", "real", "text", "truth", "json"]
+"""json: a record or mapping, as the log has it; real with a shape: nested lists of numbers."""
+Source: TypeAlias = Literal["log", "files"]
+
+_UNITS = (
+    ("_arcsec_px", "arcsec / pix"),
+    ("_deg_s", "deg / s"),
+    ("_km_s", "km / s"),
+    ("_arcsec_s", "arcsec / s"),
+    ("_arcsec2", "arcsec2"),
+    ("_arcsec", "arcsec"),
+    ("_bytes", "byte"),
+    ("_utc_ns", "ns"),
+    ("_deg", "deg"),
+    ("_km", "km"),
+    ("_px", "pix"),
+    ("_s", "s"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """One column of a table."""
+
+    name: str
+    type: ColumnType
+    meaning: str
+    path: str = ""
+    """Members and indices joined by points, in the record or the part of it that a row is; "#" is
+    the part's number or key, "=" its value. Empty: the column's own name."""
+    shape: tuple[int, ...] = ()
+    """Of a column of matrices; those of other shapes are JSON."""
+    default: str = ""
+    """What it was before the record had it; empty: nothing."""
+    source: Source = "log"
+
+    @property
+    def unit(self) -> str | None:
+        """As astropy writes it; None for a number without."""
+        if self.name == "ms":
+            return "ms"
+        return next((unit for ending, unit in _UNITS if self.name.endswith(ending)), None)
+
+    @property
+    def place(self) -> str:
+        """Where in the record it is."""
+        return self.path or self.name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """One of the session's public views."""
+
+    name: str
+    kind: type
+    """The record that its rows are made of."""
+    row: str
+    """What a row is."""
+    own: tuple[Column, ...]
+    """Its columns, without those that every table begins with."""
+    parts: str = ""
+    """The member of the record of which each item is a row; empty: the record is one row."""
+    is_followed_again: bool = False
+    """The operator's word may have its frame followed again later."""
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """All of them, in order."""
+        return (*HEAD, *self.own, *((SUPERSEDED,) if self.is_followed_again else ()))
+
+
+def columns_of(spec: str, source: Source = "log") -> tuple[Column, ...]:
+    """Columns from lines such as ``name=path?default type[shape] meaning``."""
+    return tuple(_column(line, source) for line in spec.strip().splitlines())
+
+
+def _column(line: str, source: Source) -> Column:
+    named, kind, meaning = line.split(None, 2)
+    place, _, default = named.partition("?")
+    name, _, path = place.partition("=")
+    plain, _, shape = kind.partition("[")
+    sizes = tuple(int(size) for size in shape.removesuffix("]").split(",") if size)
+    if plain not in {"integer", "real", "text", "truth", "json"}:
+        raise ValueError(f"{line!r} has no type of a column")
+    return Column(
+        name=name,
+        type=plain,  # type: ignore[arg-type]  # looked at above
+        meaning=meaning,
+        path=path,
+        shape=sizes,
+        default=default,
+        source=source,
+    )
+
+
+HEAD = columns_of("""
+seq integer place in the order of the log
+t_utc_ns integer when it was put on record
+frame_id integer number of the exposure
+""")
+SUPERSEDED = Column(
+    name="is_superseded",
+    type="truth",
+    meaning="the operator's word has had the frame followed again: the row counts no more",
+)
+_OF_FRAME = """
+name text as the camera named it
+t_start_utc_ns integer beginning of the exposure, by the header
+exposure_s real length of the exposure
+width_px integer columns
+height_px integer rows
+pointing_ra_icrs_deg real where the mount said it pointed
+pointing_dec_icrs_deg real where the mount said it pointed
+"""
+_OF_FILES = """
+file text its pixels, in the session's folder
+file_bytes integer how long that file is
+not_kept_because text why the pixels were not kept
+preview text its small picture
+file_sha256 text hash of the file of its pixels
+"""
+_OF_CANDIDATE = """
+confidence real probability that it is a real streak
+x_px real midpoint, column
+y_px real midpoint, row
+x_a_px real one end
+y_a_px real one end
+x_b_px real the other end
+y_b_px real the other end
+length_px real length of the streak
+width_px real full width at half maximum across it; 0: not measured
+snr real matched-filter signal to noise of the whole; 0: not measured
+sigma_along_px real one sigma of the midpoint along it
+sigma_across_px real one sigma of the midpoint across it
+is_clipped truth an end lies outside the frame
+method text line, box or operator
+x0_px=box_px.0 real the network's box
+y0_px=box_px.1 real the network's box
+x1_px=box_px.2 real the network's box
+y1_px=box_px.3 real the network's box
+unevenness real how much light and path vary more than noise explains
+"""
+_OF_SOLUTION = """
+ra_icrs_deg real at the image's centre
+dec_icrs_deg real at the image's centre
+scale_arcsec_px real size of a pixel on the sky
+rotation_deg real position angle of the array's y axis, east of north
+is_flipped truth a mirror image of the sky
+matched integer stars that agree with the catalogue
+rms_arcsec real residual of one star, per axis
+path text full or refit
+ms real how long it took
+wcs json gnomonic plate with its distortion
+"""
+_OF_MEASUREMENT = """
+t_mid_utc_ns integer mid-exposure by the shutter
+ra_icrs_deg real astrometric right ascension
+dec_icrs_deg real astrometric declination
+x_px real the streak's midpoint, column
+y_px real the streak's midpoint, row
+confidence real of the detection
+source text network or operator
+is_clipped truth the frame cuts the streak
+cov_ee_arcsec2=cov_sky_arcsec2.0 real covariance, east-east
+cov_en_arcsec2=cov_sky_arcsec2.1 real covariance, east-north
+cov_nn_arcsec2=cov_sky_arcsec2.2 real covariance, north-north
+ends_icrs_deg real[2,2] right ascension and declination of both ends
+measurement_id text its id, unique in the session
+"""
+_OF_NOT_FOLLOWED = """
+ra_icrs_deg=measurement.ra_icrs_deg real measured right ascension
+dec_icrs_deg=measurement.dec_icrs_deg real measured declination
+reason text why it was not taken
+measurement_id=measurement.measurement_id text which measurement
+track_id integer the track that did not take it
+"""
+_OF_TRACK = """
+step=kind text initial, predicted or updated
+t_state_utc_ns=t_utc_ns integer instant of the state
+ra_icrs_deg=x.0 real right ascension
+ra_rate_deg_s=x.1 real its rate
+dec_icrs_deg=x.2 real declination
+dec_rate_deg_s=x.3 real its rate
+covariance=P real[4,4] of the four, deg and deg/s
+nis real normalised innovation squared of the update
+innovation_east_arcsec=innovation_arcsec.0 real measured minus predicted, times cos Dec
+innovation_north_arcsec=innovation_arcsec.1 real measured minus predicted
+sigma_east_arcsec=sigma_innovation_arcsec.0 real one sigma of that
+sigma_north_arcsec=sigma_innovation_arcsec.1 real one sigma of that
+misses integer exposures since the last measurement
+foretold_by?filter text filter or orbit: whose prediction it is
+track_id integer the track, from 1 in the order in which they began
+measurement_id text the measurement that it took
+first_measurement_id=begun_with.0 text the earlier of the two that it began with
+is_lead truth the telescope follows this one
+"""
+_OF_SLEW = """
+ra_icrs_deg real where to look
+dec_icrs_deg real where to look
+t_aim_utc_ns integer the instant that is computed for
+reason text why there
+track_id integer the track that it leads to
+"""
+_OF_MISS = """
+reason text why nothing was measured
+track_id integer the track that misses it
+"""
+_OF_ORBIT = """
+label text free, constrained by prior, weak geometry or not observable
+prior text what was assumed beforehand; none for a free orbit
+reason text why it has that label
+observations integer measurements in it
+arc_s real from the first to the last of them
+epoch_utc_ns integer instant of the state
+x_gcrs_km=r_gcrs_km.0 real position
+y_gcrs_km=r_gcrs_km.1 real position
+z_gcrs_km=r_gcrs_km.2 real position
+vx_gcrs_km_s=v_gcrs_km_s.0 real velocity
+vy_gcrs_km_s=v_gcrs_km_s.1 real velocity
+vz_gcrs_km_s=v_gcrs_km_s.2 real velocity
+covariance real[6,6] of both, km and km/s
+a_km real semi-major axis, osculating
+e real eccentricity
+i_deg real inclination to the GCRS equator
+sigma_a_km real one sigma of the semi-major axis
+rms_arcsec real residual of its measurements
+outliers integer measurements that were left out
+nis real normalised innovation squared against the orbit before it
+innovation_east_arcsec=innovation_arcsec.0 real measured minus predicted, times cos Dec
+innovation_north_arcsec=innovation_arcsec.1 real measured minus predicted
+is_guide truth the telescope goes where it says
+track_id integer the track that it is of
+"""
+_OF_NAME = """
+verdict text identified, ambiguous or unknown
+reason text why
+hint text of a manoeuvre
+observations integer measurements that were compared
+catalogued integer objects that they were compared with
+norad_id=matches.0.norad_id integer catalogue number of the best match
+name=matches.0.name text its name
+separation_arcsec=matches.0.separation_arcsec real how far off it is
+probability=matches.0.probability real that it is this one
+runner_up_norad_id=matches.1.norad_id integer catalogue number of the second
+runner_up_name=matches.1.name text its name
+runner_up_separation_arcsec=matches.1.separation_arcsec real how far off it is
+matches json the best of them, best first
+track_id integer the track that it is of
+"""
+_ABOUT: tuple[Table, ...] = (
+    Table(
+        name="frames",
+        kind=FrameTaken,
+        row="an exposure",
+        own=(*columns_of(_OF_FRAME), *columns_of(_OF_FILES, "files")),
+    ),
+    Table(
+        name="detections",
+        kind=Detections,
+        parts="detections",
+        row="a streak",
+        own=columns_of(f"number=# integer place among them, from 0{_OF_CANDIDATE}"),
+    ),
+    Table(
+        name="rejections",
+        kind=Detections,
+        parts="rejected",
+        row="a candidate not taken",
+        own=(
+            *columns_of("number=# integer place among them, from 0"),
+            *(
+                Column(
+                    name=each.name,
+                    type=each.type,
+                    meaning=each.meaning,
+                    path=f"detection.{each.place}",
+                )
+                for each in columns_of(_OF_CANDIDATE)
+            ),
+            *columns_of("reason text why not"),
+        ),
+    ),
+    Table(
+        name="not_solved",
+        kind=NotSolved,
+        row="a frame without a plate solution",
+        own=columns_of("reason text why\nms real how long it took"),
+    ),
+    Table(
+        name="not_followed",
+        kind=NotFollowed,
+        row="a measurement the track did not take",
+        own=columns_of(_OF_NOT_FOLLOWED),
+        is_followed_again=True,
+    ),
+    Table(
+        name="timings",
+        kind=CycleTiming,
+        parts="stage_ms",
+        row="a stage of one cycle",
+        own=columns_of("stage=# text its name\nms== real wall time"),
+    ),
+    Table(name="solutions", kind=Solution, row="a plate solution", own=columns_of(_OF_SOLUTION)),
+    Table(
+        name="measurements",
+        kind=Measurement,
+        row="a direction on the sky",
+        own=columns_of(_OF_MEASUREMENT),
+    ),
+    Table(
+        name="track",
+        kind=TrackState,
+        row="the filter at one instant",
+        own=columns_of(_OF_TRACK),
+        is_followed_again=True,
+    ),
+    Table(name="slews", kind=SlewCommand, row="an order to the mount", own=columns_of(_OF_SLEW)),
+    Table(
+        name="misses",
+        kind=Miss,
+        row="an exposure without the object",
+        own=columns_of(_OF_MISS),
+        is_followed_again=True,
+    ),
+    Table(
+        name="orbits",
+        kind=OrbitEstimate,
+        row="the orbit through all that a track has measured, after each measurement",
+        own=columns_of(_OF_ORBIT),
+        is_followed_again=True,
+    ),
+    Table(
+        name="identifications",
+        kind=Identified,
+        row="which catalogued object a track is of",
+        own=columns_of(_OF_NAME),
+        is_followed_again=True,
+    ),
+    Table(
+        name="states",
+        kind=StateChange,
+        row="a change of the loop's state",
+        own=columns_of("before text state before\nafter text state after\nreason text why"),
+    ),
+    Table(
+        name="parameters",
+        kind=ParameterChange,
+        row="a changed setting",
+        own=columns_of(
+            "name text dotted, as in the configuration\nbefore text its value before\n"
+            "after text its value from then on\nby text who wanted it"
+        ),
+    ),
+    Table(
+        name="actions",
+        kind=OperatorAction,
+        row="an operator's command",
+        own=columns_of(
+            "verb text what was wanted\narguments json with what\n"
+            "outcome text what came of it\nby text who wanted it"
+        ),
+    ),
+    Table(
+        name="events",
+        kind=Event,
+        row="a line of the log",
+        own=columns_of("level text info, warning or alarm\ntext text what was said"),
+    ),
+)
+TABLES: Mapping[str, Table] = MappingProxyType({each.name: each for each in _ABOUT})
+"""By name, in the order of the documentation."""
+
+
+def documentation() -> str:
+    """The tables as ``sessions/README.md`` shows them."""
+    lines = ["| view | a row is | columns beside those three |", "|---|---|---|"]
+    for table in TABLES.values():
+        named = ", ".join(column.name for column in table.columns[len(HEAD) :])
+        lines.append(f"| `{table.name}` | {table.row} | {named} |")
+    return "\n".join(lines)
