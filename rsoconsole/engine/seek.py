@@ -2,7 +2,7 @@
 
 from rsoconsole.control.commands import Seek
 from rsoconsole.engine.guide import Guide
-from rsoconsole.engine.handlers import Accepted, Control, Handler, Handlers
+from rsoconsole.engine.handlers import Control, Handler, Handlers
 from rsoconsole.engine.hands import Hands
 from rsoconsole.engine.plan import Planner
 from rsoconsole.engine.slews import Slews
@@ -25,11 +25,10 @@ class Seeking:
     @property
     def handlers(self) -> Handlers:
         """Its commands."""
-        return {Seek: Handler(check=self._check, execute=self._seek)}
+        return {Seek: Handler(expect=self._expect, execute=self._seek)}
 
-    def _check(self, _command: Seek, _by: str) -> Accepted:
+    def _expect(self, _command: Seek, _by: str) -> None:
         self._direction()
-        return Accepted()
 
     def _seek(self, _command: Seek, by: str) -> str:
         """Search in a widening spiral round where it must be."""
