@@ -142,14 +142,14 @@ def test_a_keymap_that_cannot_be_is_refused_with_the_reason(tmp_path: Path, text
         ("left", {}, "nudge", {"east_arcmin": -1.0, "north_arcmin": 0.0}),
     ],
 )
-def test_a_key_is_one_intention(
+def test_a_key_is_one_command(
     wire: FakeWire, key: str, status: dict[str, Any], verb: str, arguments: dict[str, Any]
 ):
     wire.status |= status
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        await until(pilot, lambda: app.live.engine.is_tracking is status.get("is_tracking", False))
+        await until(pilot, lambda: app.live.engine.is_tracking is status.get("is_tracking"))
         await pilot.press(key)
         await until(pilot, lambda: bool(wire.sent))
         name, said = wire.sent[0]
