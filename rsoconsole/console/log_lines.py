@@ -6,6 +6,7 @@ from functools import singledispatch
 from typing import Any, Literal
 
 from rsoconsole.control import command_words, printable
+from rsoconsole.control.commands import Note, Stop
 from rsoconsole.records import (
     CatalogueMatch,
     Event,
@@ -171,10 +172,10 @@ def off_text(match: CatalogueMatch) -> str:
 
 @_words.register
 def _(record: OperatorAction) -> tuple[Level, str]:
-    if record.verb == "note":
+    if record.verb == Note.verb:
         return "good", f"NOTE: {record.arguments.get('text', '')}"
     by = without_console(record.by)
-    if record.verb == "stop":
+    if record.verb == Stop.verb:
         return "alarm", f"{by}: STOP: {record.outcome}"
     wanted = command_words(record.verb, record.arguments)
     refused = record.outcome.startswith("refused")
