@@ -1,5 +1,6 @@
 """A campaign's answers are kept, added up rightly, and not asked for twice."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,12 @@ def test_a_row_adds_up_over_objects_and_nights() -> None:
     assert cells == ["title", "3 (1 failed)", "20", "60 %", "50 %", "1 of 2", '0.50"', '1.00"', "2"]
 
 
+def test_what_is_found_in_invisible_frames_does_not_make_up_for_what_is_missed() -> None:
+    found = [night(visible_frames=2), night(detections=0, track_frames=0)]
+    cells = [cell.strip() for cell in row("title", found).split("|")[1:-1]]
+    assert cells[2:5] == ["12", "17 %", "17 %"]
+
+
 def test_a_night_without_anything_visible_gives_no_share() -> None:
     cells = row("title", [night(visible_frames=0)]).split("|")
     assert [cell.strip() for cell in cells[3:6]] == ["0", "-", "-"]
@@ -70,6 +77,18 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, monkeypatch: pytest.Monk
     }
     assert sorted(asked) == sorted(case.name for case in cases)
     assert runner.answers(cases, tmp_path).keys() == {case.name for case in cases}
+
+
+def test_the_answers_lie_beside_the_table_one_night_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runner, "RESULTS", tmp_path / "results")
+    runner.keep("worlds", {"world-001": night(), "world-002": {"error": "x"}})
+    runner.keep("gps", {})
+    [kept] = (tmp_path / "results").iterdir()
+    text = kept.read_text(encoding="utf-8")
+    assert json.loads(text) == {"world-001": night(), "world-002": {"error": "x"}}
+    assert len(text.splitlines()) == 4
 
 
 def test_names_within_a_group_are_its_own() -> None:

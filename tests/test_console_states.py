@@ -612,3 +612,26 @@ def test_a_console_that_breaks_gives_the_terminal_back_and_one_line(told, home):
         said = seat.raw[seat.raw.rfind("\x1b[?1049l") :]
         assert said.count("\n") == 1
         assert "division by zero" in said
+
+
+# -- a screen that is busier than its news --------------------------------------------------
+
+
+def test_news_does_not_pile_up_before_a_screen_that_is_busy(wire):
+    """Each holds a picture: an hour of a slow machine would be hundreds of megabytes."""
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        app._session_watch.close()
+        await pilot.pause()
+        seen = []
+        show = app.live.show_night
+        app.live.show_night = lambda: (seen.append(app.live.night), show())
+        nights = [dataclasses.replace(app.live.night, log=()) for _ in range(50)]
+        for each in nights:
+            app._post_night(each, app.live.picture)
+        await until(pilot, lambda: app.live.night is nights[-1])
+        assert len(seen) <= 2
+        app._post_night(nights[0], app.live.picture)
+        await until(pilot, lambda: app.live.night is nights[0])
+
+    play(wire, scene)

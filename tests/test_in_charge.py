@@ -333,6 +333,17 @@ def test_a_first_frame_that_disagrees_with_the_mount_disarms():
     assert r.mount.slews == []
 
 
+def test_a_run_of_so_many_frames_ends_where_autonomy_gives_up():
+    """Nobody arms it again: it would wait for ever."""
+    r = rig(set())
+    r.reducer.mount = rig(set()).mount
+    r.reducer.mount.at_deg = (START_DEG[0] + 20.0, START_DEG[1])
+    r.engine.arm()
+    with pytest.raises(InstrumentError, match=r"the run ended early: the stars lie 1194"):
+        r.engine.run(frames=5)
+    assert states(r) == ["SEARCH", "IDLE"]
+
+
 def test_an_overridden_pointing_check_lets_the_night_go_on():
     r = rig(set())
     r.reducer.mount = rig(set()).mount

@@ -118,6 +118,7 @@ class ConsoleApp(App[str]):
         self.graphics = graphics
         self._settings = settings or ConsoleConfig()
         self._last: tuple[NightView, EngineView] = (NightView(), EngineView())
+        self._waiting_night: NightSeen | None = None
         self._own_keys = dict(keymap or {})
         self._loop_of_app: asyncio.AbstractEventLoop | None = None
         self._is_recorded = session is not None or review is not None
@@ -285,7 +286,15 @@ class ConsoleApp(App[str]):
         self._from_thread(self.live.post_message, OrbitSeen(ahead))
 
     def _night_seen(self, night: NightView, picture: Picture | None) -> None:
-        self._from_thread(self.live.post_message, NightSeen(night, picture))
+        self._from_thread(self._post_night, night, picture)
+
+    def _post_night(self, night: NightView, picture: Picture | None) -> None:
+        waiting = self._waiting_night
+        if waiting is not None and not waiting.is_taken:
+            waiting.night, waiting.picture = night, picture
+            return
+        news = NightSeen(night, picture)
+        self._waiting_night = news if self.live.post_message(news) else None
 
     def _engine_seen(self, engine: EngineView) -> None:
         self._session_watch.follow(engine.session)

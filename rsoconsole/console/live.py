@@ -39,6 +39,7 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
 
     def on_night_seen(self, message: NightSeen) -> None:
         """The session has grown."""
+        message.is_taken = True
         has_other_shape = self.aspect_of(message.picture) != self.aspect_of(self.picture)
         if message.night.folder != self.night.folder:
             self.forget_mark()

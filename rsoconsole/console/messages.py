@@ -21,11 +21,16 @@ if TYPE_CHECKING:
 
 
 class NightSeen(Message):
-    """The session has grown, or another one is read."""
+    """The session has grown, or another one is read.
+
+    While it waits for a screen that is busy, newer news takes its place: pictures must not pile up.
+    """
 
     def __init__(self, night: NightView, picture: Picture | None) -> None:
         super().__init__()
         self.night, self.picture = night, picture
+        self.is_taken = False
+        """A screen has looked at it: what comes now needs a message of its own."""
 
 
 class EngineSeen(Message):

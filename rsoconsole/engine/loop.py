@@ -39,6 +39,7 @@ from rsoconsole.engine.states import (
     Followed,
     Happening,
     LimitMet,
+    NightEnded,
     NotPointing,
     Resumed,
     Step,
@@ -108,6 +109,8 @@ class Engine:
         self._is_first_look = False
         self._must_check_pointing = True
         self._faults: list[str] = []
+        self._gave_up: str | None = None
+        """Why autonomy gave the mount back by itself: a run of so many frames ends there."""
         self._clear_frames = 0
         self.last_track: TrackState | None = None
         """What was followed last this night."""
@@ -208,7 +211,7 @@ class Engine:
                 except StoppedElsewhere as stopped:
                     self._yield_mount(str(stopped))
                 except _RunFailed as error:
-                    raise InstrumentError(f"the run ended in FAULT: {error}") from error
+                    raise InstrumentError(f"the run ended {error}") from error
                 except NowhereError as error:
                     if self.planner.leave_spiral():
                         self.chronicle.say("warning", f"nothing left to look at there: {error}")
@@ -228,8 +231,11 @@ class Engine:
             self._one_look()
         else:
             if is_bounded and self.charge.state == "FAULT":
-                raise _RunFailed(self._faults[-1] if self._faults else "see the session's log")
+                fault = self._faults[-1] if self._faults else "see the session's log"
+                raise _RunFailed(f"in FAULT: {fault}")
             self._parking.see_to_it()
+            if is_bounded and self._gave_up is not None and not self._parking.is_wanted:
+                raise _RunFailed(f"early: {self._gave_up}")
             self.hands.wait_until(self.hands.now_utc_ns() + IDLE_TICK_NS)
 
     def _yield_mount(self, words: str) -> None:
@@ -269,6 +275,7 @@ class Engine:
             self.by_hand.move = None
         if isinstance(happening, BY_OPERATOR):
             self._parking.forget()
+        self._note_giving_up(happening)
         if not self.charge.is_autonomous:
             self._is_first_look = False
         for action in result.actions:
@@ -286,6 +293,12 @@ class Engine:
             else:
                 self.cycle.forget_plate()
         return result
+
+    def _note_giving_up(self, happening: Happening) -> None:
+        if self.charge.state != "IDLE":
+            self._gave_up = None
+        elif isinstance(happening, NotPointing | NightEnded):
+            self._gave_up = happening.words
 
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next cycle."""

@@ -15,27 +15,28 @@ class Parking:
     def __init__(self, hands: Hands, chronicle: Chronicle) -> None:
         self._hands = hands
         self._chronicle = chronicle
-        self._is_wanted = False
+        self.is_wanted = False
+        """The mount is not parked yet and shall be."""
         self._orders = 0
         self._next_utc_ns = 0
 
     def want(self) -> None:
         """Park; the order goes out with the next look."""
-        self._is_wanted, self._orders, self._next_utc_ns = True, 0, 0
+        self.is_wanted, self._orders, self._next_utc_ns = True, 0, 0
 
     def forget(self) -> None:
         """Somebody has decided otherwise."""
-        self._is_wanted = False
+        self.is_wanted = False
 
     def see_to_it(self) -> None:
         """One look: order, wait, order again; never raises."""
-        if not self._is_wanted or self._hands.now_utc_ns() < self._next_utc_ns:
+        if not self.is_wanted or self._hands.now_utc_ns() < self._next_utc_ns:
             return
         self._next_utc_ns = self._hands.now_utc_ns() + RETRY_NS
         try:
             report = self._hands.mount_report()
             if report.is_parked:
-                self._is_wanted = False
+                self.is_wanted = False
                 self._chronicle.say("info", "the mount is parked")
                 return
             if report.is_slewing and self._orders > 0:
@@ -46,7 +47,7 @@ class Parking:
         except InstrumentError as error:
             self._complain(str(error))
         if self._orders >= ENOUGH:
-            self._is_wanted = False
+            self.is_wanted = False
             self._complain(f"it was told {self._orders} times")
 
     def _complain(self, why: str) -> None:

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ _PROGRAM = "import sys; from rsoconsole.cli import main; sys.argv[0] = 'rsoconso
 _NIGHT_S = 3600.0
 INDEX = Path(__file__).resolve().parents[2] / ".cache/index/usr/share/astrometry"
 """The whole sky's stars, fetched by ``tests/fetch_debian_index.sh``."""
+RESULTS = Path(__file__).with_name("results")
 _ALLOCATOR = {"MALLOC_MMAP_THRESHOLD_": "2000000000", "MALLOC_TRIM_THRESHOLD_": "8000000000"}
 """Frames are drawn by the hundred megabytes: kept memory saves a tenth of the time."""
 
@@ -30,6 +31,15 @@ def answers(cases: Sequence[Case], folder: Path) -> dict[str, dict[str, Any]]:
         for case in cases
         if answer_path(case, folder).exists()
     }
+
+
+def keep(group: str, answers: Mapping[str, Mapping[str, Any]]) -> None:
+    """Put the answers of a group beside the table: what later figures are compared with."""
+    if answers:
+        RESULTS.mkdir(exist_ok=True)
+        lines = [f"{json.dumps(name)}: {json.dumps(each)}" for name, each in answers.items()]
+        text = "{\n" + ",\n".join(lines) + "\n}\n"
+        (RESULTS / f"{group}.json").write_text(text, encoding="utf-8")
 
 
 def answer_path(case: Case, folder: Path) -> Path:

@@ -27,8 +27,8 @@ def row(title: str, found: Sequence[Mapping[str, Any]]) -> str:
         title,
         f"{len(nights)}" + (f" ({failed} failed)" if failed else ""),
         str(visible),
-        _share(sum(each["detections"] for each in objects), visible),
-        _share(sum(each["track_frames"] for each in objects), visible),
+        _share(_of_visible(objects, "detections"), visible),
+        _share(_of_visible(objects, "track_frames"), visible),
         f"{sum(map(bool, named))} of {len(objects)}",
         _median(each["measured_rms_arcsec"] for each in objects),
         _median(each["prediction_rms_arcsec"] for each in objects),
@@ -52,6 +52,11 @@ def table(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
             continue
         lines.append(row(group.title, list(answers.values())))
     return "".join(lines)
+
+
+def _of_visible(objects: Sequence[Mapping[str, Any]], key: str) -> int:
+    """Some are found in frames that do not count as visible: none counts for more than it has."""
+    return sum(min(each[key], each["visible_frames"]) for each in objects)
 
 
 def _share(part: int, whole: int) -> str:
