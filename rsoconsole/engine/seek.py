@@ -28,16 +28,16 @@ class Seeking:
         return {Seek: Handler(expect=self._expect, execute=self._seek)}
 
     def _expect(self, _command: Seek, _by: str) -> None:
-        self._direction()
+        self.direction()
 
     def _seek(self, _command: Seek, by: str) -> str:
         """Search in a widening spiral round where it must be."""
-        direction = self._direction()
+        direction = self.direction()
         self._control.happen(Sought(by=by))
         self._planner.search_about(direction, self._hands.now_utc_ns())
         return "looking for it in a widening spiral"
 
-    def _direction(self) -> tuple[float, float]:
+    def direction(self) -> tuple[float, float]:
         """Where what was followed must be now, ICRS.
 
         Raises ValueError where it cannot be looked for.
