@@ -26,6 +26,7 @@ async def taken(frames: int, session: Path) -> str:
     from rsoconsole.cli.demo_night import Night, NightProcess
     from rsoconsole.console.app import ConsoleApp
     from rsoconsole.control import ControlClient
+    from rsoconsole.control.commands import Shutdown
     from rsoconsole.simulator.scenarios import scenario_named
 
     scenario = scenario_named("intelsat-14")
@@ -36,7 +37,7 @@ async def taken(frames: int, session: Path) -> str:
     try:
         async with app.run_test(size=SIZE) as pilot:
             waited_s = 0.0
-            while (app.live.engine.frame or 0) <= frames or app.live.engine.state != "TRACK":
+            while (app.live.engine.frame_id or 0) <= frames or app.live.engine.state != "TRACK":
                 await pilot.pause(0.2)
                 waited_s += 0.2
                 if waited_s > MOST_S:
@@ -44,7 +45,7 @@ async def taken(frames: int, session: Path) -> str:
             await pilot.pause(1.0)
             return app.export_screenshot(title="rsoconsole")
     finally:
-        ControlClient(process.socket, by="picture").send("shutdown")
+        ControlClient(process.socket, by="picture").send(Shutdown())
         process.figures()
 
 

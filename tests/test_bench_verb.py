@@ -248,6 +248,7 @@ def test_json_is_machine_stages_and_verdict_and_a_no_is_exit_1(
     assert rows[0]["threads"] == 4
     assert "90% of the cores" in rows[0]["notes"][0]
     assert rows[1] == {
+        "schema": 1,
         "kind": "stage",
         "stage": "total",
         "median_ms": 99_000.0,

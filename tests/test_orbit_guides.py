@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.seek import check_seek
 from rsoconsole.pipeline.absence import direction_at
 from rsoconsole.pipeline.propose_likelihood import arcs_of, innovations
 from rsoconsole.pipeline.reduce import Reduction
@@ -142,7 +141,7 @@ def test_what_is_looked_for_again_is_looked_for_by_its_orbit():
     true = it.engine.cycle._reducer.true.places(np.array([(at - T0_UTC_NS) / NS]))[0]
     it.clock.t_utc_ns = at
     place = (float(true.ra_icrs_deg[0]), float(true.dec_icrs_deg[0]))
-    assert separation_deg(*check_seek(engine), *place) < 0.1
+    assert separation_deg(*engine.seeking.direction(), *place) < 0.1
     by_filter = direction_at(engine.last_track, at)
     assert separation_deg(*by_filter, *place) > 1.0
 

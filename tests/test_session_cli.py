@@ -76,7 +76,7 @@ def test_verify_ends_with_1_where_anything_is_damaged_and_looks_at_all(night: Pa
     bad, missing, cut = told("verify", night.parent / "bad", night.parent / "no", night, code=1)
     assert (bad["ok"], cut["ok"], cut["state"]) == (False, True, "cut off")
     assert bad["findings"][0]["place"] == "frames/000001.fits.fz"
-    assert set(missing) == {"session", "error"}
+    assert set(missing) == {"schema", "session", "error"}
     done = run("verify", night.parent / "bad", code=1)
     assert "DAMAGED, closed" in done.stdout
     assert "1 not sound" in done.stderr

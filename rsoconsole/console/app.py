@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -19,7 +20,7 @@ from textual.widgets import Input, TextArea
 from rsoconsole.config import ConsoleConfig, IndiConfig
 from rsoconsole.console.alerts import alerts_between, notification
 from rsoconsole.console.colours import COLOURS, NIGHT_CSS, THEMES
-from rsoconsole.console.command import Place
+from rsoconsole.console.command import KeyCommand, Place
 from rsoconsole.console.commands import bindings, commands_in
 from rsoconsole.console.dialogs import HelpDialog
 from rsoconsole.console.engine_view import EngineView
@@ -73,6 +74,14 @@ def _given_environment() -> Mapping[str, str]:
     except OSError:
         return os.environ
     return dict(entry.partition("=")[::2] for entry in entries if "=" in entry)
+
+
+def _action_of(owner: Any, key: KeyCommand) -> Callable[[], Any]:
+    """What its key does, for the palette."""
+    if key.sends is not None:
+        return partial(owner.action_hand_over, key.name)
+    action: Callable[[], Any] = getattr(owner, f"action_{key.name}")
+    return action
 
 
 class ConsoleApp(App[str]):
@@ -210,7 +219,7 @@ class ConsoleApp(App[str]):
             if command.acts and self.live.read_only:
                 continue
             owner = self if command.is_everywhere else self.shown
-            action = getattr(owner, f"action_{command.name}")
+            action = _action_of(owner, command)
             yield SystemCommand(command.title, command.help, action)
 
     @property

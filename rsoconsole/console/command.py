@@ -1,7 +1,9 @@
-"""What a command is, and where it works."""
+"""What a key of the console is, and where it works."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
+
+from rsoconsole.control import Command
 
 Group = Literal["safety", "telescope", "streaks", "time", "picture", "console"]
 GROUPS: dict[Group, str] = {
@@ -18,8 +20,8 @@ BOTH: tuple[Place, ...] = ("live", "review")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
-    """One thing to do."""
+class KeyCommand:
+    """One thing to do with a key; what the engine is asked for is a ``control.Command``."""
 
     name: str
     """By which a keymap calls it; the action is ``action_<name>``."""
@@ -36,12 +38,14 @@ class Command:
     """Whether it works over dialogs and inside fields too."""
     is_everywhere: bool = False
     """Whether the application has it, on every screen."""
+    sends: Command | None = None
+    """The command that it only hands to the engine: it needs no action of its own then."""
 
     def is_in(self, place: Place) -> bool:
         """Whether its key works there."""
         return self.is_everywhere or place in self.where
 
 
-def command(name: str, keys: str, title: str, help_: str, group: Group, **more: Any) -> Command:
+def command(name: str, keys: str, title: str, help_: str, group: Group, **more: Any) -> KeyCommand:
     """One thing to do, written short."""
-    return Command(name=name, keys=keys, title=title, help=help_, group=group, **more)
+    return KeyCommand(name=name, keys=keys, title=title, help=help_, group=group, **more)

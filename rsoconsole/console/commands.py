@@ -7,11 +7,12 @@ from collections.abc import Mapping
 
 from textual.binding import Binding
 
-from rsoconsole.console.command import BOTH, Command, Place
+from rsoconsole.console.command import BOTH, KeyCommand, Place
 from rsoconsole.console.command import command as _command
 from rsoconsole.console.review_commands import REVIEW_COMMANDS
+from rsoconsole.control.commands import Abort, Seek, Unpark
 
-SEAT_COMMANDS: tuple[Command, ...] = (
+SEAT_COMMANDS: tuple[KeyCommand, ...] = (
     _command(
         "stop",
         "ctrl+x",
@@ -120,6 +121,7 @@ SEAT_COMMANDS: tuple[Command, ...] = (
         "give up the one that runs; the next begins as planned",
         "telescope",
         acts=True,
+        sends=Abort(),
     ),
     _command(
         "park",
@@ -130,7 +132,13 @@ SEAT_COMMANDS: tuple[Command, ...] = (
         acts=True,
     ),
     _command(
-        "unpark", "u", "Unpark", "releases a parked mount; nothing moves", "telescope", acts=True
+        "unpark",
+        "u",
+        "Unpark",
+        "releases a parked mount; nothing moves",
+        "telescope",
+        acts=True,
+        sends=Unpark(),
     ),
     _command(
         "track_or_stand",
@@ -195,6 +203,7 @@ SEAT_COMMANDS: tuple[Command, ...] = (
         "search round where it must be, in a widening spiral",
         "streaks",
         acts=True,
+        sends=Seek(),
     ),
     _command(
         "orbit",
@@ -300,8 +309,8 @@ SEAT_COMMANDS: tuple[Command, ...] = (
         is_everywhere=True,
     ),
 )
-COMMANDS: tuple[Command, ...] = (*SEAT_COMMANDS, *REVIEW_COMMANDS)
-BY_NAME: Mapping[str, Command] = {command.name: command for command in COMMANDS}
+COMMANDS: tuple[KeyCommand, ...] = (*SEAT_COMMANDS, *REVIEW_COMMANDS)
+BY_NAME: Mapping[str, KeyCommand] = {command.name: command for command in COMMANDS}
 KEY_WORDS = {
     "left_square_bracket": "[",
     "right_square_bracket": "]",
@@ -328,7 +337,7 @@ KEY_WORDS = {
 }
 
 
-def commands_in(place: Place) -> tuple[Command, ...]:
+def commands_in(place: Place) -> tuple[KeyCommand, ...]:
     """Those whose keys work on that screen, the application's own among them."""
     return tuple(command for command in COMMANDS if command.is_in(place))
 
@@ -338,7 +347,7 @@ def bindings(place: Place | None) -> list[Binding]:
     return [
         Binding(
             command.keys,
-            command.name,
+            command.name if command.sends is None else f"hand_over('{command.name}')",
             command.title,
             id=command.name,
             priority=command.priority,

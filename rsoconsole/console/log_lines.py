@@ -6,6 +6,7 @@ from functools import singledispatch
 from typing import Literal
 
 from rsoconsole.control import command_words, printable
+from rsoconsole.control.commands import Note, Stop
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Cause
 from rsoconsole.records import (
@@ -182,10 +183,10 @@ def off_text(match: CatalogueMatch) -> str:
 
 @_words.register
 def _(record: OperatorAction) -> tuple[Level, str]:
-    if record.verb == "note":
+    if record.verb == Note.verb:
         return "good", f"NOTE: {record.arguments.get('text', '')}"
     by = without_console(record.by)
-    if record.verb == "stop":
+    if record.verb == Stop.verb:
         return "alarm", f"{by}: STOP: {record.outcome}"
     wanted = command_words(record.verb, record.arguments)
     refused = record.outcome.startswith("refused")

@@ -1,11 +1,11 @@
 """What can be done with a recorded night. Nothing of it acts: the keys that do are free here."""
 
-from rsoconsole.console.command import Command, Place
+from rsoconsole.console.command import KeyCommand, Place
 from rsoconsole.console.command import command as _command
 
 _HERE: tuple[Place, ...] = ("review",)
 
-REVIEW_COMMANDS: tuple[Command, ...] = (
+REVIEW_COMMANDS: tuple[KeyCommand, ...] = (
     _command("play", "space", "Play or pause", "the night as it went on", "time", where=_HERE),
     _command("frame_back", "comma", "Frame back", "one frame", "time", where=_HERE),
     _command("frame_on", "full_stop", "Frame on", "one frame", "time", where=_HERE),

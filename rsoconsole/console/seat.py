@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from textual.message import Message
 from textual.screen import Screen
 
+from rsoconsole.console.commands import BY_NAME
 from rsoconsole.console.dialogs import ArmDialog, ConfirmDialog, MessageDialog
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.messages import OutcomeCame, StopNewsCame
@@ -112,6 +113,12 @@ class Seat(Screen[None]):
             self.post_from_thread(OutcomeCame(command, outcome, stops))
 
         self.orders.send(command, came)
+
+    def action_hand_over(self, name: str) -> None:
+        """What a key does that only has a command to send: where this seat may act."""
+        command = BY_NAME[name].sends
+        if command is not None and self.may_act():
+            self.send(command)
 
     def on_outcome_came(self, message: OutcomeCame) -> None:
         """Said where it went well, asked where it did not; STOP has the last word."""

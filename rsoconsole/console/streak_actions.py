@@ -6,7 +6,7 @@ from rsoconsole.console.messages import Pointed
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.seat import Seat
-from rsoconsole.control.commands import Accept, Choose, MarkByHand, Reject, Seek
+from rsoconsole.control.commands import Accept, Choose, MarkByHand, Reject
 from rsoconsole.records import Detection
 
 CLICK_PX = 60.0
@@ -63,11 +63,6 @@ class StreakActions(Seat):
     def _frame_shown(self) -> int | None:
         """The frame that the operator's word is on: the one on the screen."""
         return None if self.picture is None else self.picture.frame_id
-
-    def action_seek(self) -> None:
-        """Look for it again."""
-        if self.may_act():
-            self.send(Seek())
 
     # -- a mark by hand -------------------------------------------------------------------------
 

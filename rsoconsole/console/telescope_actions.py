@@ -16,7 +16,6 @@ from rsoconsole.console.dialogs import ConfirmDialog
 from rsoconsole.console.messages import OutcomeCame
 from rsoconsole.console.seat import Seat
 from rsoconsole.control.commands import (
-    Abort,
     Arm,
     Disarm,
     Goto,
@@ -26,7 +25,6 @@ from rsoconsole.control.commands import (
     Resume,
     Set,
     Track,
-    Unpark,
 )
 from rsoconsole.records import Solution
 from rsoconsole.sky.wcs import pixel_to_sky
@@ -89,20 +87,10 @@ class TelescopeActions(Seat):
         dialog = ConfirmDialog("park the mount", text, yes="Park", letter="y")
         self.app.push_screen(dialog, decided)
 
-    def action_unpark(self) -> None:
-        """Release a parked mount; nothing moves."""
-        if self.may_act():
-            self.send(Unpark())
-
     def action_track_or_stand(self) -> None:
         """Sidereal tracking on and off."""
         if self.may_act():
             self.send(Track(is_on=not self.engine.is_tracking))
-
-    def action_abort_exposure(self) -> None:
-        """Give up the exposure that runs."""
-        if self.may_act():
-            self.send(Abort())
 
     def action_exposure(self) -> None:
         """Ask for another exposure and cadence."""

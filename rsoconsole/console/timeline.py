@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 from rsoconsole.console.alerts import FOLLOWING
 from rsoconsole.console.night import FrameRow
 from rsoconsole.console.panels import refused_of
+from rsoconsole.control.commands import Note
 from rsoconsole.records import Event, LoopState, OperatorAction, StateChange
 
 Kind = Literal["miss", "rejection", "loss", "operator", "note", "alarm"]
@@ -206,7 +207,7 @@ def _told(record: Any) -> Kind | None:
         is_given_up = record.before in FOLLOWING and record.after == "SEARCH"
         return "loss" if is_given_up or record.after == "LOST" else None
     if isinstance(record, OperatorAction):
-        if record.verb == "note":
+        if record.verb == Note.verb:
             return "note"
         return None if record.outcome == NOT_SHOWN else "operator"
     if isinstance(record, Event):

@@ -20,6 +20,8 @@ from rsoconsole.sky.frames import icrs_to_altaz, icrs_to_jnow
 from rsoconsole.sky.limits import Pose
 
 Direction = tuple[float, float]
+Move = Goto | Nudge
+"""Commands that send the telescope somewhere."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +102,7 @@ class ByHand:
             "refused": self._refusal(direction, override),
         }
 
-    def _check_move(self, command: Goto | Nudge, _by: str) -> Accepted:
+    def _check_move(self, command: Move, _by: str) -> Accepted:
         direction = self._wanted(command)
         refused = self._refusal(direction, command.override)
         if refused is not None:
@@ -108,7 +110,7 @@ class ByHand:
         data = {"ra_icrs_deg": direction[0], "dec_icrs_deg": direction[1]}
         return Accepted(message="on its way; you have the mount", data=data)
 
-    def _move(self, command: Goto | Nudge, by: str) -> str:
+    def _move(self, command: Move, by: str) -> str:
         direction = self._wanted(command)
         refused = self._refusal(direction, command.override)
         if refused is not None:
@@ -142,7 +144,7 @@ class ByHand:
         self._hands.instruments.mount.unpark()
         return DONE
 
-    def _wanted(self, move: Goto | Nudge | Beside) -> Direction:
+    def _wanted(self, move: Move | Beside) -> Direction:
         """Where that leads the telescope, ICRS degrees."""
         if isinstance(move, Goto):
             return float(wrap_360(move.ra_icrs_deg)), move.dec_icrs_deg

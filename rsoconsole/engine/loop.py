@@ -127,13 +127,14 @@ class Engine:
             chronicle=self.chronicle,
         )
         self.by_hand = ByHand(self, parts)
+        self.seeking = Seeking(self, hands, self.planner, self.slews, self.guide)
         self.handlers = joined(
             (
                 Modes(self).handlers,
                 self.by_hand.handlers,
                 Settings(self, self.temporary, self.chronicle).handlers,
                 Verdicts(self, self.cycle, self.chronicle).handlers,
-                Seeking(self, hands, self.planner, self.slews, self.guide).handlers,
+                self.seeking.handlers,
             )
         )
         """How each command of the operator is checked and done."""

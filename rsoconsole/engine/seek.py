@@ -2,7 +2,7 @@
 
 from rsoconsole.control.commands import Seek
 from rsoconsole.engine.guide import Guide
-from rsoconsole.engine.handlers import Accepted, Control, Handler, Handlers
+from rsoconsole.engine.handlers import Control, Handler, Handlers
 from rsoconsole.engine.hands import Hands
 from rsoconsole.engine.plan import Planner
 from rsoconsole.engine.slews import Slews
@@ -25,20 +25,19 @@ class Seeking:
     @property
     def handlers(self) -> Handlers:
         """Its commands."""
-        return {Seek: Handler(check=self._check, execute=self._seek)}
+        return {Seek: Handler(expect=self._expect, execute=self._seek)}
 
-    def _check(self, _command: Seek, _by: str) -> Accepted:
-        self._direction()
-        return Accepted()
+    def _expect(self, _command: Seek, _by: str) -> None:
+        self.direction()
 
     def _seek(self, _command: Seek, by: str) -> str:
         """Search in a widening spiral round where it must be."""
-        direction = self._direction()
+        direction = self.direction()
         self._control.happen(Sought(by=by))
         self._planner.search_about(direction, self._hands.now_utc_ns())
         return "looking for it in a widening spiral"
 
-    def _direction(self) -> tuple[float, float]:
+    def direction(self) -> tuple[float, float]:
         """Where what was followed must be now, ICRS.
 
         Raises ValueError where it cannot be looked for.

@@ -4,6 +4,8 @@ from collections import deque
 from pathlib import Path
 
 from rsoconsole.config import Config, with_setting
+from rsoconsole.control import command_words
+from rsoconsole.control.commands import Note
 from rsoconsole.errors import ConfigError
 from rsoconsole.notebook.night import Night, NightFold, title_of
 from rsoconsole.notebook.overlay import FrameFacts
@@ -124,8 +126,9 @@ def _line(record: Record) -> tuple[str, str] | None:
             words = f"{record.name} {record.before} → {record.after} by {_who(record.by)}"
         case OperatorAction():
             outcome = "" if record.outcome in _QUIET else f": {record.outcome}"
-            said = record.arguments.get("text") if record.verb == "note" else None
-            words = f"{_who(record.by)}: {said or record.verb}{outcome}"
+            said = record.arguments.get("text") if record.verb == Note.verb else None
+            wanted = said or command_words(record.verb, record.arguments)
+            words = f"{_who(record.by)}: {wanted}{outcome}"
     return (level, words) if words else None
 
 

@@ -1,13 +1,12 @@
 """What the report says: figures of the night, its tracks, its course, what the operator did."""
 
-import json
 import math
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
+from rsoconsole.control import command_words
 from rsoconsole.errors import ConfigError
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.notebook.night import Night, NightFrame
@@ -179,7 +178,7 @@ def read_course(session: Path, night: Night) -> Course:
                 entry = _entry(t_utc_ns, record.frame_id, record.level, record.text)
                 told.append((t_utc_ns, entry))
             case OperatorAction():
-                words = f"{record.verb} {_arguments(record.arguments)}".strip()
+                words = command_words(record.verb, record.arguments)
                 actions.append(_entry(t_utc_ns, None, record.by, f"{words}: {record.outcome}"))
             case ParameterChange():
                 words = f"{record.name}: {record.before} → {record.after}"
@@ -213,14 +212,6 @@ def _entry(t_utc_ns: int, frame_id: int | None, kind: str, text: str) -> Entry:
         text=text if len(text) <= MOST_TEXT else text[: MOST_TEXT - 1] + "…",
         level=kind if is_bad else "info",
     )
-
-
-def _arguments(arguments: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key} {_value(value)}" for key, value in arguments.items())
-
-
-def _value(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value)
 
 
 def _innovation(frame: NightFrame) -> tuple[float, float] | None:

@@ -1,0 +1,74 @@
+"""What can be known at once is answered at once, and is on record."""
+
+import pytest
+
+from rsoconsole.records import OperatorAction
+from tests.engine_rig import Rig, asked, desk_of, rig
+
+
+@pytest.fixture
+def idle() -> Rig:
+    return rig(set())
+
+
+@pytest.fixture
+def armed() -> Rig:
+    r = rig(set(range(1, 20)))
+    r.engine.arm()
+    r.engine.run(frames=6)
+    return r
+
+
+def outcomes(r: Rig) -> list[tuple[str, str]]:
+    return [(action.verb, action.outcome) for action in r.memory.of(OperatorAction)]
+
+
+@pytest.mark.parametrize(
+    ("verb", "says"),
+    [
+        ("hold", "autonomy does not have the mount: nothing to hold"),
+        ("resume", "nothing is held: there is nothing to resume"),
+        ("seek", "nothing has been followed this night that could be looked for"),
+        ("reject", "autonomy does not have the mount: nothing is being followed"),
+    ],
+)
+def test_without_autonomy(idle: Rig, verb: str, says: str):
+    answer = desk_of(idle).handle(asked(verb))
+    assert (answer.ok, answer.message) == (False, says)
+    assert outcomes(idle) == [(verb, f"refused: {says}")]
+    assert idle.queue.is_settled
+
+
+@pytest.mark.parametrize(
+    ("verb", "says"),
+    [
+        ("arm", "it is armed already"),
+        ("track", "autonomy has the mount: disarm it first"),
+        ("resume", "nothing is held: there is nothing to resume"),
+    ],
+)
+def test_while_autonomy_has_the_mount(armed: Rig, verb: str, says: str):
+    answer = desk_of(armed).handle(asked(verb))
+    assert (answer.ok, answer.message) == (False, says)
+    assert outcomes(armed) == [(verb, f"refused: {says}")]
+
+
+def test_what_a_command_before_it_may_still_change_is_not_known_yet(armed: Rig):
+    """Else a script could not say 'disarm' and 'track' one after the other."""
+    desk = desk_of(armed)
+    assert desk.handle(asked("disarm")).ok
+    assert desk.handle(asked("track", {"on": False})).ok
+    assert desk.handle(asked("hold")).ok
+    armed.engine._execute_commands()
+    assert outcomes(armed)[3:] == [
+        ("disarm", "done"),
+        ("track", "tracking is off: the mount stands"),
+        ("hold", "refused: autonomy does not have the mount: nothing to hold"),
+    ]
+    assert not desk.handle(asked("hold")).ok
+
+
+def test_a_parked_mount_does_not_track(idle: Rig):
+    idle.mount.is_parked = True
+    answer = desk_of(idle).handle(asked("track"))
+    assert (answer.ok, answer.message) == (False, "the mount is parked: unpark it first")
