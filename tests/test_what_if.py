@@ -424,7 +424,7 @@ def test_a_session_that_cannot_be_read_is_told_and_the_others_go_on(mine, tmp_pa
     assert run.returncode == 1
     fine, broken = objects(run)
     assert fine["what_if"]["frames"] == 60
-    assert set(broken) == {"session", "error"}
+    assert set(broken) == {"schema", "session", "error"}
     assert "Traceback" not in run.stderr
 
 
