@@ -23,7 +23,7 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 
-from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.app import ConsoleApp, action_of
 from rsoconsole.console.commands import COMMANDS, commands_in
 from rsoconsole.control import ControlServer, Outcome, Request
 from rsoconsole.records import Event
@@ -570,7 +570,7 @@ def test_a_seat_that_only_looks_tunes_marks_and_points_at_nothing(wire, size):
             if command.name in {"stop", "stop_by_letter", "leave", "sessions"}:
                 continue
             owner = app if command.is_everywhere else app.live
-            getattr(owner, f"action_{command.name}")()
+            action_of(owner, command)()
             await pilot.pause()
             await pilot.press("right", "enter", "u", "w", "y")
             while app.screen is not app.live:

@@ -76,7 +76,7 @@ def _given_environment() -> Mapping[str, str]:
     return dict(entry.partition("=")[::2] for entry in entries if "=" in entry)
 
 
-def _action_of(owner: Any, key: KeyCommand) -> Callable[[], Any]:
+def action_of(owner: Any, key: KeyCommand) -> Callable[[], Any]:
     """What its key does, for the palette."""
     if key.sends is not None:
         return partial(owner.action_hand_over, key.name)
@@ -219,7 +219,7 @@ class ConsoleApp(App[str]):
             if command.acts and self.live.read_only:
                 continue
             owner = self if command.is_everywhere else self.shown
-            action = _action_of(owner, command)
+            action = action_of(owner, command)
             yield SystemCommand(command.title, command.help, action)
 
     @property
