@@ -89,6 +89,9 @@ def test_the_answers_lie_beside_the_table_one_night_a_line(
     text = kept.read_text(encoding="utf-8")
     assert json.loads(text) == {"world-001": night(), "world-002": {"error": "x"}}
     assert len(text.splitlines()) == 4
+    runner.go_on(GROUPS, tmp_path / "folder")
+    known = runner.answers(GROUPS["worlds"].cases((1, 2, 3)), tmp_path / "folder")
+    assert known == {"world-001": night(), "world-002": {"error": "x"}}
 
 
 def test_names_within_a_group_are_its_own() -> None:

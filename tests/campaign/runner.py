@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,25 @@ def answers(cases: Sequence[Case], folder: Path) -> dict[str, dict[str, Any]]:
     }
 
 
+def go_on(groups: Iterable[str], folder: Path) -> None:
+    """Take the answers beside the table for known, where the folder has none of that night yet."""
+    for group in groups:
+        kept = RESULTS / f"{group}.json"
+        if not kept.exists():
+            continue
+        for name, answer in json.loads(kept.read_text(encoding="utf-8")).items():
+            path = folder / group / f"{name}.json"
+            if not path.exists():
+                _write(path, answer)
+
+
+def _write(path: Path, answer: Mapping[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps(answer, indent=1) + "\n", encoding="utf-8")
+    partial.rename(path)
+
+
 def keep(group: str, answers: Mapping[str, Mapping[str, Any]]) -> None:
     """Put the answers of a group beside the table: what later figures are compared with."""
     if answers:
@@ -54,11 +73,7 @@ def run_missing(cases: Sequence[Case], folder: Path, jobs: int) -> Iterator[tupl
         running = {pool.submit(run, case): case for case in missing}
         for done in as_completed(running):
             case, answer = running[done], done.result()
-            path = answer_path(case, folder)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            partial = path.with_suffix(".partial")
-            partial.write_text(json.dumps(answer, indent=1) + "\n", encoding="utf-8")
-            partial.rename(path)
+            _write(answer_path(case, folder), answer)
             yield case, answer
 
 
