@@ -284,3 +284,6 @@ def test_the_engine_says_that_it_is_ready_that_it_watches_and_that_it_ends(tmp_p
             engine.kill()
             engine.communicate()
         assert heard[0] == b"READY=1"
+        assert {word for word in heard if not word.startswith(b"STATUS=")} == {
+            *(b"READY=1", b"WATCHDOG=1", b"STOPPING=1")
+        }, "only the engine speaks, no program that it runs"

@@ -7,13 +7,27 @@ import contextlib
 import os
 import socket
 
+_VARIABLE = "NOTIFY_SOCKET"
+_kept: list[str] = []
+"""The address, once it is kept from the children."""
+
+
+def keep_from_children() -> None:
+    """Take the address out of the environment: a program that the engine runs is not the engine.
+
+    Those of systemd itself (``timedatectl``) report their own failures to it otherwise.
+    """
+    address = os.environ.pop(_VARIABLE, None)
+    if address is not None:
+        _kept[:] = [address]
+
 
 def notify(state: str) -> bool:
     """Send e.g. "READY=1", "WATCHDOG=1", "STATUS=..."; True when it was sent.
 
     Never raises and never waits: where nobody listens nothing happens.
     """
-    address = os.environ.get("NOTIFY_SOCKET", "")
+    address = os.environ.get(_VARIABLE) or "".join(_kept)
     if not address.startswith(("/", "@")):
         return False
     if address.startswith("@"):

@@ -25,7 +25,7 @@ from rsoconsole.engine.doctor_system import read_clock
 from rsoconsole.engine.hands import Hands
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.machine_watch import MachineWatch
-from rsoconsole.engine.notify import notify
+from rsoconsole.engine.notify import keep_from_children, notify
 from rsoconsole.engine.retention import disk_outlook
 from rsoconsole.errors import ConfigError, InstrumentError, SessionError
 from rsoconsole.instruments.connect import connect_instruments
@@ -74,6 +74,7 @@ def run_engine(
     InstrumentError, ModelError, SolverError, SessionError or ControlError before it starts.
     """
     return_what_is_freed()
+    keep_from_children()
     queue = CommandQueue()
     with contextlib.ExitStack() as stack:
         starting = stack.enter_context(contextlib.ExitStack())
