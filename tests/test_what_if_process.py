@@ -6,9 +6,11 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import cast
 
 import pytest
 
+from rsoconsole.config import Config
 from rsoconsole.errors import ConfigError, RsoconsoleError, SessionError
 from rsoconsole.pipeline.what_if import what_if
 from rsoconsole.pipeline.what_if_process import Question, WhatIfProcess
@@ -31,55 +33,76 @@ def question(tried=WIDER, **more):
     return Question(folder=SAMPLE, config=CONFIG, tried=tried, **more)
 
 
-def test_the_figures_are_those_reckoned_here(process):
+def test_the_figures_are_those_computed_here(process):
     log = [(seq, record) for seq, _, record in SessionReader(SAMPLE).records()]
     half = log[len(log) // 2][0]
     for until, last in ((None, None), (half, None), (None, 5), (half, 5)):
         records = [record for seq, record in log if until is None or seq <= until]
         expected = what_if(records, CONFIG, WIDER, last)
-        assert process.reckon(question(until_seq=until, last=last)) == expected
+        assert process.ask(question(until_seq=until, last=last)) == expected
 
 
 def test_one_process_answers_all_and_what_cannot_be_tried_is_said(process):
-    process.reckon(question())
+    process.ask(question())
     pid = process.pid
     with pytest.raises(ConfigError, match="greater than 0"):
-        process.reckon(question({"filter.q_multiplier": -1.0}))
+        process.ask(question({"filter.q_multiplier": -1.0}))
     with pytest.raises(SessionError, match="holds no session"):
-        process.reckon(Question(folder=SAMPLE.parent, config=CONFIG, tried=WIDER))
-    process.reckon(question())
+        process.ask(Question(folder=SAMPLE.parent, config=CONFIG, tried=WIDER))
+    process.ask(question())
     assert process.pid == pid
 
 
 def test_it_ends_when_nobody_asks_and_comes_back_with_the_next_question():
     process = WhatIfProcess(idle_s=0.2)
-    first = process.reckon(question())
+    first = process.ask(question())
     wait_for(lambda: process.pid is None, "its end")
-    assert process.reckon(question()) == first
+    assert process.ask(question()) == first
     process.close()
     assert process.pid is None
 
 
+def test_one_that_is_started_ahead_answers_and_ends_like_any_other():
+    process = WhatIfProcess(idle_s=0.5)
+    process.start()
+    pid = process.pid
+    assert pid is not None
+    process.ask(question())
+    assert process.pid == pid
+    wait_for(lambda: process.pid is None, "its end")
+    process.close()
+    process.start()
+    assert process.pid is None
+
+
+def test_what_breaks_there_is_in_the_log_here_and_the_operator_hears_one_line(process, caplog):
+    with pytest.raises(SessionError, match="the effect cannot be computed") as caught:
+        process.ask(Question(folder=SAMPLE, config=cast(Config, None), tried=WIDER))
+    assert "Traceback" not in str(caught.value)
+    assert "Traceback" in caplog.text
+    process.ask(question())
+
+
 def test_one_that_dies_is_said_to_and_the_next_question_has_another(process):
-    first = process.reckon(question())
+    first = process.ask(question())
     os.kill(process.pid, signal.SIGSTOP)
     pid = process.pid
     killer = threading.Timer(0.3, os.kill, (pid, signal.SIGKILL))
     killer.start()
     with pytest.raises(SessionError, match="try once more"):
-        process.reckon(question())
-    assert process.reckon(question()) == first
+        process.ask(question())
+    assert process.ask(question()) == first
     assert process.pid != pid
 
 
 def test_closing_ends_a_wait(process):
-    process.reckon(question())
+    process.ask(question())
     os.kill(process.pid, signal.SIGSTOP)
     said = []
 
     def ask():
         try:
-            process.reckon(question())
+            process.ask(question())
         except RsoconsoleError as error:
             said.append(str(error))
 
@@ -94,7 +117,7 @@ def test_closing_ends_a_wait(process):
 def test_it_does_not_outlive_a_parent_that_is_killed():
     program = (
         "import sys; from tests.test_what_if_process import *\n"
-        "process = WhatIfProcess(); process.reckon(question()); print(process.pid, flush=True)\n"
+        "process = WhatIfProcess(); process.ask(question()); print(process.pid, flush=True)\n"
         "import time; time.sleep(60)"
     )
     parent = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)

@@ -64,6 +64,8 @@ class TuneActions(Seat):
         self.show_tuning()
         self.show_keys()
         self.reckon()
+        if self._watch is not None:
+            self._watch.prepare()
 
     def close_tune(self) -> None:
         """Put it away; what is tried stays tried."""

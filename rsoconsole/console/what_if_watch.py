@@ -18,9 +18,9 @@ log = logging.getLogger(__name__)
 
 
 class WhatIfWatch:
-    """Takes the newest question only; an older one that is still being reckoned is dropped.
+    """Takes the newest question only; an older one that is still being computed is dropped.
 
-    What was recorded is added up here; what is tried is reckoned in a process of its own.
+    What was recorded is added up here; what is tried is computed in a process of its own.
     """
 
     def __init__(
@@ -56,6 +56,13 @@ class WhatIfWatch:
             self._thread.start()
         self._wake.set()
 
+    def prepare(self) -> None:
+        """Start what computes trials, before there is one: its libraries take seconds to load."""
+        starting = threading.Thread(
+            target=self._process.start, name="console-what-if-start", daemon=True
+        )
+        starting.start()
+
     def close(self) -> None:
         """End."""
         self._is_closing = True
@@ -77,13 +84,13 @@ class WhatIfWatch:
                 if not self._is_closing:
                     self._on_seen(None, None, str(error))
             except Exception as error:  # the seat must hear of it, whatever it is
-                log.exception("the effect cannot be reckoned")
-                self._on_seen(None, None, f"the effect cannot be reckoned: {error}")
+                log.exception("the effect cannot be computed")
+                self._on_seen(None, None, f"the effect cannot be computed: {error}")
 
     def _answer(self, asked: Question) -> None:
         from rsoconsole.pipeline.what_if import as_recorded
 
         now = as_recorded(self._log.until(asked.folder, asked.until_seq), asked.last)
-        then = self._process.reckon(asked) if asked.tried else None
+        then = self._process.ask(asked) if asked.tried else None
         if self._asked is None and not self._is_closing:
             self._on_seen(now, then, "")

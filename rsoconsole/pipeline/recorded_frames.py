@@ -1,6 +1,6 @@
 """Every followed frame as it is on record: what the fold made of it then, without folding again.
 
-For figures of the night as it was nothing has to be reckoned: no filter is loaded.
+Figures of the night as it was need no filter: none is loaded.
 """
 
 from collections.abc import Iterable, Iterator
@@ -34,7 +34,7 @@ from rsoconsole.records import (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedFrame:
+class FrameOnRecord:
     """One folded frame."""
 
     taken: FrameTaken
@@ -44,7 +44,7 @@ class RecordedFrame:
     """After it."""
 
 
-def recorded_frames(records: Iterable[Record]) -> Iterator[RecordedFrame]:
+def recorded_frames(records: Iterable[Record]) -> Iterator[FrameOnRecord]:
     """Every frame that the session folded, in order; one that was followed again comes again.
 
     ``records``: a session's log in its order, of all kinds.
@@ -61,9 +61,9 @@ class _Open:
     before: LoopState
     records: list[Record] = field(default_factory=list)
 
-    def closed(self) -> RecordedFrame:
+    def closed(self) -> FrameOnRecord:
         changes = [each.after for each in self.records if isinstance(each, StateChange)]
-        return RecordedFrame(
+        return FrameOnRecord(
             taken=self.taken,
             records=tuple(self.records),
             state=changes[-1] if changes else self.before,
@@ -83,7 +83,7 @@ class _Walk:
     """A ruling has come, and none of the frames that it has followed again."""
     is_first_again: bool = False
 
-    def hear(self, record: Record) -> Iterator[RecordedFrame]:
+    def hear(self, record: Record) -> Iterator[FrameOnRecord]:
         """One record; gives the frame that it shows to be complete."""
         match record:
             case FrameTaken():
@@ -114,7 +114,7 @@ class _Walk:
             case _:
                 assert_never(record)
 
-    def close(self) -> Iterator[RecordedFrame]:
+    def close(self) -> Iterator[FrameOnRecord]:
         """The open frame, if there is one that was followed."""
         done = self.open
         if done is None:

@@ -123,7 +123,7 @@ def figures_of(frames: Iterable[FollowedFrame], last: int | None = None) -> Trac
 
 
 def as_recorded(records: Iterable[Record], last: int | None = None) -> TrackFigures:
-    """The night as it was: nothing is reckoned again."""
+    """The night as it was: nothing is computed again."""
     return figures_of(recorded_frames(records), last)
 
 

@@ -1,16 +1,18 @@
-"""Other settings tried on a night in a process of their own, for whoever must stay small and quick.
+"""Other settings tried on a night in a process of their own: the console stays small and quick.
 
-Filter and orbits bring libraries of tens of megabytes with them, and reckon while a screen would
-wait for them. The process is started by the first question, keeps what it has read of the log, and
-ends when nobody has asked for a while, or with its parent: its socket closes then.
+Filter and orbits bring libraries of tens of megabytes with them, and would hold up a screen while
+they compute. The process is started ahead of the first question or by it, keeps what it has read of
+the log, and ends when nobody has asked for a while, or with its parent: its socket closes then.
 """
 
 import contextlib
+import logging
 import os
 import socket
 import subprocess
 import sys
 import threading
+import traceback
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,6 +28,8 @@ from rsoconsole.session.reader import SessionReader
 if TYPE_CHECKING:
     from rsoconsole.pipeline.what_if import TrackFigures
 
+log = logging.getLogger(__name__)
+
 IDLE_S = 60.0
 """Without a question the process ends."""
 STEP_BACK = 10
@@ -38,7 +42,7 @@ _LEAVES_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
-    """What is to be reckoned."""
+    """A what-if: which settings to try on which part of a session."""
 
     folder: Path
     config: Config
@@ -48,6 +52,14 @@ class Question:
     """As of that place of the log; None: its end."""
     last: int | None = None
     """Over so many frames; None: over all."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unexpected:
+    """An answer that is none: what broke, for the parent's log."""
+
+    words: str
+    traceback: str
 
 
 class LogOfOneSession:
@@ -87,11 +99,18 @@ class WhatIfProcess:
         process = self._process
         return None if process is None or process.poll() is not None else process.pid
 
-    def reckon(self, question: Question) -> "TrackFigures":
+    def start(self) -> None:
+        """Have the process ready before the first question; that one says where it cannot be."""
+        with self._lock, contextlib.suppress(SessionError, OSError):
+            self._started()
+            self._end_when_idle()
+
+    def ask(self, question: Question) -> "TrackFigures":
         """Wait for the answer; raises RsoconsoleError where there is none, with the reason."""
         with self._lock:
             if self._idle is not None:
                 self._idle.cancel()
+                self._idle = None
             connection = self._started()
         try:
             connection.send(question)
@@ -99,26 +118,27 @@ class WhatIfProcess:
         except (EOFError, OSError) as error:
             with self._lock:
                 self._end()
-            reason = "the process that reckons the effect has ended: try once more"
+            reason = "the process that computes the effect has ended: try once more"
             raise SessionError(reason) from error
         with self._lock:
-            self._idle = threading.Timer(self._idle_s, self._end_if_idle)
-            self._idle.daemon = True
-            self._idle.start()
+            self._end_when_idle()
         if isinstance(answer, RsoconsoleError):
             raise answer
+        if isinstance(answer, Unexpected):
+            log.error("the effect cannot be computed:\n%s", answer.traceback)
+            raise SessionError(f"the effect cannot be computed ({answer.words}): see the log")
         figures: TrackFigures = answer
         return figures
 
     def close(self) -> None:
-        """End the process; whoever waits for an answer hears that there is none."""
+        """End the process; a question that waits for its answer fails."""
         with self._lock:
             self._is_closed = True
             self._end()
 
     def _started(self) -> Connection:
         if self._is_closed:
-            raise SessionError("nobody reckons any more: the console closes")
+            raise SessionError("no effect is computed any more: the console closes")
         if self._connection is not None and self.pid is not None:
             return self._connection
         self._end()
@@ -134,6 +154,13 @@ class WhatIfProcess:
             )
         self._connection = Connection(ours.detach())
         return self._connection
+
+    def _end_when_idle(self) -> None:
+        if self._idle is not None:
+            self._idle.cancel()
+        self._idle = threading.Timer(self._idle_s, self._end_if_idle)
+        self._idle.daemon = True
+        self._idle.start()
 
     def _end_if_idle(self) -> None:
         with self._lock:
@@ -157,22 +184,24 @@ class WhatIfProcess:
 def main(socket_fd: int) -> None:
     """Answer one question after the other until the parent's end of the socket closes."""
     from rsoconsole.pipeline.what_if import what_if
+    from rsoconsole.tracking import lqe
 
     os.nice(STEP_BACK)
-    connection, log = Connection(socket_fd), LogOfOneSession()
+    lqe.make_ready()
+    connection, session = Connection(socket_fd), LogOfOneSession()
     while True:
         try:
             asked: Question = connection.recv()
         except (EOFError, OSError):
             return
-        answer: TrackFigures | RsoconsoleError
+        answer: TrackFigures | RsoconsoleError | Unexpected
         try:
-            records = log.until(asked.folder, asked.until_seq)
+            records = session.until(asked.folder, asked.until_seq)
             answer = what_if(records, asked.config, asked.tried, asked.last)
         except RsoconsoleError as error:
             answer = error
         except Exception as error:  # the seat must hear of it, whatever it is
-            answer = SessionError(f"the effect cannot be reckoned: {error!r}")
+            answer = Unexpected(words=repr(error), traceback=traceback.format_exc())
         try:
             connection.send(answer)
         except OSError:
