@@ -124,6 +124,10 @@ def test_the_screen_looks_as_it_was_agreed(
     assert seen == gzip.decompress(agreed.read_bytes()).decode()
 
 
+def _outlook_utc_ns(app: ConsoleApp) -> int | None:
+    return None if app.live.outlook is None else app.live.outlook.t_utc_ns
+
+
 def _plain(svg: str) -> str:
     """Without what differs from run to run: the picture's own random name."""
     return re.sub(r"terminal-\d+-", "terminal-", svg)
