@@ -33,7 +33,7 @@ from rsoconsole.records import (
 from rsoconsole.sky.belt import slot_direction
 from rsoconsole.sky.frames import icrs_of_hour_angle
 from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.follow import Following, Tracked
 
 NS = 1_000_000_000
 MINUTE_NS = 60 * NS
@@ -248,7 +248,7 @@ def test_the_misses_of_a_night_are_named_and_a_second_run_says_the_same():
 
     def night() -> list[str]:
         cycle = Cycle(BlindReducer([200, 200, 200, 5, 200, 200]), Config())  # type: ignore[arg-type]
-        following = Following(state="TRACK", track=track(start_ns))
+        following = Following(state="TRACK", tracks=(Tracked(track=track(start_ns)),))
         reasons = []
         for number in range(1, 7):
             late_ns = 40 * MINUTE_NS if number == 6 else 0
@@ -261,7 +261,8 @@ def test_the_misses_of_a_night_are_named_and_a_second_run_says_the_same():
             )
             blocked = "hour angle 121.0 deg" if number == 5 else None
             # Bounds never end it here: only the words are looked at.
-            following = dataclasses.replace(following, state="TRACK", track=track(start_ns))
+            lead = (Tracked(track=track(start_ns)),)
+            following = dataclasses.replace(following, state="TRACK", tracks=lead)
             result = cycle.run(frame, following, blocked)
             reasons += [text(r.reason) for r in result.records if isinstance(r, Miss)]
         return reasons

@@ -125,10 +125,10 @@ def test_with_the_papers_bounds_no_margin_is_asked():
 
 def test_what_a_miss_without_a_known_identity_is_put_down_to():
     sight = geo_measurement(LONG, ra_deg=150.0 + NEIGHBOUR_DEG - 0.04)
-    following = dataclasses.replace(
-        coasting(LONG),
-        neighbours=(Neighbour(east_arcsec=216.0, north_arcsec=0.0, t_utc_ns=T0_UTC_NS),),
-    )
+    following = coasting(LONG)
+    beside = (Neighbour(east_arcsec=216.0, north_arcsec=0.0, t_utc_ns=T0_UTC_NS),)
+    lead = dataclasses.replace(following.tracks[0], neighbours=beside)
+    following = dataclasses.replace(following, tracks=(lead,))
     absence = Missed(kind="nothing fits", hidden_by="cloud: the stars are 0.9 mag fainter")
     _, records = follow(
         following, dataclasses.replace(seen(LONG, sight), absence=absence), SETTINGS

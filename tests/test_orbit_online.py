@@ -118,15 +118,13 @@ class Watched:
                 detections=empty,
                 solution=None,
                 measurements=measured,
-                orbit=self.last if self.refined else None,
+                orbits={self.last.track_id: self.last} if self.refined else {},
             )
             folded = fold(self.following, self.stars, shown, self.config)
             self.following, self.stars = folded.following, folded.stars
             for record in (*measured, *folded.records):
                 self.hear(record)
-            refined = self.orbit.refine()
-            if refined is not None:
-                self.refined.append(refined)
+            self.refined += self.orbit.refine()
 
     def hear(self, record: Any) -> None:
         self.log.append(record)
@@ -219,8 +217,7 @@ def test_the_same_log_gives_the_same_orbits():
     for record in watched.log:
         again.hear(record)
         if isinstance(record, TrackState) and record.kind != "predicted":
-            refined = again.refine()
-            told += [] if refined is None else [refined.estimate]
+            told += [refined.estimate for refined in again.refine()]
     assert told == [each.estimate for each in watched.refined]
 
 
@@ -373,8 +370,8 @@ def test_a_slanting_streak_gives_neither_of_them_a_lead():
     for angle_deg in (0.0, 45.0):
         watched = Watched(config(), slant_deg=angle_deg)
         watched.see(every_frame(flight(*GEO), 30))
-        assert watched.orbit._target is not None
-        told = list(watched.orbit._target.rivals._told)
+        assert watched.orbit._lead is not None
+        told = list(watched.orbit._lead.rivals._told)
         leads.append(np.mean([theirs.log_size - ours.log_size for ours, theirs in told]))
     assert leads[1] == pytest.approx(leads[0], abs=0.3)
 
@@ -393,8 +390,7 @@ def test_the_operators_word_on_a_frame_changes_the_orbit():
     )
     watched.hear(FollowedAgain(frame_id=frame_id))
     watched.hear(predicted)
-    refined = watched.orbit.refine()
-    assert refined is not None
+    [refined] = watched.orbit.refine()
     assert refined.estimate.observations == before.observations - 1
     assert refined.estimate.nis is None, "nothing new was foretold"
 
@@ -404,7 +400,7 @@ def test_a_clock_that_was_set_ends_what_was_known():
     watched.see(every_frame(flight(*GEO), 10))
     watched.orbit.forget()
     assert watched.orbit.orbit is None
-    assert watched.orbit.refine() is None
+    assert watched.orbit.refine() == ()
 
 
 def test_an_orbit_is_not_asked_for_where_it_is_not_wanted():

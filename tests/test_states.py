@@ -26,7 +26,7 @@ from rsoconsole.engine.states import (
 )
 from rsoconsole.reason_text import text
 from rsoconsole.records import LoopState
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.follow import Following, Tracked
 from rsoconsole.tracking.lqe import initialise
 from tests.makers import geo_measurement
 
@@ -60,8 +60,8 @@ HAPPENINGS = [
 
 
 def charge_in(state: LoopState, **more: Any) -> Charge:
-    track = TRACK_STATE if state in ("TRACK", "COAST") else None
-    return Charge(following=Following(state=state, track=track), **more)
+    tracks = (Tracked(track=TRACK_STATE),) if state in ("TRACK", "COAST") else ()
+    return Charge(following=Following(state=state, tracks=tracks), **more)
 
 
 # state, what happens, the state after it, what the hands must do

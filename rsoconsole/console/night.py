@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, assert_never
+from typing import Any, TypeVar, assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.console.log_lines import LogLine, append_line, line_of
@@ -32,6 +32,8 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
+
+Found = TypeVar("Found", OrbitEstimate, Identified)
 
 FRAMES_IN_DETAIL = 8
 """How many of the last frames keep what a picture of them needs; pictures come late."""
@@ -127,16 +129,23 @@ class NightView:
     frame: FrameTaken | None = None
     pointing: Pointing | None = None
     track: TrackState | None = None
+    """The lead."""
+    beside: Mapping[int, TrackState] = field(default_factory=dict)
+    """The other tracks of the last frame, by track id."""
     timing: CycleTiming | None = None
     slew: SlewCommand | None = None
     track_frame_id: int = 0
-    """In which the last track began."""
+    """In which the last lead began."""
     orbit: OrbitEstimate | None = None
-    """Of what is followed, or was followed last."""
+    """Of the lead, or of what was the lead last."""
     orbit_utc_ns: int | None = None
     """When that was found."""
+    orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
+    """The last one of every track, by track id."""
     identified: Identified | None = None
-    """Of the same."""
+    """Of the lead, or of what was the lead last."""
+    identifications: Mapping[int, Identified] = field(default_factory=dict)
+    """The last one of every track, by track id."""
     changed: Mapping[str, float | int | str] = field(default_factory=dict)
     """Settings that have been changed since the session began, by dotted name."""
 
@@ -168,12 +177,15 @@ class _Now:
     frame: FrameTaken | None = None
     pointing: Pointing | None = None
     track: TrackState | None = None
+    beside: Mapping[int, TrackState] = field(default_factory=dict)
     timing: CycleTiming | None = None
     slew: SlewCommand | None = None
     track_frame_id: int = 0
     orbit: OrbitEstimate | None = None
     orbit_utc_ns: int | None = None
+    orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
     identified: Identified | None = None
+    identifications: Mapping[int, Identified] = field(default_factory=dict)
     changed: Mapping[str, float | int | str] = field(default_factory=dict)
     set_aside: TrackState | None = None
     """What was followed when the operator took the mount."""
@@ -228,12 +240,15 @@ class Night:
             frame=now.frame,
             pointing=now.pointing,
             track=now.track,
+            beside=now.beside,
             timing=now.timing,
             slew=now.slew,
             track_frame_id=now.track_frame_id,
             orbit=now.orbit,
             orbit_utc_ns=now.orbit_utc_ns,
+            orbits=now.orbits,
             identified=now.identified,
+            identifications=now.identifications,
             changed=now.changed,
             rows=tuple(self._rows.values()),
             log=tuple(self._log),
@@ -415,6 +430,8 @@ class Night:
         self._detail(record.frame_id, predicted=None, updated=None, not_followed=())
         now = self._now
         # What was reckoned from its measurements is reckoned anew.
+        now.orbits = _not_of(now.orbits, record.frame_id)
+        now.identifications = _not_of(now.identifications, record.frame_id)
         if now.orbit is not None and now.orbit.frame_id == record.frame_id:
             now.orbit = now.orbit_utc_ns = None
         if now.identified is not None and now.identified.frame_id == record.frame_id:
@@ -425,8 +442,10 @@ class Night:
 
     def _track_state(self, record: TrackState, _t_utc_ns: int) -> None:
         if not record.is_lead:
+            self._now.beside = {**self._now.beside, record.track_id: record}
             return
-        self._now.track = record
+        # The lead's come first: what stands beside it is told behind them.
+        self._now.track, self._now.beside = record, {}
         if record.kind == "initial":
             self._now.track_frame_id = record.frame_id
         if record.kind == "predicted":
@@ -445,18 +464,25 @@ class Night:
 
     def _orbit_estimate(self, record: OrbitEstimate, t_utc_ns: int) -> None:
         now = self._now
+        now.orbits = {**now.orbits, record.track_id: record}
+        if record.track_id in now.beside:
+            return
         now.orbit, now.orbit_utc_ns = record, t_utc_ns
         if now.identified is not None and now.identified.track_id != record.track_id:
             now.identified = None  # of what was followed before
 
     def _identified(self, record: Identified, _t_utc_ns: int) -> None:
         now = self._now
+        now.identifications = {**now.identifications, record.track_id: record}
+        if record.track_id in now.beside:
+            return
         now.identified = record
         if now.orbit is not None and now.orbit.track_id != record.track_id:
             now.orbit = now.orbit_utc_ns = None  # of what was followed before
 
     def _miss(self, record: Miss, _t_utc_ns: int) -> None:
-        self._change(record.frame_id, miss=text(record.reason), is_reduced=True)
+        if record.track_id not in self._now.beside:
+            self._change(record.frame_id, miss=text(record.reason), is_reduced=True)
 
     def _state_change(self, record: StateChange, t_utc_ns: int) -> None:
         now = self._now
@@ -465,7 +491,7 @@ class Night:
             now.track, now.set_aside = now.track or now.set_aside, None
         else:
             now.set_aside = now.track if record.after == "MANUAL" else None
-            now.track = None
+            now.track, now.beside = None, {}
         now.state, now.state_since_utc_ns = record.after, t_utc_ns
         if record.before in {"IDLE", "FAULT"}:
             now.slew = None  # where it was sent before it was armed again says nothing of now
@@ -507,6 +533,11 @@ class Night:
     def _detail(self, frame_id: int, **changes: Any) -> None:
         if frame_id in self._details:
             self._details[frame_id] = replace(self._details[frame_id], **changes)
+
+
+def _not_of(found: Mapping[int, Found], frame_id: int) -> Mapping[int, Found]:
+    """Without those that came of this frame."""
+    return {track: each for track, each in found.items() if each.frame_id != frame_id}
 
 
 def _is_same(one: Identified | None, other: Identified) -> bool:

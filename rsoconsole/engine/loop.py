@@ -495,9 +495,10 @@ class Engine:
             return
         self._faults.append(words)
         self.chronicle.say("alarm", words)
-        track_id = self.following.track_id
         reason = Missed(kind="instrument", detail=words)
-        self.chronicle.append(Miss(frame_id=self.frame_id, reason=reason, track_id=track_id))
+        tracks = [each.track.track_id for each in self.following.tracks]
+        for track_id in tracks or (None,):
+            self.chronicle.append(Miss(frame_id=self.frame_id, reason=reason, track_id=track_id))
         self.happen(Failed(words=words, is_final=is_final))
 
     def _enter(self, charge: Charge, reason: Cause | None) -> None:

@@ -75,6 +75,7 @@ class _Tally:
         self.missed: Counter[int] = Counter()
         self.locked_after: int | None = None
         self._state = "SEARCH"
+        self._lead_id: int | None = None
 
     def take(self, record: Record) -> None:  # noqa: PLR0912 -- one case a kind
         """One record, in order."""
@@ -122,6 +123,7 @@ class _Tally:
     def _track_state(self, record: TrackState) -> None:
         if not record.is_lead:
             return
+        self._lead_id = record.track_id
         if record.kind == "predicted":
             self.frames[record.frame_id].predicted = record
         else:
@@ -132,7 +134,8 @@ class _Tally:
             self.frames[record.frame_id].refused_nis.append((record.measurement, record.nis))
 
     def _miss(self, record: Miss) -> None:
-        self.missed[record.frame_id] += 1
+        if record.track_id in (None, self._lead_id):
+            self.missed[record.frame_id] += 1
 
     def _followed_again(self, record: FollowedAgain) -> None:
         # By the operator's word: what was made of the frame before counts no more.
@@ -149,9 +152,12 @@ class _Tally:
             self.locked_after = record.frame_id
 
     def _orbit_estimate(self, record: OrbitEstimate) -> None:
-        self.orbit = record
+        if record.track_id == self._lead_id:
+            self.orbit = record
 
     def _identified(self, record: Identified) -> None:
+        if record.track_id != self._lead_id:
+            return
         self.identified = record
         self.frames[record.frame_id].identified = record
 

@@ -82,15 +82,19 @@ class _Followed:
     """What was made of one frame, once."""
 
     measured: list[Measurement] = field(default_factory=list)
-    predicted: TrackState | None = None
-    corrected: TrackState | None = None
+    predicted: dict[int, TrackState] = field(default_factory=dict)
+    """By track id."""
+    corrected: dict[str, TrackState] = field(default_factory=dict)
+    """By the id of the measurement that the track took."""
+    lead_id: int | None = None
     refusals: dict[int, NotFollowed] = field(default_factory=dict)
     """By the measurement's place in ``measured``."""
 
-    def taken(self) -> Measurement | None:
-        """The one that the track took."""
-        named = None if self.corrected is None else self.corrected.measurement_id
-        return next((m for m in self.measured if m.measurement_id == named), None)
+    def of(self, measurement: Measurement) -> tuple[TrackState | None, TrackState | None]:
+        """Before and after, of the track that took it; before, of the lead, where none did."""
+        corrected = self.corrected.get(measurement.measurement_id)
+        track_id = self.lead_id if corrected is None else corrected.track_id
+        return None if track_id is None else self.predicted.get(track_id), corrected
 
     def refuse(self, record: NotFollowed) -> None:
         for place, each in enumerate(self.measured):
@@ -160,12 +164,13 @@ def _hear(story: _FrameStory, record: OfFrame) -> None:
             story.told.append(_Followed(measured=story.measured_again()))
         case NotFollowed():
             story.last.refuse(record)
-        case TrackState(is_lead=False):
-            pass
-        case TrackState(kind="predicted"):
-            story.last.predicted = record
         case TrackState():
-            story.last.corrected = record
+            if record.is_lead:
+                story.last.lead_id = record.track_id
+            if record.kind == "predicted":
+                story.last.predicted[record.track_id] = record
+            elif record.measurement_id is not None:
+                story.last.corrected[record.measurement_id] = record
         case _:
             assert_never(record)
 
@@ -185,14 +190,14 @@ def _rows_of(
     firsts: Mapping[str, int],
 ) -> Iterator[MeasuredRow]:
     is_last = told is story.last
-    taken = told.taken()
     for place, measurement in enumerate(told.measured):
         began = firsts.get(measurement.measurement_id)
-        is_taken = measurement is taken or began is not None
+        predicted, corrected = told.of(measurement)
+        is_taken = corrected is not None or began is not None
         refusal = told.refusals.get(place)
         track = began
-        if began is None and told.corrected is not None:
-            track = told.corrected.track_id
+        if began is None and corrected is not None:
+            track = corrected.track_id
         yield row_of(
             measurement,
             story.taken,
@@ -200,8 +205,8 @@ def _rows_of(
             is_taken=is_taken,
             reason=_reason(story, measurement, refusal, is_taken=is_taken and is_last),
             nis=None if refusal is None or is_taken else refusal.nis,
-            predicted=told.predicted,
-            corrected=told.corrected if measurement is taken else None,
+            predicted=predicted,
+            corrected=corrected,
             is_superseded=not is_last,
         )
 
@@ -219,9 +224,9 @@ def _reason(
 
 def _firsts(stories: Mapping[int, _FrameStory]) -> dict[str, int]:
     """By id: the measurements with which tracks began a frame before, and those tracks."""
-    begun = (story.last.corrected for story in stories.values())
     return {
         state.begun_with[0]: state.track_id
-        for state in begun
-        if state is not None and state.begun_with is not None
+        for story in stories.values()
+        for state in story.last.corrected.values()
+        if state.begun_with is not None
     }

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias, assert_never
 
@@ -34,13 +34,15 @@ class NightFrame:
     frame_id: int
     t_mid_utc_ns: int
     measured: Measurement | None = None
-    """The one the track took."""
+    """The one the lead took."""
     others: tuple[Measurement, ...] = ()
     predicted: TrackState | None = None
     corrected: TrackState | None = None
     """After the measurement; the first state of a track too."""
+    beside: dict[int, TrackState] = field(default_factory=dict)
+    """The other tracks of the frame by their ids, each as it was known last."""
     missed: str | None = None
-    """Why a followed object was not measured; None when it was, or when none was followed."""
+    """Why the lead was not measured; None when it was, or when there was no track."""
     tau: float = 0.0
 
     @property
@@ -136,10 +138,13 @@ def _put(frame: NightFrame, record: OfFrame, measured: dict[int, list[Measuremen
         case FollowedAgain():
             # By the operator's word: what was made of it before counts no more.
             frame.predicted = frame.corrected = frame.missed = None
+            frame.beside.clear()
         case Miss():
-            frame.missed = text(record.reason)
+            # The lead's come first.
+            if record.track_id not in frame.beside:
+                frame.missed = text(record.reason)
         case TrackState(is_lead=False):
-            pass
+            frame.beside[record.track_id] = record
         case TrackState(kind="predicted"):
             frame.predicted = record
         case TrackState():

@@ -50,7 +50,7 @@ def process_files(
             if frame.t_mid_utc_ns is None or frame.exposure_s is None:
                 reduction = reducer.reduce(frame)
             else:
-                result = cycle.run(frame, following, orbit=orbits.last)
+                result = cycle.run(frame, following, orbits=orbits.last)
                 reduction, following, outcomes = result.reduction, result.after, result.records
                 for record in outcomes:
                     orbits.hear(record)

@@ -4,6 +4,7 @@ The engine, ``process`` and every replay run this, so that the same frames give 
 ``pipeline.fold`` is the half of it that needs no pixels.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
@@ -71,7 +72,7 @@ class Cycle:
     def look(self, frame: Frame) -> tuple[Reduction, tuple[Record, ...]]:
         """Reduce a frame that is not followed; (what it shows, what belongs on the record)."""
         reduction = self._reducer.reduce(frame)
-        shown = _shown(taken_record(frame), reduction)
+        shown = _shown(taken_record(frame), reduction, {})
         self._look_at_clouds(shown)
         self._stars = looked_at(self._stars, shown)
         return reduction, _on_record(reduction)
@@ -81,17 +82,17 @@ class Cycle:
         frame: Frame,
         before: Following,
         blocked: str | None = None,
-        orbit: OrbitEstimate | None = None,
+        orbits: Mapping[int, OrbitEstimate] | None = None,
     ) -> CycleResult:
         """Reduce one frame and fold it. Raises FrameError for a frame without a time.
 
         ``blocked``: why the slew to the track was refused before this frame, as ``FrameTaken``
-        carries it; ``orbit``: the last one on record.
+        carries it; ``orbits``: the last one of each track on record, by track id.
         """
         taken = taken_record(frame, blocked)
         when(taken, self._config)  # before the work: such a frame cannot be folded
         reduction = self._reducer.reduce(frame)
-        shown = _shown(taken, reduction, orbit)
+        shown = _shown(taken, reduction, orbits or {})
         self._look_at_clouds(shown)
         folded = fold(before, self._stars, shown, self._config)
         self._folds.add(
@@ -111,13 +112,13 @@ class Cycle:
         )
 
 
-def _shown(taken: FrameTaken, reduction: Reduction, orbit: OrbitEstimate | None = None) -> Shown:
+def _shown(taken: FrameTaken, reduction: Reduction, orbits: Mapping[int, OrbitEstimate]) -> Shown:
     return Shown(
         taken=taken,
         detections=reduction.detections,
         solution=reduction.solution,
         measurements=reduction.measurements,
-        orbit=orbit,
+        orbits=orbits,
     )
 
 

@@ -1,8 +1,8 @@
 """What is followed after a frame, from what is on record alone. Pure: no pixels, no memory."""
 
 import functools
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 from rsoconsole.config import Config
 from rsoconsole.errors import FrameError
@@ -48,8 +48,8 @@ class Shown:
     """The operator's word on them."""
     rulings: int = 0
     """How many words have been said on them."""
-    orbit: OrbitEstimate | None = None
-    """The orbit on record when the frame came."""
+    orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
+    """The last orbit of each track on record when the frame came, by track id."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,10 +94,10 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         exposure_s=exposure_s,
         measurements=measurements,
         absence=absence,
-        field=_field(shown),
+        field=_field_of(shown),
         chosen=chosen,
         refused=refused,
-        by_orbit=_asks_orbit(before, shown.orbit, config, t_mid_ns),
+        by_orbit=_asks_orbit(before, shown.orbits, config, t_mid_ns),
     )
     after, records = follow(before, seen, follow_settings(config, taken))
     return Folded(
@@ -106,25 +106,30 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
 
 
 def _asks_orbit(
-    before: Following, orbit: OrbitEstimate | None, config: Config, t_mid_ns: int
+    before: Following, orbits: Mapping[int, OrbitEstimate], config: Config, t_mid_ns: int
 ) -> Callable[[TrackState], TrackState | None] | None:
     """Where the orbit of this very track may speak for a filter that fails."""
-    # With other settings the track may be another one than that which the orbit is of.
-    is_of_track = (
-        orbit is not None
-        and before.taken is not None
-        and before.taken.frame_id == orbit.frame_id
-        and orbit.label != "not observable"
-    )
-    if orbit is None or not (may_guide(config) and is_of_track):
+    if not may_guide(config):
         return None
-    return functools.partial(_by_orbit, orbit, config, t_mid_ns)
+    known_of = {
+        each.track.track_id: orbit
+        for each in before.tracks
+        if (orbit := orbits.get(each.track.track_id)) is not None
+        # With other settings the track may be another one than that which the orbit is of.
+        and each.taken is not None
+        and each.taken.frame_id == orbit.frame_id
+        and orbit.label != "not observable"
+    }
+    return functools.partial(_by_orbit, known_of, config, t_mid_ns) if known_of else None
 
 
 def _by_orbit(
-    orbit: OrbitEstimate, config: Config, t_mid_ns: int, failed: TrackState
+    orbits: Mapping[int, OrbitEstimate], config: Config, t_mid_ns: int, failed: TrackState
 ) -> TrackState | None:
-    """What the orbit foretells, if it is surer than the field is wide."""
+    """What the track's orbit predicts, if it is surer than the field is wide."""
+    orbit = orbits.get(failed.track_id)
+    if orbit is None:
+        return None
     motion = predict_motion(known(orbit), config.site.to_site(), t_mid_ns)
     if motion is None:
         return None
@@ -140,7 +145,7 @@ def _by_orbit(
     return state if three_sigma_deg(state) <= widest_deg else None
 
 
-def _field(shown: Shown) -> Field | None:
+def _field_of(shown: Shown) -> Field | None:
     if not isinstance(shown.solution, Solution):
         return None
     size = (shown.taken.width_px, shown.taken.height_px)

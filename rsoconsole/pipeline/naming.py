@@ -51,19 +51,19 @@ class Catalogue:
 
 
 class Naming:
-    """Knows of which track it was asked last, and with how many directions."""
+    """Knows with how many directions each track is to be asked of next."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._catalogue = Catalogue(config.catalogue.tle_files)
-        self._of = 0
-        self._due = FIRST_AT
+        self._due: dict[int, tuple[int, int]] = {}
+        """By track id: when its first direction was seen, and how many are needed."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
         if config.catalogue.tle_files != self._catalogue.files:
             self._catalogue = Catalogue(config.catalogue.tle_files)
-            self._due = FIRST_AT
+            self._due = {}
         self._config = config
 
     def ask(self, frame_id: int, track_id: int, seen: Sightings) -> Identified | None:
@@ -72,11 +72,12 @@ class Naming:
         Raises OrbitError where the catalogue cannot be read.
         """
         begun_utc_ns = int(seen.t_utc_ns[0])
-        if begun_utc_ns != self._of:
-            self._of, self._due = begun_utc_ns, FIRST_AT
-        if not self._catalogue.files or len(seen) < self._due:
+        of, due = self._due.get(track_id, (begun_utc_ns, FIRST_AT))
+        if of != begun_utc_ns:
+            due = FIRST_AT
+        if not self._catalogue.files or len(seen) < due:
             return None
-        self._due = max(round(_MORE * len(seen)), len(seen) + 1)
+        self._due[track_id] = (begun_utc_ns, max(round(_MORE * len(seen)), len(seen) + 1))
         return identified(
             frame_id,
             track_id,

@@ -1,4 +1,4 @@
-"""The orbit of what is followed, refined with every measurement that the track takes.
+"""The orbits of all tracks, each refined with every measurement that the track takes.
 
 Fed with the records of the log and nothing else: the same log gives the same orbits. Tracks that
 follow one another are of one object where one orbit through both is likely enough, so that a lost
@@ -34,9 +34,11 @@ _MOST_EARLIER = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refined:
-    """What one frame made of it."""
+    """What one frame made of one track's orbit."""
 
     estimate: OrbitEstimate
+    seen: Sightings
+    """The track's own directions."""
     words: tuple[str, ...]
     """What has changed, for the log of the night."""
 
@@ -45,7 +47,6 @@ class Refined:
 class _Target:
     """One object, by the track that follows it now and those that did before."""
 
-    begun_utc_ns: int
     taken: tuple[Measurement, ...] = ()
     """By the present track."""
     seen: Sightings | None = None
@@ -70,17 +71,19 @@ class _Target:
 
 
 class OnlineOrbit:
-    """Knows the object that is followed, and the few that were followed before it."""
+    """Knows the objects that are followed, and the few that were followed before them."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._site = config.site.to_site()
         self._tracks = TracksTaken()
-        self._target: _Target | None = None
+        self._targets: dict[str, _Target] = {}
+        """One a track, by the id of the measurement that the track began with."""
+        self._lead: _Target | None = None
         """Other threads look in: it is read once."""
         self._earlier: list[_Target] = []
         self._is_begun = False
-        """A track has begun that no orbit is of as yet."""
+        """A lead has begun that no orbit is of as yet."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -89,45 +92,54 @@ class OnlineOrbit:
     def hear(self, record: Record) -> None:
         """One record of the log."""
         self._tracks.hear(record)
-        if isinstance(record, TrackState) and record.kind == "initial":
+        if isinstance(record, TrackState) and record.kind == "initial" and record.is_lead:
             self._is_begun = True
 
     def forget(self) -> None:
         """Nothing that was seen until now has a place in an orbit: the clock was wrong."""
-        self._tracks, self._target, self._earlier = TracksTaken(), None, []
+        self._tracks, self._targets, self._lead, self._earlier = TracksTaken(), {}, None, []
 
     @property
     def seen(self) -> Sightings | None:
-        """The directions of the track that is, or was last, followed."""
-        target = self._target
+        """The directions of the lead, or of what was the lead last."""
+        target = self._lead
         return None if target is None else target.seen
 
     @property
     def orbit(self) -> Orbit | None:
-        """Of what is, or was last, followed."""
-        target = self._target
+        """Of the lead, or of what was the lead last."""
+        target = self._lead
         return None if target is None else target.orbit
 
     @property
     def is_guide(self) -> bool:
-        """Whether the orbit foretells better than the filter, and may."""
-        target = self._target
+        """Whether the lead's orbit predicts better than the filter, and may."""
+        target = self._lead
         # The next order goes out before the orbit hears of the frame that began another track.
         if target is None or self._is_begun:
             return False
+        return self._guides(target)
+
+    def _guides(self, target: _Target) -> bool:
         return may_guide(self._config) and target.rivals.is_orbit_ahead
 
-    def refine(self) -> Refined | None:
-        """The orbit through all that was heard; None where nothing new was, or tells none.
+    def refine(self) -> tuple[Refined, ...]:
+        """The orbit of each track through all that it took, where it took something new.
 
-        It is on record as of the last frame that the track took. Nothing is raised for what
-        cannot be fitted.
+        None of a track of which nothing new was heard, or which tells no orbit. Each is on record
+        as of the last frame that the track took. Nothing is raised for what cannot be fitted.
         """
-        tracks = self._tracks.tracks()
-        if not self._config.orbit.online or not tracks or not tracks[-1].measurements:
-            return None
-        track, self._is_begun = tracks[-1], False
-        target = self._aimed_at(track)
+        if not self._config.orbit.online:
+            return ()
+        tracks = [each for each in self._tracks.live() if each.measurements]
+        if not tracks:
+            return ()
+        self._is_begun = False
+        targets = self._aimed_at(tracks)
+        found = [self._refined(*each) for each in zip(targets, tracks, strict=True)]
+        return tuple(each for each in found if each is not None)
+
+    def _refined(self, target: _Target, track: Track) -> Refined | None:
         count = len(target.taken)
         if not self._take(target, track) or target.seen is None:
             return None
@@ -139,26 +151,29 @@ class OnlineOrbit:
         orbit = target.orbit = self._determined(target, seen)
         if orbit is None:
             return None
-        was_guide = self.is_guide
+        was_guide = self._guides(target)
         if track.last.foretold_by == "orbit":
             target.rivals.filter_failed()
         elif foretold is not None and (by_filter := self._by_filter(track)) is not None:
             target.rivals.hear(foretold.short, by_filter)
-        estimate = self._estimate(track, orbit, seen, foretold)
+        estimate = self._estimate(target, track, orbit, seen, foretold)
         words, target.words = [*target.words, *_news(target, estimate, was_guide=was_guide)], []
-        return Refined(estimate=estimate, words=tuple(words))
+        return Refined(estimate=estimate, seen=target.seen, words=tuple(words))
 
-    def _aimed_at(self, track: Track) -> _Target:
-        """What the track follows: known already, or another object until it is found to be one."""
-        begun_utc_ns = track.measurements[0].t_mid_utc_ns
-        before = self._target
-        if before is not None and before.begun_utc_ns == begun_utc_ns:
-            return before
-        if before is not None and before.orbit is not None:
-            before.joined = None  # its parts are in it for good
-            self._earlier = [*self._earlier, before][-_MOST_EARLIER:]
-        self._target = _Target(begun_utc_ns)
-        return self._target
+    def _aimed_at(self, tracks: Sequence[Track]) -> list[_Target]:
+        """What each track follows: known already, or another object until it is found to be one.
+
+        The first of them is the lead.
+        """
+        begun_with = [track.measurements[0].measurement_id for track in tracks]
+        for ended in [each for each in self._targets if each not in begun_with]:
+            before = self._targets.pop(ended)
+            if before.orbit is not None:
+                before.joined = None  # its parts are in it for good
+                self._earlier = [*self._earlier, before][-_MOST_EARLIER:]
+        targets = [self._targets.setdefault(each, _Target()) for each in begun_with]
+        self._lead = targets[0]
+        return targets
 
     def _take(self, target: _Target, track: Track) -> bool:
         """The track's measurements, reduced; False where they are those that were known."""
@@ -265,7 +280,12 @@ class OnlineOrbit:
         return Foretold(nis=track.last.nis, log_size=log_size)
 
     def _estimate(
-        self, track: Track, orbit: Orbit, seen: Sightings, foretold: "_Told | None"
+        self,
+        target: _Target,
+        track: Track,
+        orbit: Orbit,
+        seen: Sightings,
+        foretold: "_Told | None",
     ) -> OrbitEstimate:
         elements = elements_of(orbit.r_km, orbit.v_km_s)
         r, v = orbit.r_km, orbit.v_km_s
@@ -290,7 +310,7 @@ class OnlineOrbit:
             nis=None if foretold is None else foretold.short.nis,
             innovation_arcsec=None if foretold is None else foretold.innovation_arcsec,
             sigma_innovation_arcsec=None if foretold is None else foretold.sigma_arcsec,
-            is_guide=self.is_guide,
+            is_guide=self._guides(target),
         )
 
 

@@ -19,7 +19,7 @@ def recorded_orbit(
     *,
     gate_deg: float = 0.2,
 ) -> tuple[OrbitEstimate, Identified | None] | None:
-    """Orbit and name of the last track up to a place of the log; None where there is none.
+    """Orbit and name of the last lead up to a place of the log; None where there is none.
 
     ``entries``: a catalogue to name it by. Raises SessionError.
     """
@@ -30,11 +30,11 @@ def recorded_orbit(
             break
         online.hear(record)
     refined = online.refine()
-    if refined is None or online.seen is None:
+    if not refined:
         return None
+    estimate = refined[0].estimate
     if not entries:
-        return refined.estimate, None
-    arc, site = longest_arc(online.seen), config.site.to_site()
-    estimate = refined.estimate
+        return estimate, None
+    arc, site = longest_arc(refined[0].seen), config.site.to_site()
     name = identified(estimate.frame_id, estimate.track_id, arc, site, entries, gate_deg=gate_deg)
     return estimate, name

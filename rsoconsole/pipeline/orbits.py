@@ -1,11 +1,12 @@
-"""The orbit and the name of what is followed, frame by frame, as they go on record."""
+"""The orbit and the name of each track, frame by frame, as they go on record."""
 
 import logging
+from collections.abc import Mapping, Sequence
 
 from rsoconsole.config import Config
 from rsoconsole.errors import OrbitError
 from rsoconsole.pipeline.naming import Naming
-from rsoconsole.pipeline.orbit_online import OnlineOrbit
+from rsoconsole.pipeline.orbit_online import OnlineOrbit, Refined
 from rsoconsole.records import Event, OrbitEstimate, Record
 
 log = logging.getLogger(__name__)
@@ -21,8 +22,8 @@ class Orbits:
         self.online = OnlineOrbit(config)
         self._naming = Naming(config)
         self._faults: set[str] = set()
-        self.last: OrbitEstimate | None = None
-        """On record."""
+        self.last: Mapping[int, OrbitEstimate] = {}
+        """The last one of each track on record, by track id; never changed, frames keep theirs."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -36,29 +37,31 @@ class Orbits:
     def forget(self) -> None:
         """The clock was wrong until now."""
         self.online.forget()
-        self.last = None
+        self.last = {}
 
     def refine(self) -> tuple[Record, ...]:
         """What belongs on record behind a frame: OrbitEstimate, Identified, and words on both."""
         records: list[Record] = []
         try:
-            refined = self.online.refine()
-            if refined is None:
-                return ()
-            self.last, frame_id = refined.estimate, refined.estimate.frame_id
-            records.append(refined.estimate)
-            records += [Event(level="info", text=w, frame_id=frame_id) for w in refined.words]
-            seen = self.online.seen
-            track_id = refined.estimate.track_id
-            name = None if seen is None else self._naming.ask(frame_id, track_id, seen)
-            if name is not None:
-                records.append(name)
-        except OrbitError as error:
-            records += self._complaint(f"it has no name: {error}")
+            for refined in self.online.refine():
+                estimate = refined.estimate
+                self.last = {**self.last, estimate.track_id: estimate}
+                records.append(estimate)
+                for words in refined.words:
+                    records.append(Event(level="info", text=words, frame_id=estimate.frame_id))
+                records += self._name_of(refined)
         except Exception as error:  # the telescope goes on without an orbit
             log.exception("the orbit could not be refined")
             records += self._complaint(f"its orbit could not be refined ({error}): see the log")
         return tuple(records)
+
+    def _name_of(self, refined: Refined) -> Sequence[Record]:
+        frame_id, track_id = refined.estimate.frame_id, refined.estimate.track_id
+        try:
+            name = self._naming.ask(frame_id, track_id, refined.seen)
+        except OrbitError as error:
+            return self._complaint(f"it has no name: {error}")
+        return () if name is None else (name,)
 
     def _complaint(self, words: str) -> tuple[Event, ...]:
         """Once for each fault."""

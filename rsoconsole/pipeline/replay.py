@@ -135,7 +135,7 @@ class _Open:
     solution: Solution | NotSolved | None = None
     measurements: list[Measurement] = field(default_factory=list)
     recorded: list[Record] = field(default_factory=list)
-    orbit: OrbitEstimate | None = None
+    orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
 
     def shown(self) -> Shown:
         return Shown(
@@ -143,7 +143,7 @@ class _Open:
             detections=self.detections,
             solution=self.solution,
             measurements=tuple(self.measurements),
-            orbit=self.orbit,
+            orbits=self.orbits,
         )
 
 
@@ -159,8 +159,8 @@ class Walk:
     """What was followed when the operator took the mount."""
     stars: StarHistory = field(default_factory=StarHistory)
     taken: FrameTaken | None = None
-    orbit: OrbitEstimate | None = None
-    """The last one."""
+    orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
+    """The last one of each track, by track id; never changed, frames keep theirs."""
     is_another_night: bool = False
     """A frame came out otherwise than recorded: the orbits behind it are of another track."""
     open: _Open | None = None
@@ -197,7 +197,7 @@ class Walk:
             case Detections():
                 if self.taken is not None:
                     self.part = "input"
-                    self.open = _Open(taken=self.taken, detections=record, orbit=self.orbit)
+                    self.open = _Open(taken=self.taken, detections=record, orbits=self.orbits)
             case CycleTiming():
                 yield from self.close()
             case Ruling() | FollowedAgain():
@@ -212,7 +212,8 @@ class Walk:
                 yield from self.close()
                 self._pass(record)
             case OrbitEstimate():
-                self.orbit = None if self.is_another_night else record
+                if not self.is_another_night:
+                    self.orbits = {**self.orbits, record.track_id: record}
             case Solution() | NotSolved() | Measurement():
                 self.part = self._hear_of_frame(record)
             case TrackState() | NotFollowed() | Miss() | StateChange():
@@ -286,7 +287,7 @@ class Walk:
 
     def _compared(self, frame: ReplayedFrame) -> ReplayedFrame:
         if not frame.is_alike:
-            self.is_another_night, self.orbit = True, None
+            self.is_another_night, self.orbits = True, {}
         return frame
 
     def _hear_ruling(self, record: Ruling | FollowedAgain) -> None:
@@ -306,7 +307,7 @@ class Walk:
         """The operator, a limit, a fault or the end of the night: what is followed after it."""
         self.folds.forget()
         if isinstance(change.reason, Cause) and change.reason.kind == "clock set":
-            self.orbit = None
+            self.orbits = {}
         if change.after == "MANUAL":
             # Only a track is worth coming back to.
             if self.following.state in ("TRACK", "COAST"):

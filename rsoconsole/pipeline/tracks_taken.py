@@ -30,6 +30,11 @@ class _Steps:
     predicted: TrackState | None = None
     corrected: TrackState | None = None
 
+    @property
+    def is_lead(self) -> bool:
+        state = self.corrected or self.predicted
+        return state is not None and state.is_lead
+
 
 @dataclass(slots=True)
 class _Frame:
@@ -72,6 +77,14 @@ class TracksTaken:
                 if steps.corrected is not None:
                     self._go_on(found, track_id, steps.corrected, steps.predicted)
         return list(found.values())
+
+    def live(self) -> list[Track]:
+        """Those of the newest frame that any track was predicted to, the lead first."""
+        if not self._frames:
+            return []
+        newest = self._frames[max(self._frames)].steps
+        found = [track for track in self.tracks() if track.track_id in newest]
+        return sorted(found, key=lambda track: not newest[track.track_id].is_lead)
 
     def _go_on(
         self,

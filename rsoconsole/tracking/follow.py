@@ -88,25 +88,48 @@ class FollowSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Tracked:
+    """One track between two frames."""
+
+    track: TrackState
+    """Last state of the filter: updated, or predicted to the frame that missed."""
+    taken: Measurement | None = None
+    """The last measurement the track took."""
+    neighbours: tuple[Neighbour, ...] = ()
+    """What moves alike beside it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Following:
     """The loop between two frames."""
 
     state: LoopState = "SEARCH"
     candidates: tuple[Measurement, ...] = ()
     """Measurements of the last frame, one of which may start a track."""
-    track: TrackState | None = None
-    """Last state of the filter: updated, or predicted to the frame that missed."""
-    taken: Measurement | None = None
-    """The last measurement the track took."""
-    neighbours: tuple[Neighbour, ...] = ()
-    """What moves alike beside it."""
+    tracks: tuple[Tracked, ...] = ()
+    """The lead first; empty where nothing is followed."""
     last_track_id: int = 0
     """Of the session's last track that has begun; 0 before the first."""
 
     @property
+    def lead(self) -> Tracked | None:
+        """The track that the telescope follows; None where there is none."""
+        return self.tracks[0] if self.tracks else None
+
+    @property
+    def track(self) -> TrackState | None:
+        """The lead's last state of the filter."""
+        return self.tracks[0].track if self.tracks else None
+
+    @property
+    def taken(self) -> Measurement | None:
+        """The last measurement the lead took."""
+        return self.tracks[0].taken if self.tracks else None
+
+    @property
     def track_id(self) -> int | None:
-        """Of what is followed; None where nothing is."""
-        return None if self.track is None else self.track.track_id
+        """Of the lead; None where there is none."""
+        return self.tracks[0].track.track_id if self.tracks else None
 
     def without_track(
         self, state: LoopState, candidates: tuple[Measurement, ...] = ()
@@ -119,14 +142,10 @@ def follow(
     before: Following, seen: Seen, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """The next state, and what to put on the record, in order."""
-    if before.state not in ("TRACK", "COAST") or before.track is None:
+    if before.state not in ("TRACK", "COAST") or not before.tracks:
         after, records = _acquire(before, seen, settings)
-    elif seen.chosen is not None:
-        after, records = _follow_chosen(before.track, before, seen.chosen, seen, settings)
     else:
-        after, records = _follow_track(before, before.track, seen, settings)
-    records += tuple(_not_followed(m, REFUSED) for m in seen.refused)
-    records = _of_track(records)
+        after, records = _follow_tracks(before, seen, settings)
     if after.state != before.state:
         change = StateChange(
             frame_id=seen.frame_id,
@@ -138,9 +157,63 @@ def follow(
     return after, records
 
 
-def _of_track(records: tuple[FoldRecord, ...]) -> tuple[FoldRecord, ...]:
-    """What was not taken and what was missed, each with the track of this frame."""
-    track_id = next((each.track_id for each in records if isinstance(each, TrackState)), None)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Step:
+    """What one frame makes of one track."""
+
+    records: tuple[FoldRecord, ...]
+    after: Tracked | None
+    """None where the track has ended."""
+    is_measured: bool = False
+    begins_with: Measurement | None = None
+    """Another object that the operator wants followed in its place."""
+
+
+def _follow_tracks(
+    before: Following, seen: Seen, settings: FollowSettings
+) -> tuple[Following, tuple[FoldRecord, ...]]:
+    """Each track in turn, the lead first; what one has taken is none of the next ones'.
+
+    Where the lead ends, the next track leads.
+    """
+    steps: list[_Step] = []
+    records: tuple[FoldRecord, ...] = ()
+    left = seen
+    for number, each in enumerate(before.tracks):
+        if number == 0 and seen.chosen is not None:
+            step = _follow_chosen(each, seen.chosen, seen, settings)
+        else:
+            step = _follow_track(each, left, settings)
+        refused = seen.refused if number == 0 else ()
+        steps.append(step)
+        told = (*step.records, *(_not_followed(m, REFUSED) for m in refused))
+        records += _of_track(told, each.track.track_id)
+        if step.begins_with is not None:
+            return before.without_track("ACQUIRE", (step.begins_with,)), records
+        if step.is_measured and step.after is not None:
+            others = tuple(m for m in left.measurements if m is not step.after.taken)
+            left = replace(left, measurements=others, chosen=None)
+    return _led(before, tuple(steps)), records
+
+
+def _led(before: Following, steps: tuple[_Step, ...]) -> Following:
+    """What goes on, the lead first."""
+    alive = [step for step in steps if step.after is not None]
+    if not alive:
+        return before.without_track("LOST")
+    tracks = [step.after for step in alive if step.after is not None]
+    first = tracks[0]
+    if not first.track.is_lead:
+        tracks[0] = replace(first, track=replace(first.track, is_lead=True))
+    return Following(
+        state="TRACK" if alive[0].is_measured else "COAST",
+        tracks=tuple(tracks),
+        last_track_id=before.last_track_id,
+    )
+
+
+def _of_track(records: tuple[FoldRecord, ...], track_id: int | None) -> tuple[FoldRecord, ...]:
+    """What was not taken and what was missed, each with its track."""
     return tuple(
         replace(each, track_id=track_id) if isinstance(each, NotFollowed | Miss) else each
         for each in records
@@ -154,8 +227,9 @@ def _reason(
         return Cause(kind="measured again" if before.state == "COAST" else "two frames agree")
     if after.state == "ACQUIRE":
         return Cause(kind="waiting", detections=len(seen.measurements))
-    misses = [record for record in records if isinstance(record, Miss)]
-    return Cause(kind="missed", missed=misses[-1].reason if misses else seen.why_absent)
+    lead = before.track_id
+    missed = next((r for r in records if isinstance(r, Miss) and r.track_id == lead), None)
+    return Cause(kind="missed", missed=seen.why_absent if missed is None else missed.reason)
 
 
 def _acquire(
@@ -180,6 +254,7 @@ def _acquire(
         if m.is_clipped and m != seen.chosen
     )
     clipped += told_of_choice
+    refused = tuple(_not_followed(m, REFUSED) for m in seen.refused)
     for second in usable:
         partners = [
             first
@@ -194,17 +269,16 @@ def _acquire(
             track_id = before.last_track_id + 1
             track = lqe.initialise(first, second, settings.filter, track_id=track_id)
             told = (_not_followed(m, NotTaken(kind="another leads")) for m in others)
+            beside = _beside((), track, second, seen)
             after = Following(
                 state="TRACK",
-                track=track,
-                taken=second,
-                neighbours=_beside((), track, second, seen),
+                tracks=(Tracked(track=track, taken=second, neighbours=beside),),
                 last_track_id=track_id,
             )
-            return after, (track, *told, *clipped)
+            return after, _of_track((track, *told, *clipped, *refused), track_id)
     alone = tuple(_not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
-    return before.without_track(state, usable), (*alone, *clipped)
+    return before.without_track(state, usable), (*alone, *clipped, *refused)
 
 
 def _rank(m: Measurement) -> tuple[float, float]:
@@ -235,17 +309,15 @@ def _beside(
     return remembered(before, taken, others)
 
 
-def _follow_track(
-    before: Following, track: TrackState, seen: Seen, settings: FollowSettings
-) -> tuple[Following, tuple[FoldRecord, ...]]:
-    predicted = lqe.predict(track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
-    after, records, reasons = _taken_by(predicted, before, seen, settings)
-    if after is None and seen.measurements and seen.by_orbit is not None:
+def _follow_track(before: Tracked, seen: Seen, settings: FollowSettings) -> _Step:
+    predicted = lqe.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
+    step, reasons = _taken_by(predicted, before, seen, settings)
+    if step is None and seen.measurements and seen.by_orbit is not None:
         by_orbit = seen.by_orbit(predicted)
         if by_orbit is not None:
-            after, records, _ = _taken_by(by_orbit, before, seen, settings)
-    if after is not None:
-        return after, records
+            step, _ = _taken_by(by_orbit, before, seen, settings)
+    if step is not None:
+        return step
     reason = seen.why_absent
     if seen.measurements and reason == NOTHING_SEEN:
         reason = Missed(kind="nothing fits")
@@ -258,11 +330,11 @@ def _follow_track(
 
 
 def _taken_by(
-    predicted: TrackState, before: Following, seen: Seen, settings: FollowSettings
-) -> tuple[Following | None, tuple[FoldRecord, ...], dict[Measurement, NotTaken | str]]:
-    """The measurement that fits a prediction: what is followed then, None where none does.
+    predicted: TrackState, before: Tracked, seen: Seen, settings: FollowSettings
+) -> tuple[_Step | None, dict[Measurement, NotTaken | str]]:
+    """The measurement that fits a prediction: the step with it, None where none does.
 
-    With what belongs on the record, and why the others do not fit.
+    With why the others do not fit.
     """
     expected = expected_motion(predicted, seen.exposure_s)
     updated = {m: lqe.update(predicted, m, settings.filter) for m in seen.measurements}
@@ -271,42 +343,38 @@ def _taken_by(
         reasons = _refusals(predicted, expected, updated, before.neighbours, seen, settings)
     fitting = [m for m in seen.measurements if m not in reasons]
     if not fitting:
-        return None, (), reasons
+        return None, reasons
     chosen = fitting[0]
     if settings.choice == "nearest":
         chosen = min(fitting, key=lambda m: _nis(updated[m]))
     reasons |= {m: NotTaken(kind="another taken") for m in fitting if m is not chosen}
-    after = Following(
-        state="TRACK",
-        track=updated[chosen],
-        taken=chosen,
-        neighbours=_beside(before.neighbours, updated[chosen], chosen, seen),
-        last_track_id=before.last_track_id,
-    )
-    return after, (predicted, updated[chosen], *_verdicts(reasons, updated)), reasons
+    told: tuple[FoldRecord, ...] = (predicted, updated[chosen], *_verdicts(reasons, updated))
+    return _measured(updated[chosen], before, chosen, seen, told), reasons
+
+
+def _measured(
+    track: TrackState,
+    before: Tracked,
+    taken: Measurement,
+    seen: Seen,
+    records: tuple[FoldRecord, ...],
+) -> _Step:
+    """A track that has taken a measurement."""
+    beside = _beside(before.neighbours, track, taken, seen)
+    after = Tracked(track=track, taken=taken, neighbours=beside)
+    return _Step(records=records, after=after, is_measured=True)
 
 
 def _follow_chosen(
-    track: TrackState,
-    before: Following,
-    chosen: Measurement,
-    seen: Seen,
-    settings: FollowSettings,
-) -> tuple[Following, tuple[FoldRecord, ...]]:
+    before: Tracked, chosen: Measurement, seen: Seen, settings: FollowSettings
+) -> _Step:
     """What the operator wants followed is taken whatever the gates say, or begins a new track."""
-    predicted = lqe.predict(track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
+    predicted = lqe.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(_not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
     updated = lqe.update(predicted, chosen, settings.filter)
     if _nis(updated) > ANOTHER_OBJECT_NIS:
-        return before.without_track("ACQUIRE", (chosen,)), (predicted, *others)
-    after = Following(
-        state="TRACK",
-        track=updated,
-        taken=chosen,
-        neighbours=_beside(before.neighbours, updated, chosen, seen),
-        last_track_id=before.last_track_id,
-    )
-    return after, (predicted, updated, *others)
+        return _Step(records=(predicted, *others), after=None, begins_with=chosen)
+    return _measured(updated, before, chosen, seen, (predicted, updated, *others))
 
 
 def _refusals(  # noqa: PLR0917 -- one call, each argument a different thing
@@ -397,13 +465,13 @@ def _nis(state: TrackState) -> float:
 
 
 def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
-    before: Following,
+    before: Tracked,
     predicted: TrackState,
     seen: Seen,
     settings: FollowSettings,
     records: tuple[FoldRecord, ...],
     reason: Missed | str,
-) -> tuple[Following, tuple[FoldRecord, ...]]:
+) -> _Step:
     miss = Miss(frame_id=seen.frame_id, reason=reason)
     since_ns = predicted.t_utc_ns if before.taken is None else before.taken.t_mid_utc_ns
     coasted_s = (seen.t_mid_utc_ns - since_ns) / 1e9
@@ -417,9 +485,9 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     elif coasted_s > settings.filter.max_coast_s:
         lost = f"coasted for {coasted_s / 60:.0f} min"
     if lost is not None:
-        return before.without_track("LOST"), (*records, replace(miss, reason=_ended(reason, lost)))
-    after = replace(before, state="COAST", track=predicted, candidates=())
-    return after, (*records, miss)
+        ended = replace(miss, reason=_ended(reason, lost))
+        return _Step(records=(*records, ended), after=None)
+    return _Step(records=(*records, miss), after=replace(before, track=predicted))
 
 
 def _ended(reason: Missed | str, lost: str) -> Missed | str:
