@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from rsoconsole.cli.demo import demo_config
@@ -14,7 +13,8 @@ from rsoconsole.cli.demo_targets import plan_targets, planned_config
 from rsoconsole.config import Config
 from rsoconsole.engine import summary
 from rsoconsole.errors import ConfigError
-from rsoconsole.records import Site
+from rsoconsole.records import Measurement, Site
+from rsoconsole.session.reader import SessionReader
 from rsoconsole.simulator.mount_model import MountModel
 from rsoconsole.simulator.night_plan import NightPlan
 from rsoconsole.simulator.server import ObservatorySettings
@@ -106,18 +106,27 @@ def off_skyfield_arcsec(sample: Sample, true: dict, site: Site, t_utc_ns: int, e
     return float(separation_deg(*place, ra._degrees, dec.degrees)) * 3600.0
 
 
+def off_target_arcsec(session: Path, run: Judged) -> list[float]:
+    """Distance of what was measured nearest to the target in each frame, by astropy."""
+    from astropy.coordinates import SkyCoord
+
+    measured: dict[int, list[tuple[float, float]]] = {}
+    for _, _, record in SessionReader(session).records(kinds=(Measurement,)):
+        place = (record.ra_icrs_deg, record.dec_icrs_deg)
+        measured.setdefault(record.frame_id, []).append(place)
+    found = []
+    for frame_id, places in measured.items():
+        true = run.of_target(frame_id - 1)
+        if true is not None:
+            there = SkyCoord(true["ra_icrs_deg"], true["dec_icrs_deg"], unit="deg")
+            found.append(float(there.separation(SkyCoord(places, unit="deg")).arcsec.min()))
+    return found
+
+
 def centre_offset_deg(exposure: dict, true: dict) -> float:
     """How far the target truly was beside the boresight."""
     boresight = exposure["boresight_ra_icrs_deg"], exposure["boresight_dec_icrs_deg"]
     return float(separation_deg(*boresight, true["ra_icrs_deg"], true["dec_icrs_deg"]))
-
-
-def rate_arcsec_s(exposure: dict, true: dict) -> float:
-    """From the true ends of its streak."""
-    length_px = np.hypot(
-        true["x_end_px"] - true["x_start_px"], true["y_end_px"] - true["y_start_px"]
-    )
-    return float(length_px * 1.264 / exposure["exposure_s"])
 
 
 def first_exposure(plan: NightPlan, latency_s: float, seed: int = 1) -> dict[str, Any]:
