@@ -76,8 +76,9 @@ def first_paint(folder: Path, frames: int) -> dict[str, float]:
         return {"first": first_s, "all": time.monotonic() - terminal.begun_s}
 
 
-def at_work(folder: Path, writer: SessionWriter, frames: int, seconds: float) -> dict[str, float]:
+def at_work(folder: Path, writer: SessionWriter, options: argparse.Namespace) -> dict[str, float]:
     """Keys, processor and bytes while frames come each 2 s, and while none does."""
+    frames, seconds = options.frames, options.seconds
     with Terminal([*COMMAND, str(folder)], os.environ, SIZE) as terminal:
         wait(lambda: terminal.shows(*_whole(frames)))
         time.sleep(2.0)
@@ -88,7 +89,7 @@ def at_work(folder: Path, writer: SessionWriter, frames: int, seconds: float) ->
             latencies = [_key_s(terminal, turn) for turn in range(KEYS)]
         with coming(writer, last(), every_s=10.0):
             bytes_before, began = len(terminal.written), time.monotonic()
-            time.sleep(60.0)
+            time.sleep(options.bytes_over)
             a_second = (len(terminal.written) - bytes_before) / (time.monotonic() - began)
     return {
         "key_ms": median(latencies) * 1e3,
@@ -142,6 +143,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=5000)
     parser.add_argument("--seconds", type=float, default=40.0)
     parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--bytes-over", type=float, default=60.0, help="seconds")
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     figures: dict[str, Any] = {
@@ -156,7 +158,7 @@ def main() -> None:
         starts = [first_paint(folder, options.frames) for _ in range(options.repeats)]
         figures["first_paint_s"] = round(median(each["first"] for each in starts), 3)
         figures["whole_night_s"] = round(median(each["all"] for each in starts), 3)
-        worked = at_work(folder, writer, options.frames, options.seconds)
+        worked = at_work(folder, writer, options)
         figures |= {name: round(value, 2) for name, value in worked.items()}
         writer.close()
     figures["load_after"] = round(os.getloadavg()[0], 1)
