@@ -49,6 +49,7 @@ _UNITS = (
     ("_px", "pix"),
     ("_s", "s"),
 )
+_WORDED = frozenset(("reason", "outcome"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +74,11 @@ class Column:
         if self.name == "ms":
             return "ms"
         return next((unit for ending, unit in _UNITS if self.name.endswith(ending)), None)
+
+    @property
+    def is_worded(self) -> bool:
+        """Whether the record has a kind with figures there, of which the column is the text."""
+        return self.place in _WORDED
 
     @property
     def place(self) -> str:
@@ -390,7 +396,8 @@ _ABOUT: tuple[Table, ...] = (
         row="an operator's command",
         own=columns_of(
             "verb text what was wanted\narguments json with what\n"
-            "outcome text what came of it\nby text who wanted it"
+            "outcome text what came of it\nby text who wanted it\n"
+            "outcome_kind=outcome.kind text accepted, done, ruled, stopped, refused or so"
         ),
     ),
     Table(

@@ -64,7 +64,9 @@ def rulings(r: Rig) -> list[Ruling]:
 
 def done(r: Rig) -> list[str]:
     """Verbs that have come to something."""
-    return [action.verb for action in r.memory.of(OperatorAction) if action.outcome != "accepted"]
+    return [
+        action.verb for action in r.memory.of(OperatorAction) if action.outcome.kind != "accepted"
+    ]
 
 
 def is_done(r: Rig, verb: str) -> bool:

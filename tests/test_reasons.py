@@ -15,7 +15,7 @@ from rsoconsole.pipeline.recorded_frames import recorded_frames
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.retell import retell
 from rsoconsole.pipeline.what_if import what_if
-from rsoconsole.reasons import Cause, Missed, NotTaken
+from rsoconsole.reasons import Cause, Missed, NotTaken, Told
 from rsoconsole.records import Event, Miss, NotFollowed, StateChange
 from rsoconsole.session import old_reasons
 from rsoconsole.session.codec import decode, encode
@@ -172,7 +172,7 @@ def test_every_old_sentence_of_the_fold_is_understood(tmp_path: Path) -> None:
     for name in ("busy", "ruled"):
         for record in records_of(old_session(tmp_path / name, name)):
             if isinstance(record, StateChange | Miss):
-                assert not isinstance(record.reason, str), record
+                assert not isinstance(record.reason, Told), record
                 understood += 1
     assert understood > 60
 
@@ -185,7 +185,7 @@ def test_every_old_sentence_of_the_fold_is_understood(tmp_path: Path) -> None:
         ("cloud: 12 stars where 200 were; no detection", old_reasons.missed),
         ("slew refused: a; b; nothing fits the prediction; coasted for 5 min", old_reasons.missed),
         ("detected, but not solved: 7 stars; 8 needed", old_reasons.missed),
-        ("confidence 0.05 below tau 0.10", old_reasons.below_tau),
+        ("confidence 0.05 below tau 0.10", old_reasons.rejected),
         ("limit met: altitude 14.9 deg, 15 at least", old_reasons.cause),
         ("looked for again by console a@b", old_reasons.cause),
         ("the clock was set by -3.5 s", old_reasons.cause),
@@ -198,10 +198,10 @@ def test_every_old_sentence_of_the_fold_is_understood(tmp_path: Path) -> None:
 )
 def test_an_old_sentence_becomes_a_kind_that_says_the_same(words: str, read: Any) -> None:
     reason = read(words)
-    assert not isinstance(reason, str)
+    assert not isinstance(reason, Told)
     assert reason_text.text(reason) == words
 
 
 def test_what_no_version_has_written_stays_as_it_was() -> None:
-    readers = (old_reasons.not_taken, old_reasons.missed, old_reasons.below_tau, old_reasons.cause)
-    assert {read("so") for read in readers} == {"so"}
+    readers = (old_reasons.not_taken, old_reasons.missed, old_reasons.rejected, old_reasons.cause)
+    assert {read("so") for read in readers} == {Told(words="so")}

@@ -18,7 +18,7 @@ from rsoconsole.control.commands import (
     Stop,
 )
 from rsoconsole.engine.arming import arming_checks, gather_facts, refusal_text
-from rsoconsole.engine.command_queue import CommandQueue, OvertakenError, action_record
+from rsoconsole.engine.command_queue import OVERTAKEN, CommandQueue, OvertakenError, action_record
 from rsoconsole.engine.handlers import Accepted, Handler, RefusedError
 from rsoconsole.engine.health import HealthMeter
 from rsoconsole.engine.loop import Engine
@@ -26,6 +26,7 @@ from rsoconsole.engine.machine_watch import MachineState
 from rsoconsole.engine.seats import Seats, name_of
 from rsoconsole.engine.states import Stopped
 from rsoconsole.errors import RsoconsoleError
+from rsoconsole.reasons import ACCEPTED, CommandResult, done
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky.frames import icrs_to_altaz
 
@@ -103,16 +104,16 @@ class Desk:
                 handler.expect(command, by)
             accepted = handler.check(command, by)
         except (ValueError, RsoconsoleError) as error:
-            self._engine.chronicle.append(action_record(request, f"refused: {error}"))
+            self._engine.chronicle.append(action_record(request, CommandResult.refused(error)))
             raise
         request = dataclasses.replace(request, command=accepted.command or command)
         try:
             self._queue.put(request)
-        except OvertakenError as overtaken:
-            self._engine.chronicle.append(action_record(request, str(overtaken)))
+        except OvertakenError:
+            self._engine.chronicle.append(action_record(request, OVERTAKEN))
             raise
         # What has been acknowledged is on record, unless the disk does not take it.
-        self._engine.chronicle.append(action_record(request, "accepted"))
+        self._engine.chronicle.append(action_record(request, ACCEPTED))
         self._flush(FLUSH_S)
         if isinstance(command, Shutdown):
             self._queue.request_shutdown()
@@ -144,12 +145,14 @@ class Desk:
         # The flag and the mount first; whatever else STOP means comes after them.
         result = self._queue.stop(Stopped(by=by), self._instruments.mount.abort)
         self._engine.wake()
-        outcome = f"stopped in {result.ms:.0f} ms by {result.path}"
+        outcome = CommandResult(kind="failed", detail=result.detail)
+        if result.stopped:
+            outcome = CommandResult(kind="stopped", stop_ms=result.ms, stop_path=result.path)
         self._engine.chronicle.append(
             OperatorAction(
                 verb=command.verb,
                 arguments=command.arguments(),
-                outcome=outcome if result.stopped else f"NOT confirmed: {result.detail}",
+                outcome=outcome,
                 by=by,
             )
         )
@@ -197,6 +200,6 @@ class Desk:
     def _note(self, command: Note, by: str) -> Outcome:
         """The operator's remark, on record at once."""
         said = dataclasses.replace(command, text=printable(command.text).strip()[:LONGEST_NOTE])
-        self._engine.chronicle.append(action_record(Request(command=said, by=by), "noted"))
+        self._engine.chronicle.append(action_record(Request(command=said, by=by), done("noted")))
         self._flush(FLUSH_S)
         return Outcome(ok=True, message="noted")

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import BelowTau, Cause, Missed, NotTaken
+from rsoconsole.reasons import Reason
 from rsoconsole.record_columns import SUPERSEDED, TABLES, Column, Table
 from rsoconsole.records import FollowedAgain
 from rsoconsole.session.codec import to_json_value
@@ -75,7 +75,7 @@ def _plain(value: Any) -> Any:
     """As it is; records, and tuples of records, as the JSON that the log has."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
-    if isinstance(value, BelowTau | NotTaken | Missed | Cause):
+    if isinstance(value, Reason):
         return text(value)
     if isinstance(value, tuple) and all(isinstance(each, tuple | float) for each in value):
         return value
