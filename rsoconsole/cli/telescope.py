@@ -69,7 +69,7 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
 
     Example: rsoconsole status --json
     """
-    from rsoconsole.control import ControlClient, read_status
+    from rsoconsole.control import ControlClient, Machine, read_status
 
     outcome = ControlClient(socket, by="status").send(AskStatus())
     if not outcome.ok:
@@ -84,10 +84,10 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
         words.append(output.direction_text(told.ra_icrs_deg, told.dec_icrs_deg))
     if told.alt_deg is not None and told.az_deg is not None:
         words.append(f"alt {told.alt_deg:.1f} az {told.az_deg:.1f}")
-    machine = told.machine or {}
-    if machine.get("cpu_temperature_c") is not None:
-        words.append(f"CPU {machine['cpu_temperature_c']:.0f} °C")
-    words.extend(f"MACHINE {trouble}" for trouble in machine.get("troubles", ()))
+    machine = told.machine or Machine()
+    if machine.cpu_temperature_c is not None:
+        words.append(f"CPU {machine.cpu_temperature_c:.0f} °C")
+    words.extend(f"MACHINE {trouble}" for trouble in machine.troubles)
     words.extend(f"FAULT {fault}" for fault in told.faults)
     output.say(" · ".join(words))
 

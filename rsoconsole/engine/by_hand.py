@@ -2,8 +2,8 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
+from rsoconsole.control import MovePreview
 from rsoconsole.control.commands import Beside, Goto, Nudge, Preview, Track, Unpark
 from rsoconsole.engine.chronicle import Chronicle
 from rsoconsole.engine.guide import Guide
@@ -71,7 +71,7 @@ class ByHand:
             Unpark: Handler(execute=self._unpark),
         }
 
-    def preview(self, preview: Preview) -> dict[str, Any]:
+    def preview(self, preview: Preview) -> MovePreview:
         """What a move would do: target, way, time and limits; nothing moves.
 
         Raises ValueError where it leads nowhere, InstrumentError when the mount is silent.
@@ -88,20 +88,20 @@ class ByHand:
         )
         margins = self._watch.limits.margins_deg(pose)
         override = () if isinstance(preview.move, Beside) else preview.move.override
-        return {
-            "ra_icrs_deg": direction[0],
-            "dec_icrs_deg": direction[1],
-            "ra_date_deg": ra_date_deg,
-            "dec_date_deg": dec_date_deg,
-            "alt_deg": alt_deg,
-            "az_deg": az_deg,
-            "way_deg": separation_deg(*here, *direction),
-            "slew_s": self._planner.slew_s(direction, now_ns),
-            "pier_side": report.pier_side,
-            "pier_side_after": self._planner.side_at(direction, now_ns),
-            "margins_deg": [[name, value] for name, value in margins if math.isfinite(value)],
-            "refused": self._refusal(direction, override),
-        }
+        return MovePreview(
+            ra_icrs_deg=direction[0],
+            dec_icrs_deg=direction[1],
+            ra_date_deg=ra_date_deg,
+            dec_date_deg=dec_date_deg,
+            alt_deg=alt_deg,
+            az_deg=az_deg,
+            way_deg=separation_deg(*here, *direction),
+            slew_s=self._planner.slew_s(direction, now_ns),
+            pier_side=report.pier_side,
+            pier_side_after=self._planner.side_at(direction, now_ns),
+            margins_deg=tuple(margin for margin in margins if math.isfinite(margin[1])),
+            refused=self._refusal(direction, override),
+        )
 
     def _check_move(self, command: Move, _by: str) -> Accepted:
         direction = self._wanted(command)

@@ -6,7 +6,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.control import Command, Outcome, Request, Status, printable, status_json
+from rsoconsole.control import (
+    Command,
+    Outcome,
+    Request,
+    Status,
+    preview_json,
+    printable,
+    status_json,
+)
 from rsoconsole.control.commands import (
     AnswerSeat,
     Arm,
@@ -189,7 +197,7 @@ class Desk:
 
     def _preview(self, command: Preview, _by: str) -> Outcome:
         """Where a move by hand would lead, how long it takes and what stands against it."""
-        return Outcome(ok=True, data=self._engine.by_hand.preview(command))
+        return Outcome(ok=True, data=preview_json(self._engine.by_hand.preview(command)))
 
     def _ask_seat(self, _command: AskSeat, by: str) -> Outcome:
         return Outcome(ok=True, message=self._seats.ask(by))
