@@ -27,7 +27,7 @@ from rsoconsole.console.log_pane import LogPane, log_rows
 from rsoconsole.console.night import Night, NightView
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.plot import Column, residual_limit, residual_plot
-from rsoconsole.control import ControlClient, ControlServer, Outcome, Request
+from rsoconsole.control import ControlClient, ControlServer, Outcome, Request, Sender
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
 from rsoconsole.reasons import Cause, Missed, Told, done
@@ -728,7 +728,7 @@ def test_a_dead_and_a_hanging_engine_are_told_apart_on_the_real_wire(
     server.start()
 
     async def run() -> None:
-        app = ConsoleApp(lambda: ControlClient(socket, by="console"))
+        app = ConsoleApp(lambda: ControlClient(socket, sender=Sender(name="console")))
         async with app.run_test(size=FULL) as pilot:
             await until(pilot, lambda: "AUTO has the mount" in pane(app, "top"))
             hangs.set()

@@ -12,7 +12,7 @@ from textual.widgets import Input
 from rsoconsole.config import Config
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands import COMMANDS
-from rsoconsole.control import Command, Outcome, Request
+from rsoconsole.control import Command, Outcome, Request, Sender
 from rsoconsole.engine.desk import Desk
 from rsoconsole.records import OperatorAction, Ruling
 from rsoconsole.session.writer import SessionWriter
@@ -49,7 +49,7 @@ class DeskWire:
 
     def send(self, command: Command, *, timeout_s: float = 5.0) -> Outcome:
         verb = command.verb
-        outcome = self.desk.handle(Request(command=command, by="console a@b"))
+        outcome = self.desk.handle(Request(command=command, sender=Sender.console("a@b")))
         if verb == "stop":
             self._rig.engine._heed_alarms()
         elif verb not in {"status", "preview"}:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.control import Request
+from rsoconsole.control import Request, Sender
 from rsoconsole.control.commands import Goto
 from rsoconsole.engine.hands import Interrupted
 from rsoconsole.engine.states import LimitMet
@@ -41,7 +41,7 @@ def after_frames(r: Rig, frames: int, act: Callable[[], object]) -> None:
 
 def goto(ra_deg: float, dec_deg: float) -> Request:
     command = Goto(ra_icrs_deg=ra_deg, dec_icrs_deg=dec_deg)
-    return Request(command=command, by="console")
+    return Request(command=command, sender=Sender(name="console"))
 
 
 def end_when_parked(r: Rig) -> None:

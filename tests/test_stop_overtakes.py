@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.control import ControlClient, ControlServer, Outcome
+from rsoconsole.control import ControlClient, ControlServer, Outcome, Sender
 from rsoconsole.control.commands import Goto, Nudge, Stop
 from rsoconsole.engine.desk import Desk
 from rsoconsole.engine.hands import Interrupted
@@ -64,7 +64,7 @@ def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: R
     socket, outcomes = tmp_path / "engine.sock", list[Outcome]()
 
     def nudge() -> None:
-        client = ControlClient(socket, by="console a")
+        client = ControlClient(socket, sender=Sender.console("a"))
         outcomes.append(client.send(Nudge(east_arcmin=1.0, north_arcmin=0.0)))
 
     with ControlServer(socket, desk.handle, stamp=lambda: armed.queue.stops):
@@ -72,7 +72,7 @@ def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: R
         for thread in threads:
             thread.start()
         time.sleep(2.5 * SLOW_DISK_S)
-        assert ControlClient(socket, by="console a").send(Stop()).ok
+        assert ControlClient(socket, sender=Sender.console("a")).send(Stop()).ok
         slews = len(armed.mount.slews)
         heed(armed)
         for thread in threads:
@@ -83,7 +83,7 @@ def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: R
         assert len(armed.mount.slews) == slews
         assert [o.ok for o in outcomes].count(False) >= NUDGES - 4
         # What is asked for afterwards is done.
-        assert ControlClient(socket, by="console a").send(Goto(**ASIDE)).ok
+        assert ControlClient(socket, sender=Sender.console("a")).send(Goto(**ASIDE)).ok
         heed_again()
     assert armed.engine.charge.state == "MANUAL"
 

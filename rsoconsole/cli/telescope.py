@@ -69,9 +69,9 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
 
     Example: rsoconsole status --json
     """
-    from rsoconsole.control import ControlClient, Machine, read_status
+    from rsoconsole.control import ControlClient, Machine, Sender, read_status
 
-    outcome = ControlClient(socket, by="status").send(AskStatus())
+    outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
     if not outcome.ok:
         raise ControlError(outcome.message)
     if json_:
@@ -102,7 +102,7 @@ def stop(
 
     Example: rsoconsole stop
     """
-    from rsoconsole.control import ControlClient
+    from rsoconsole.control import ControlClient, Sender
     from rsoconsole.control.stop import Stopping
 
     def directly() -> tuple[bool, str]:
@@ -112,7 +112,7 @@ def stop(
 
     # With a socket the configured mount is another engine's.
     way_past = directly if socket is None else None
-    stopping = Stopping(lambda: ControlClient(socket, by="stop"), way_past)
+    stopping = Stopping(lambda: ControlClient(socket, sender=Sender(name="stop")), way_past)
     stopping.begin()
     ended = stopping.wait()
     is_stopped, ms = ended.phase == "stopped", ended.ms or 0.0

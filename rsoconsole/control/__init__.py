@@ -9,6 +9,7 @@ from rsoconsole.control.client import ControlClient, Wire
 from rsoconsole.control.command import COMMANDS, Command, command_of, command_words
 from rsoconsole.control.place import EngineLock, default_socket_path
 from rsoconsole.control.preview import MovePreview, preview_json, read_preview
+from rsoconsole.control.sender import Sender, sender_of
 from rsoconsole.control.server import ControlServer, Handler
 from rsoconsole.control.status import Health, Machine, Status, read_status, status_json
 from rsoconsole.control.text import printable
@@ -26,6 +27,7 @@ __all__ = [
     "MovePreview",
     "Outcome",
     "Request",
+    "Sender",
     "Status",
     "Wire",
     "command_of",
@@ -36,5 +38,6 @@ __all__ = [
     "printable",
     "read_preview",
     "read_status",
+    "sender_of",
     "status_json",
 ]

@@ -10,6 +10,7 @@ from rsoconsole.control import (
     Command,
     Outcome,
     Request,
+    Sender,
     Status,
     preview_json,
     printable,
@@ -68,7 +69,7 @@ class Desk:
         self._seats = Seats()
         self._machine = machine
         self._health = HealthMeter(lambda: engine.config, self._instruments.clock, session, machine)
-        self._answers: Mapping[type[Command], Callable[[Any, str], Outcome]] = {
+        self._answers: Mapping[type[Command], Callable[[Any, Sender], Outcome]] = {
             Stop: self._stop,
             AskStatus: self._status,
             Preview: self._preview,
@@ -86,14 +87,14 @@ class Desk:
 
     def handle(self, request: Request) -> Outcome:
         """What came of it; a refusal says why."""
-        command, by = request.command, request.by
-        refused = self._seats.refusal(by, needs_control=command.needs_control)
+        command = request.command
+        refused = self._seats.refusal(request.sender, needs_control=command.needs_control)
         if refused is not None:
             holder = name_of(self._seats.view().holder)
             return Outcome(ok=False, message=refused, data={"seat": holder})
         try:
             answer = self._answers.get(type(command))
-            return self._accept(request) if answer is None else answer(command, by)
+            return self._accept(request) if answer is None else answer(command, request.sender)
         except RefusedError as error:
             return Outcome(ok=False, message=str(error), data=error.data)
         except (ValueError, RsoconsoleError) as error:
@@ -149,9 +150,9 @@ class Desk:
 
     # -- past the loop --------------------------------------------------------------------------
 
-    def _stop(self, command: Stop, by: str) -> Outcome:
+    def _stop(self, command: Stop, sender: Sender) -> Outcome:
         # The flag and the mount first; whatever else STOP means comes after them.
-        result = self._queue.stop(Stopped(by=by), self._instruments.mount.abort)
+        result = self._queue.stop(Stopped(by=sender.words), self._instruments.mount.abort)
         self._engine.wake()
         outcome = CommandResult(kind="failed", detail=result.detail)
         if result.stopped:
@@ -161,13 +162,13 @@ class Desk:
                 verb=command.verb,
                 arguments=command.arguments(),
                 outcome=outcome,
-                by=by,
+                by=sender.words,
             )
         )
         data: dict[str, Any] = dataclasses.asdict(result)
         return Outcome(ok=result.stopped, message=result.detail or "stopped", data=data)
 
-    def _status(self, _command: AskStatus, _by: str) -> Outcome:
+    def _status(self, _command: AskStatus, _sender: Sender) -> Outcome:
         return Outcome(ok=True, data=status_json(self.status()))
 
     def status(self) -> Status:
@@ -195,19 +196,23 @@ class Desk:
             pid=os.getpid(),
         )
 
-    def _preview(self, command: Preview, _by: str) -> Outcome:
+    def _preview(self, command: Preview, _sender: Sender) -> Outcome:
         """Where a move by hand would lead, how long it takes and what stands against it."""
         return Outcome(ok=True, data=preview_json(self._engine.by_hand.preview(command)))
 
-    def _ask_seat(self, _command: AskSeat, by: str) -> Outcome:
-        return Outcome(ok=True, message=self._seats.ask(by))
+    def _ask_seat(self, _command: AskSeat, sender: Sender) -> Outcome:
+        return Outcome(ok=True, message=self._seats.ask(sender))
 
-    def _answer_seat(self, command: AnswerSeat, by: str) -> Outcome:
-        return Outcome(ok=True, message=self._seats.answer(by, gives=command.gives, to=command.to))
+    def _answer_seat(self, command: AnswerSeat, sender: Sender) -> Outcome:
+        return Outcome(
+            ok=True, message=self._seats.answer(sender, gives=command.gives, to=command.to)
+        )
 
-    def _note(self, command: Note, by: str) -> Outcome:
+    def _note(self, command: Note, sender: Sender) -> Outcome:
         """The operator's remark, on record at once."""
         said = dataclasses.replace(command, text=printable(command.text).strip()[:LONGEST_NOTE])
-        self._engine.chronicle.append(action_record(Request(command=said, by=by), done("noted")))
+        self._engine.chronicle.append(
+            action_record(Request(command=said, sender=sender), done("noted"))
+        )
         self._flush(FLUSH_S)
         return Outcome(ok=True, message="noted")
