@@ -10,7 +10,7 @@ from typing import Any
 
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Reason
-from rsoconsole.record_columns import SUPERSEDED, TABLES, Column, Table
+from rsoconsole.record_columns import SUPERSEDED, TABLES, Column, Table, member
 from rsoconsole.records import FollowedAgain
 from rsoconsole.session.codec import to_json_value
 
@@ -60,15 +60,7 @@ def _parts(table: Table, record: Any) -> Iterable[tuple[Any, Any]]:
 def _member(number: Any, part: Any, column: Column) -> Any:
     if column.place in {"#", "="}:
         return number if column.place == "#" else part
-    value = part
-    for step in column.place.split("."):
-        if value is None:
-            return None
-        if step.isdigit():
-            value = value[int(step)] if int(step) < len(value) else None
-        else:
-            value = getattr(value, step)
-    return value
+    return member(part, column)
 
 
 def _plain(value: Any) -> Any:
