@@ -7,7 +7,7 @@ from typing import Literal, assert_never
 from rsoconsole.control import command_words, printable
 from rsoconsole.control.commands import Note, Stop
 from rsoconsole.reason_text import ruled_text, text
-from rsoconsole.reasons import DONE, Cause
+from rsoconsole.reasons import DONE, Cause, Missed, Told
 from rsoconsole.records import (
     CatalogueMatch,
     Closeup,
@@ -57,6 +57,8 @@ class LogLine:
     """What an operator wanted, without what came of it."""
     topic: Topic = ""
     """What an event is about."""
+    missed: Missed | Told | None = None
+    """Why a frame had no measurement."""
     is_of_miss: bool = False
     """True for a change of state that a miss led to."""
     is_wanted: bool = False
@@ -71,7 +73,7 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
     What a frame refused several times over is one line, and so are misses in a row for one
     reason; a miss that changed the state is told by that change.
     """
-    if log and log[-1].kind == line.kind == "Miss" and log[-1].text == line.text:
+    if log and line.missed is not None and log[-1].missed == line.missed:
         log[-1] = replace(line, times=log[-1].times + 1)
         return
     last = log[-1] if log and log[-1].frame_id == line.frame_id else None
@@ -115,6 +117,7 @@ def line_of(record: Record, t_utc_ns: int) -> LogLine | None:
         level=words[0],
         text=said,
         kind=type(record).__name__,
+        missed=record.reason if isinstance(record, Miss) else None,
         topic=record.topic if isinstance(record, Event) else "",
         is_of_miss=kind in {"missed", "instrument"},
         is_wanted=kind in {"looked for again", "operator's word"},
