@@ -138,23 +138,22 @@ def _union_decoder(arguments: tuple[Any, ...]) -> _Decoder:
     hints = [a for a in arguments if a not in (str, type(None))]
     others = [(_required(a), _decoder(a)) for a in hints]
     is_optional = type(None) in arguments
+    is_one, first = len(others) == 1, others[0][1] if others else _to_str
 
     def read(value: Any) -> Any:
         if value is None and is_optional:
             return None
         if takes_text and isinstance(value, str):
             return value
-        if not others:
-            raise ValueError(f"{value!r} where text belongs")
+        if is_one or not isinstance(value, dict):
+            return first(value)
         # Of several records the first whose members are there; the first one says what is wrong.
-        fitting = (each for needed, each in others if needed <= _keys(value))
-        return next(fitting, others[0][1])(value)
+        for needed, each in others:
+            if needed <= value.keys():
+                return each(value)
+        return first(value)
 
     return read
-
-
-def _keys(value: Any) -> Any:
-    return value.keys() if isinstance(value, dict) else frozenset()
 
 
 def _required(record_type: Any) -> frozenset[str]:

@@ -94,7 +94,10 @@ def _as_it_is(_kind: str, fields: dict[str, Any]) -> dict[str, Any]:
 def _with_kinds(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
     """The fields of a record, its reason as kind and figures."""
     if kind == "Detections":
-        return {**fields, "rejected": [_rejected(each) for each in fields.get("rejected", ())]}
+        rejected = fields.get("rejected", ())
+        if all(not isinstance(each["reason"], str) for each in rejected):
+            return fields
+        return {**fields, "rejected": [_rejected(each) for each in rejected]}
     if kind not in _READ:
         return fields
     name, read = _READ[kind]
