@@ -402,7 +402,7 @@ _ABOUT: tuple[Table, ...] = (
         own=columns_of(
             "verb text what was wanted\narguments json with what\n"
             "outcome text what came of it\nby text who wanted it\n"
-            "outcome_kind=outcome.kind text accepted, done, ruled, stopped, refused or so"
+            "outcome_kind=outcome.kind text accepted, done, refused and so on"
         ),
     ),
     Table(
