@@ -164,7 +164,7 @@ class Judge:
         box = max(near, key=lambda each: each.confidence)
         measured = Measurements(true.frame, analysis.background, analysis.stars)
         if measured.is_dark(box):
-            return DARK
+            return text(DARK)
         before = [each for each in self._network.boxes if each.confidence > box.confidence]
         if sum(not measured.is_dark(each) for each in before) >= MOST_FITS:
             return NOT_MEASURED

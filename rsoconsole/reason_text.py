@@ -2,7 +2,59 @@
 
 from typing import assert_never
 
-from rsoconsole.reasons import BelowTau, Cause, Missed, MissKind, NotTaken, Reason
+from rsoconsole.reasons import (
+    BelowTau,
+    Cause,
+    CommandResult,
+    DroppedBy,
+    Missed,
+    MissKind,
+    MotionMismatch,
+    NotAStreak,
+    NotAStreakKind,
+    NotTaken,
+    Reason,
+    RuledKind,
+    Told,
+)
+
+_NOT_A_STREAK: dict[NotAStreakKind, str] = {
+    "fit broke": "the line fit broke on it: see the log",
+    "same streak": "same streak as a more confident candidate",
+    "not measured": "not measured: {limit:.0f} more confident candidates in the frame",
+    "no light": "no unbroken light along a line there",
+    "below tau": "below tau {limit:.2f} however well a line fits",
+    "trailed stars": (
+        "one of {value:.0f} streaks of one length and direction: the stars are trailed"
+    ),
+    "longer trail": "light goes on beyond its ends: part of a longer trail",
+    "patchy": "patchy or bent: a cosmic ray or stars in a row",
+    "dark in between": "dark in between: stars in a row",
+    "no line": "no line fits the light in the box",
+    "outside the frame": "the box lies outside the frame",
+    "nothing stands out": "no ends found: nothing stands out of the sky along a line",
+    "runs on far": "no ends found: the light runs on for a thousand pixels or more",
+    "runs on": "no ends found: the light runs on",
+    "darker than the sky": "darker than the sky",
+    "too faint": "too faint: signal to noise {value:.1f}, {limit:.0f} needed",
+    "too narrow": "narrower than a star ({value:.1f} of {limit:.1f} px): a cosmic ray",
+    "too wide": "wider than a star ({value:.1f} of {limit:.1f} px): an aircraft or glare",
+    "too short": "too short: {value:.1f} px, hardly longer than a star is wide",
+    "no ends": "no ends found: they fade into the sky or lie behind a star",
+    "unlit": "only {percent:.0f} % of its length is lit: not one streak",
+    "uneven": "uneven over {percent:.0f} % of its length: stars in a row",
+}
+_RULED: dict[RuledKind, str] = {
+    "rejected": "rejected",
+    "taken": "taken",
+    "taken by hand": "taken by the operator's hand",
+}
+_DROPPED: dict[DroppedBy, str] = {
+    "STOP": "dropped by STOP",
+    "limit met": "dropped: a limit was met",
+    "night ended": "dropped: the night ends",
+    "engine ended": "dropped: the engine ends",
+}
 
 _MISSED: dict[MissKind, str] = {
     "no detection": "no detection",
@@ -15,15 +67,21 @@ _MISSED: dict[MissKind, str] = {
 }
 
 
-def text(reason: Reason | str) -> str:
+def text(reason: Reason) -> str:  # noqa: PLR0911 -- one case a kind
     """The sentence."""
     match reason:
-        case str():
-            return reason
+        case Told():
+            return reason.words
         case BelowTau():
             return f"confidence {reason.confidence:.2f} below tau {reason.tau:.2f}"
+        case NotAStreak():
+            value, limit = reason.value or 0.0, reason.limit or 0.0
+            said = _NOT_A_STREAK[reason.kind]
+            return said.format(value=value, limit=limit, percent=100.0 * value)
         case NotTaken():
             return _not_taken(reason)
+        case CommandResult():
+            return _result(reason)
         case Missed():
             said = _MISSED[reason.kind].replace("{detail}", reason.detail)
             return "; ".join(part for part in (reason.hidden_by, said, reason.lost) if part)
@@ -31,6 +89,32 @@ def text(reason: Reason | str) -> str:
             return _cause(reason)
         case _:
             assert_never(reason)
+
+
+def _result(result: CommandResult) -> str:  # noqa: PLR0911 -- one case a kind
+    match result.kind:
+        case "accepted":
+            return "accepted"
+        case "done":
+            return result.detail or "done"
+        case "ruled":
+            return f"frame {result.frame_id}: {ruled_text(result)}"
+        case "stopped":
+            return f"stopped in {result.stop_ms or 0.0:.0f} ms by {result.stop_path}"
+        case "refused":
+            return f"refused: {result.detail}"
+        case "dropped":
+            return _DROPPED[result.dropped_by or "STOP"]
+        case "failed":
+            return f"NOT confirmed: {result.detail}"
+        case _:
+            assert_never(result.kind)
+
+
+def ruled_text(result: CommandResult) -> str:
+    """What a word on a frame came to, where the frame has been named before."""
+    beside = f", {result.left_alone} left alone" if result.left_alone else ""
+    return _RULED[result.ruled or "taken"] + beside
 
 
 def _not_taken(reason: NotTaken) -> str:  # noqa: PLR0911 -- one case a kind
@@ -51,8 +135,31 @@ def _not_taken(reason: NotTaken) -> str:  # noqa: PLR0911 -- one case a kind
             return "clipped by the frame: starts no track"
         case "neighbour":
             return "stands where a neighbour of the one followed was"
+        case "moves otherwise":
+            return "" if reason.mismatch is None else _mismatch(reason.mismatch)
+        case "clipped and far":
+            away, allowed = reason.away_arcsec or 0.0, reason.allowed_arcsec or 0.0
+            return f"clipped, and {away:.0f} arcsec from the prediction, {allowed:.0f} at most"
+        case "no second frame":
+            why = "" if reason.missed is None else text(reason.missed)
+            return f"no second frame: {why or _mismatch(reason.mismatch)}"
         case _:
             assert_never(reason.kind)
+
+
+def _mismatch(found: MotionMismatch | None) -> str:
+    if found is None:
+        return "None"
+    match found.kind:
+        case "direction":
+            return f"streak runs {found.value or 0.0:.0f} deg off the expected motion"
+        case "length":
+            long, expected = found.value or 0.0, found.expected or 0.0
+            return f"streak is {long:.0f} arcsec long, {expected:.0f} expected"
+        case "order of time":
+            return "frames are not in order of time"
+        case _:
+            assert_never(found.kind)
 
 
 def _cause(reason: Cause) -> str:  # noqa: PLR0911, PLR0912 -- one case a kind
@@ -83,6 +190,6 @@ def _cause(reason: Cause) -> str:  # noqa: PLR0911, PLR0912 -- one case a kind
             plural = "" if reason.detections == 1 else "s"
             return f"{reason.detections} detection{plural}, waiting for a second frame"
         case "missed":
-            return text(reason.missed or "")
+            return "" if reason.missed is None else text(reason.missed)
         case _:
             assert_never(reason.kind)

@@ -1,7 +1,6 @@
 """Why something came to pass: a kind with its figures; ``reason_text`` makes the sentence.
 
-Programs look at kinds and figures alone. Where a record's reason may also be plain text, that
-text is for people: nothing is decided by it.
+Programs look at kinds and figures alone. A ``detail`` is for people: nothing is decided by it.
 """
 
 from dataclasses import dataclass
@@ -16,6 +15,43 @@ class BelowTau:
     tau: float
 
 
+NotAStreakKind: TypeAlias = Literal[
+    "fit broke",
+    "same streak",
+    "not measured",
+    "no light",
+    "below tau",
+    "trailed stars",
+    "longer trail",
+    "patchy",
+    "dark in between",
+    "no line",
+    "outside the frame",
+    "nothing stands out",
+    "runs on far",
+    "runs on",
+    "darker than the sky",
+    "too faint",
+    "too narrow",
+    "too wide",
+    "too short",
+    "no ends",
+    "unlit",
+    "uneven",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotAStreak:
+    """The gate that a candidate did not pass."""
+
+    kind: NotAStreakKind
+    value: float | None = None
+    """What was measured: a signal to noise, a width or length in pixels, a share, a count."""
+    limit: float | None = None
+    """What it was held against, in the same unit."""
+
+
 NotTakenKind: TypeAlias = Literal[
     "NIS",
     "cannot be told apart",
@@ -25,7 +61,32 @@ NotTakenKind: TypeAlias = Literal[
     "another leads",
     "clipped at start",
     "neighbour",
+    "moves otherwise",
+    "clipped and far",
+    "no second frame",
 ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionMismatch:
+    """How a streak does not fit a motion."""
+
+    kind: Literal["direction", "length", "order of time"]
+    value: float | None = None
+    """Of "direction" how many degrees it is off, of "length" its arcseconds, to the whole one."""
+    expected: float | None = None
+    """Of "length"."""
+
+    @classmethod
+    def of_direction(cls, off_deg: float) -> "MotionMismatch":
+        """It runs otherwise."""
+        return cls(kind="direction", value=float(round(off_deg)))
+
+    @classmethod
+    def of_length(cls, length_arcsec: float, expected_arcsec: float) -> "MotionMismatch":
+        """It is longer or shorter."""
+        whole = float(round(length_arcsec)), float(round(expected_arcsec))
+        return cls(kind="length", value=whole[0], expected=whole[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +97,22 @@ class NotTaken:
     nis: float | None = None
     """Normalised innovation squared of kind "NIS", and the gate's limit, to one decimal."""
     limit: float | None = None
+    mismatch: MotionMismatch | None = None
+    """Of kind "moves otherwise"; of "no second frame", with what came nearest to being one."""
+    missed: "Missed | None" = None
+    """Of kind "no second frame", where the second frame showed nothing."""
+    away_arcsec: float | None = None
+    """Of kind "clipped and far", from the prediction, and how far it may be, to the whole one."""
+    allowed_arcsec: float | None = None
+
+    @classmethod
+    def clipped_and_far(cls, away_arcsec: float, allowed_arcsec: float) -> "NotTaken":
+        """The visible part of a streak does not lie where the track's may."""
+        return cls(
+            kind="clipped and far",
+            away_arcsec=float(round(away_arcsec)),
+            allowed_arcsec=float(round(allowed_arcsec)),
+        )
 
     @classmethod
     def by_gate(cls, nis: float, limit: float) -> "NotTaken":
@@ -107,9 +184,59 @@ class Cause:
     """By how much the clock was set."""
     detections: int | None = None
     """How many wait for a second frame."""
-    missed: Missed | str | None = None
+    missed: "Missed | Told | None" = None
 
 
 FROM_OUTSIDE: frozenset[CauseKind] = frozenset(("limit met", "looked for again", "clock set"))
 """What leads from one state of a search or track to another without a frame's doing."""
-Reason: TypeAlias = BelowTau | NotTaken | Missed | Cause
+
+
+ResultKind: TypeAlias = Literal[
+    "accepted", "done", "ruled", "stopped", "refused", "dropped", "failed"
+]
+RuledKind: TypeAlias = Literal["rejected", "taken", "taken by hand"]
+DroppedBy: TypeAlias = Literal["STOP", "limit met", "night ended", "engine ended"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandResult:
+    """What came of a command."""
+
+    kind: ResultKind
+    """"accepted": it waits, and what comes of it is on record too; "failed": the mount did not
+    confirm a STOP."""
+    detail: str = ""
+    """Of "done": how, where that is worth saying; of "refused" and "failed": why."""
+    dropped_by: DroppedBy | None = None
+    """What undid it while it waited."""
+    stop_ms: float | None = None
+    """How long a STOP took, and its way to the mount."""
+    stop_path: str = ""
+    ruled: RuledKind | None = None
+    """What the operator's word on a frame came to."""
+    frame_id: int | None = None
+    left_alone: int = 0
+    """Measurements of that frame and those after it that the track did not take."""
+
+    @classmethod
+    def refused(cls, why: object) -> "CommandResult":
+        """It cannot be."""
+        return cls(kind="refused", detail=str(why))
+
+
+ACCEPTED, DONE = CommandResult(kind="accepted"), CommandResult(kind="done")
+
+
+def done(detail: str) -> CommandResult:
+    """It is done, with what came of it in words for people."""
+    return CommandResult(kind="done", detail=detail)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """A sentence of an old session that no kind says; only the decoder of old ones makes it."""
+
+    words: str
+
+
+Reason: TypeAlias = BelowTau | NotAStreak | NotTaken | Missed | Cause | CommandResult | Told

@@ -1,16 +1,21 @@
 """The public tables of a session: which columns each has, of what type, and what they mean.
 
 Declared once: the SQL of the views (``session/schema.py``), the notebook's tables, and the
-documentation (``sessions/README.md``, held to this by a test) are made of it. Exported tables
-declare theirs in the same language (``export/rows.py``).
+documentation (``python -m rsoconsole.record_columns sessions/README.md``; a test holds it to this)
+are made of it. Exported tables declare theirs in the same language (``export/rows.py``), and carry
+whatever column a measurement gets here beside.
+
+A field of a record and its line here are all that a new column takes.
 
 A column's unit is the one in its name, so that no table can say another.
 """
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from rsoconsole.records import (
     CycleTiming,
@@ -49,6 +54,7 @@ _UNITS = (
     ("_px", "pix"),
     ("_s", "s"),
 )
+_WORDED = frozenset(("reason", "outcome"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +79,11 @@ class Column:
         if self.name == "ms":
             return "ms"
         return next((unit for ending, unit in _UNITS if self.name.endswith(ending)), None)
+
+    @property
+    def is_worded(self) -> bool:
+        """Whether the record has a kind with figures there, of which the column is the text."""
+        return self.place in _WORDED
 
     @property
     def place(self) -> str:
@@ -390,7 +401,8 @@ _ABOUT: tuple[Table, ...] = (
         row="an operator's command",
         own=columns_of(
             "verb text what was wanted\narguments json with what\n"
-            "outcome text what came of it\nby text who wanted it"
+            "outcome text what came of it\nby text who wanted it\n"
+            "outcome_kind=outcome.kind text accepted, done, refused and so on"
         ),
     ),
     Table(
@@ -404,6 +416,19 @@ TABLES: Mapping[str, Table] = MappingProxyType({each.name: each for each in _ABO
 """By name, in the order of the documentation."""
 
 
+def member(record: Any, column: Column) -> Any:
+    """What a record, or the part of it that a row is, has in a column; None for nothing."""
+    value = record
+    for step in column.place.split("."):
+        if value is None:
+            return None
+        if step.isdigit():
+            value = value[int(step)] if int(step) < len(value) else None
+        else:
+            value = getattr(value, step)
+    return value
+
+
 def documentation() -> str:
     """The tables as ``sessions/README.md`` shows them."""
     lines = ["| view | a row is | columns beside those three |", "|---|---|---|"]
@@ -411,3 +436,19 @@ def documentation() -> str:
         named = ", ".join(column.name for column in table.columns[len(HEAD) :])
         lines.append(f"| `{table.name}` | {table.row} | {named} |")
     return "\n".join(lines)
+
+
+def documented(page: str) -> str:
+    """A page with the documentation in the place of what stands there of it."""
+    first, *_, last = (line for line in page.splitlines() if _is_of_table(line))
+    before, _, rest = page.partition(first)
+    return before + documentation() + rest.partition(last)[2]
+
+
+def _is_of_table(line: str) -> bool:
+    return line.startswith(("| view | a row is |", *(f"| `{name}` | " for name in TABLES)))
+
+
+if __name__ == "__main__":
+    for path in map(Path, sys.argv[1:]):
+        path.write_text(documented(path.read_text(encoding="utf-8")), encoding="utf-8")

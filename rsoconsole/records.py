@@ -14,7 +14,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.reasons import BelowTau, Cause, Missed, NotTaken
+from rsoconsole.reasons import BelowTau, Cause, CommandResult, Missed, NotAStreak, NotTaken, Told
 
 FloatArray = npt.NDArray[np.float64]
 PixelArray = npt.NDArray[np.uint16] | npt.NDArray[np.float32]
@@ -113,7 +113,7 @@ class Rejection:
     """A candidate that was not taken, and why."""
 
     detection: Detection
-    reason: BelowTau | str
+    reason: BelowTau | NotAStreak | Told
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -301,7 +301,7 @@ class NotFollowed:
 
     frame_id: int
     measurement: Measurement
-    reason: NotTaken | str
+    reason: NotTaken | Told
     nis: float | None = None
     """Its normalised innovation squared, where there was a prediction to compare with."""
     track_id: int | None = None
@@ -313,7 +313,7 @@ class Miss:
     """A frame in which the followed object was not measured, and why."""
 
     frame_id: int
-    reason: Missed | str
+    reason: Missed | Told
     track_id: int | None = None
     """The track that misses it; None where there was none."""
 
@@ -393,7 +393,7 @@ class StateChange:
     frame_id: int
     before: LoopState
     after: LoopState
-    reason: Cause | str
+    reason: Cause | Told
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -413,7 +413,7 @@ class OperatorAction:
 
     verb: str
     arguments: Mapping[str, Any]
-    outcome: str
+    outcome: CommandResult
     by: str
 
 

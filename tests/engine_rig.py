@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.control import Outcome, Request, command_of
+from rsoconsole.control import Outcome, Request, command_of, sender_of
 from rsoconsole.engine.command_queue import CommandQueue
 from rsoconsole.engine.desk import Desk
 from rsoconsole.engine.hands import Hands
@@ -261,7 +261,7 @@ def asked(
     stamp: int | None = None,
 ) -> Request:
     """A command as it comes off the wire. Raises ValueError for what is none."""
-    return Request(command=command_of(verb, arguments or {}), by=by, stamp=stamp)
+    return Request(command=command_of(verb, arguments or {}), sender=sender_of(by), stamp=stamp)
 
 
 def told(desk: Desk, verb: str, arguments: Mapping[str, Any], by: str = "operator") -> Outcome:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from rsoconsole.reasons import DONE, CommandResult, Told, done
 from rsoconsole.records import (
     Event,
     FollowedAgain,
@@ -55,7 +56,7 @@ def _refusal(writer: SessionWriter, n: int) -> None:
     if n % REFUSALS == 0:
         seen = geo_measurement(n, cadence_s=night.CADENCE_S, confidence=0.62)
         refused = NotFollowed(
-            frame_id=n, measurement=seen, reason="NIS 31 above the gate", nis=31.0
+            frame_id=n, measurement=seen, reason=Told(words="NIS 31 above the gate"), nis=31.0
         )
         writer.append(refused, night.t_of(n))
 
@@ -63,7 +64,7 @@ def _refusal(writer: SessionWriter, n: int) -> None:
 def _note(writer: SessionWriter, n: int) -> None:
     if n % NOTES == 0:
         said = {"text": f"clouds in the west, frame {n}"}
-        note = OperatorAction(verb="note", arguments=said, outcome="noted", by="console a@b")
+        note = OperatorAction(verb="note", arguments=said, outcome=done("noted"), by="console a@b")
         writer.append(note, night.t_of(n) + 5 * 10**9)
 
 
@@ -71,7 +72,7 @@ def _change(writer: SessionWriter, n: int) -> None:
     if n % CHANGES == 0:
         tau = 0.1 + 0.01 * (n // CHANGES % 5)
         wanted = {"name": "detector.tau", "value": tau}
-        action = OperatorAction(verb="set", arguments=wanted, outcome="done", by="console a@b")
+        action = OperatorAction(verb="set", arguments=wanted, outcome=DONE, by="console a@b")
         change = ParameterChange(name="detector.tau", before=0.1, after=tau, by="console a@b")
         writer.append(change, night.t_of(n) + 6 * 10**9)
         writer.append(action, night.t_of(n) + 6 * 10**9)
@@ -86,7 +87,7 @@ def _ruling(writer: SessionWriter, n: int) -> None:
     action = OperatorAction(
         verb="reject",
         arguments={"frame": ruled},
-        outcome=f"frame {ruled}: rejected",
+        outcome=CommandResult(kind="ruled", ruled="rejected", frame_id=ruled),
         by="console a@b",
     )
     writer.append(Ruling(frame_id=ruled, refused=(seen,), by="console a@b"), ns)
@@ -95,7 +96,7 @@ def _ruling(writer: SessionWriter, n: int) -> None:
         writer.append(FollowedAgain(frame_id=again), ns)
         writer.append(night.state_of(again, ra, dec, "predicted"), ns)
         if again == ruled:
-            writer.append(Miss(frame_id=again, reason="rejected by the operator"), ns)
+            writer.append(Miss(frame_id=again, reason=Told(words="rejected by the operator")), ns)
         else:
             named = geo_measurement(again, cadence_s=night.CADENCE_S).measurement_id
             writer.append(night.state_of(again, ra, dec, "updated", named), ns)
@@ -107,7 +108,7 @@ def _loss(writer: SessionWriter, n: int) -> None:
         ns = night.t_of(n) + 8 * 10**9
         for before, after in (("TRACK", "LOST"), ("LOST", "SEARCH"), ("SEARCH", "TRACK")):
             change = StateChange(
-                frame_id=n, before=before, after=after, reason="3 sigma of 40\u2032"
+                frame_id=n, before=before, after=after, reason=Told(words="3 sigma of 40\u2032")
             )  # type: ignore[arg-type]
             writer.append(change, ns)
             ns += 60 * 10**9 // 10

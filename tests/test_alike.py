@@ -9,6 +9,7 @@ import pytest
 
 from rsoconsole.pipeline.alike import are_alike, is_alike
 from rsoconsole.pipeline.replay import replay
+from rsoconsole.reasons import Told
 from rsoconsole.records import Miss, StateChange, TrackState
 from rsoconsole.session.reader import SessionReader
 
@@ -57,12 +58,12 @@ def test_what_a_person_could_see_makes_one(track: TrackState) -> None:
 
 
 def test_records_that_say_something_else_are_not_alike() -> None:
-    miss = Miss(frame_id=3, reason="no stars")
-    change = StateChange(frame_id=3, before="TRACK", after="COAST", reason="no stars")
+    miss = Miss(frame_id=3, reason=Told(words="no stars"))
+    change = StateChange(frame_id=3, before="TRACK", after="COAST", reason=Told(words="no stars"))
     assert are_alike((miss, change), (miss, change))
     assert not are_alike((miss, change), (change, miss))
     assert not are_alike((miss,), (miss, change))
-    assert not is_alike(miss, replace(miss, reason="no detection"))
+    assert not is_alike(miss, replace(miss, reason=Told(words="no detection")))
 
 
 def test_a_small_change_of_a_setting_is_no_rounding(records: list[Any]) -> None:

@@ -27,11 +27,12 @@ from rsoconsole.console.log_pane import LogPane, log_rows
 from rsoconsole.console.night import Night, NightView
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.plot import Column, residual_limit, residual_plot
-from rsoconsole.control import ControlClient, ControlServer, Outcome, Request
+from rsoconsole.control import ControlClient, ControlServer, Outcome, Request, Sender
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
-from rsoconsole.reasons import Cause, Missed
+from rsoconsole.reasons import Cause, Missed, Told, done
 from rsoconsole.records import Event, Miss, OperatorAction, Site, SlewCommand, StateChange
+from rsoconsole.session.old_reasons import result
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
@@ -173,7 +174,7 @@ def test_every_pane_lies_in_the_terminal_while_it_is_resized(wire: FakeWire) -> 
 
 def test_misses_in_a_row_are_one_line() -> None:
     log: list[LogLine] = []
-    cloud = "cloud"
+    cloud = Told(words="cloud")
     records = [
         *(Miss(frame_id=n, reason=Missed(kind="no detection")) for n in range(1, 6)),
         Miss(frame_id=6, reason=cloud),
@@ -192,7 +193,7 @@ def test_misses_in_a_row_are_one_line() -> None:
 
 
 def _asked(outcome: str, verb: str = "goto", **arguments: Any) -> LogLine:
-    record = OperatorAction(verb=verb, arguments=arguments, outcome=outcome, by="console")
+    record = OperatorAction(verb=verb, arguments=arguments, outcome=result(outcome), by="console")
     line = line_of(record, night.T0_UTC_NS)
     assert line is not None
     return line
@@ -221,7 +222,7 @@ def test_the_log_says_what_came_of_a_wish_first_and_leaves_out_what_says_nothing
 def test_nothing_that_is_written_in_the_log_reaches_the_terminal_as_a_command() -> None:
     for record in (
         OperatorAction(
-            verb="note", arguments={"text": "a\x1b]0;b\x07\x9b2J"}, outcome="noted", by="x"
+            verb="note", arguments={"text": "a\x1b]0;b\x07\x9b2J"}, outcome=done("noted"), by="x"
         ),
         Event(level="warning", text="driver says \x1b[2J"),
     ):
@@ -727,7 +728,7 @@ def test_a_dead_and_a_hanging_engine_are_told_apart_on_the_real_wire(
     server.start()
 
     async def run() -> None:
-        app = ConsoleApp(lambda: ControlClient(socket, by="console"))
+        app = ConsoleApp(lambda: ControlClient(socket, sender=Sender(name="console")))
         async with app.run_test(size=FULL) as pilot:
             await until(pilot, lambda: "AUTO has the mount" in pane(app, "top"))
             hangs.set()
@@ -743,7 +744,9 @@ def test_a_dead_and_a_hanging_engine_are_told_apart_on_the_real_wire(
 def test_a_new_engine_brings_its_new_session(wire: FakeWire, tmp_path: Path) -> None:
     second = night.begin(tmp_path / "second")
     second.append(
-        StateChange(frame_id=0, before="IDLE", after="SEARCH", reason="the second night"),
+        StateChange(
+            frame_id=0, before="IDLE", after="SEARCH", reason=Told(words="the second night")
+        ),
         night.t_of(100),
     )
     assert second.flush()

@@ -12,7 +12,7 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.log_lines import line_of
 from rsoconsole.console.night import NightView
-from rsoconsole.reasons import Cause
+from rsoconsole.reasons import Cause, Told
 from rsoconsole.records import Event, StateChange
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
@@ -120,7 +120,9 @@ def test_the_seat_rings_for_a_loss_where_that_is_wanted(
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         assert rung == []
-        change = StateChange(frame_id=FRAMES, before="TRACK", after="LOST", reason="coasted")
+        change = StateChange(
+            frame_id=FRAMES, before="TRACK", after="LOST", reason=Told(words="coasted")
+        )
         writer.append(change, night.t_of(FRAMES))
         assert writer.flush()
         await until(pilot, lambda: app.live.night.state == "LOST")

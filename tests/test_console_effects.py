@@ -12,7 +12,7 @@ from textual.widgets import Input
 from rsoconsole.config import Config
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands import COMMANDS
-from rsoconsole.control import Command, Outcome, Request
+from rsoconsole.control import Command, Outcome, Request, Sender
 from rsoconsole.engine.desk import Desk
 from rsoconsole.records import OperatorAction, Ruling
 from rsoconsole.session.writer import SessionWriter
@@ -49,7 +49,7 @@ class DeskWire:
 
     def send(self, command: Command, *, timeout_s: float = 5.0) -> Outcome:
         verb = command.verb
-        outcome = self.desk.handle(Request(command=command, by="console a@b"))
+        outcome = self.desk.handle(Request(command=command, sender=Sender.console("a@b")))
         if verb == "stop":
             self._rig.engine._heed_alarms()
         elif verb not in {"status", "preview"}:
@@ -64,7 +64,9 @@ def rulings(r: Rig) -> list[Ruling]:
 
 def done(r: Rig) -> list[str]:
     """Verbs that have come to something."""
-    return [action.verb for action in r.memory.of(OperatorAction) if action.outcome != "accepted"]
+    return [
+        action.verb for action in r.memory.of(OperatorAction) if action.outcome.kind != "accepted"
+    ]
 
 
 def is_done(r: Rig, verb: str) -> bool:

@@ -15,6 +15,7 @@ from textual.pilot import Pilot
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.fold import has_tune_of_its_own
 from rsoconsole.control import Outcome
+from rsoconsole.reasons import Told
 from rsoconsole.records import StateChange
 from tests import made_up_night as night
 from tests import orbit_night
@@ -33,7 +34,9 @@ def told(folder: Path, frames: int, *, after: str = "") -> Path:
     night.add_frames(writer, range(1, frames + 1))
     night.add_previews(writer, range(frames, frames + 1))
     if after:
-        change = StateChange(frame_id=frames, before="COAST", after=after, reason="3 sigma of 40′")
+        change = StateChange(
+            frame_id=frames, before="COAST", after=after, reason=Told(words="3 sigma of 40′")
+        )
         writer.append(change, night.t_of(frames))
     writer.close()
     return folder

@@ -16,7 +16,15 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole.control import ControlClient, ControlServer, Outcome, Request, command_of
+from rsoconsole.control import (
+    ControlClient,
+    ControlServer,
+    Outcome,
+    Request,
+    Sender,
+    command_of,
+    sender_of,
+)
 from rsoconsole.control import wire as control_wire
 from rsoconsole.control.commands import Arm, AskStatus, Park, Set, Stop
 from rsoconsole.control.place import EngineLock, address_of
@@ -53,7 +61,9 @@ def one_reply(wire: socket.socket) -> dict[str, object]:
 
 def test_a_command_is_acknowledged_with_its_arguments(path: Path) -> None:
     with ControlServer(path, echo):
-        outcome = ControlClient(path, by="test").send(Set(name="detector.tau", value=0.2))
+        outcome = ControlClient(path, sender=Sender(name="test")).send(
+            Set(name="detector.tau", value=0.2)
+        )
     assert outcome.ok
     assert outcome.message == "set"
     assert outcome.data == {"arguments": {"name": "detector.tau", "value": 0.2}}
@@ -67,8 +77,19 @@ def test_the_sender_is_named(path: Path) -> None:
         return Outcome(ok=True)
 
     with ControlServer(path, note):
-        ControlClient(path, by="console").send(Arm())
-    assert seen == [Request(command=Arm(), by="console")]
+        ControlClient(path, sender=Sender.console("ana@pts/1")).send(Arm())
+        ControlClient(path, sender=Sender(name="console of mine")).send(Arm())
+    ana, mine = (request.sender for request in seen)
+    assert (ana, ana.words) == (Sender.console("ana@pts/1"), "console ana@pts/1")
+    assert (mine.kind, mine.words) == ("script", "console of mine")
+
+
+@pytest.mark.parametrize(
+    ("by", "kind"),
+    [("console ana@pts/1", "console"), ("operator", "script"), ("consoles", "script")],
+)
+def test_a_sender_that_does_not_say_what_it_is_is_known_by_its_name(by: str, kind: str) -> None:
+    assert (sender_of(by).kind, sender_of(by).words) == (kind, by)
 
 
 def test_stop_is_handled_while_another_command_is_under_way(path: Path) -> None:

@@ -10,6 +10,7 @@ from rsoconsole.engine.tunables import changed
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import MountReport, StopResult
 from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Event,
     Frame,
@@ -121,7 +122,7 @@ def test_stop_undoes_an_arming_that_still_waits():
     end_when_idle(r)
     r.engine.run()
     assert r.mount.slews == []
-    outcomes = [action.outcome for action in r.memory.of(OperatorAction)]
+    outcomes = [text(action.outcome) for action in r.memory.of(OperatorAction)]
     assert outcomes[-1] == "dropped by STOP"
 
 

@@ -94,7 +94,7 @@ def test_what_was_acknowledged_outlives_the_engine(engine):
     kept = {
         action.arguments["value"]
         for action in records(engine.session, OperatorAction)
-        if action.verb == "set" and action.outcome == "accepted"
+        if action.verb == "set" and action.outcome.kind == "accepted"
     }
     assert len(operator.acknowledged) >= 5
     assert set(operator.acknowledged) <= kept

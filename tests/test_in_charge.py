@@ -6,13 +6,14 @@ from collections.abc import Callable
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.control import Request
+from rsoconsole.control import Request, Sender
 from rsoconsole.control.commands import Goto
 from rsoconsole.engine.hands import Interrupted
 from rsoconsole.engine.states import LimitMet
 from rsoconsole.engine.watch import LOOP_SILENCE_S
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import MountReport, SkyReport, StopResult
+from rsoconsole.reason_text import text
 from rsoconsole.records import Event, FrameTaken, OperatorAction, SlewCommand, StateChange
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import altaz_to_icrs, icrs_of_hour_angle
@@ -40,7 +41,7 @@ def after_frames(r: Rig, frames: int, act: Callable[[], object]) -> None:
 
 def goto(ra_deg: float, dec_deg: float) -> Request:
     command = Goto(ra_icrs_deg=ra_deg, dec_icrs_deg=dec_deg)
-    return Request(command=command, by="console")
+    return Request(command=command, sender=Sender(name="console"))
 
 
 def end_when_parked(r: Rig) -> None:
@@ -566,5 +567,5 @@ def test_what_waits_when_the_engine_ends_is_dropped_and_said():
     desk.handle(asked("shutdown"))
     r.engine.run()
     assert r.mount.slews == []
-    outcomes = {action.verb: action.outcome for action in r.memory.of(OperatorAction)}
+    outcomes = {action.verb: text(action.outcome) for action in r.memory.of(OperatorAction)}
     assert "dropped" in outcomes["goto"]

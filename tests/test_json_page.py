@@ -11,7 +11,7 @@ from rsoconsole.cli.app import app
 from rsoconsole.cli.order import verb_of
 from rsoconsole.cli.output import WITH_UNITS, emit_json
 from rsoconsole.control import COMMANDS, ControlServer, Health, Outcome, Status, default_socket_path
-from rsoconsole.control.status import FIRST_NAMES, SCHEMA, read_status, status_json
+from rsoconsole.control.status import FIRST_NAMES, SCHEMA, Machine, read_status, status_json
 from rsoconsole.records import Detection, Detections, NotSolved
 from tests.json_page import expect_documented, first_keys, keys_of
 from tests.makers import straight_detection
@@ -41,7 +41,7 @@ WHOLE = Status(
     faults=("camera is silent",),
     temporary={"detector.tau": 3},
     health=(Health(name="disk", ok=False, text="4 GB"),),
-    machine={"cpu_temperature_c": 51.6},
+    machine=Machine(cpu_temperature_c=51.6, troubles=("hot",)),
     seat="ann@tty1",
     seat_asked_by="bob@tty2",
     session=Path("/nights/one"),

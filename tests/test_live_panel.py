@@ -24,6 +24,8 @@ STATIC = Path(panel.__file__).parent / "static"
 PREVIEW = {
     "ra_icrs_deg": 150.0,
     "dec_icrs_deg": -5.0,
+    "ra_date_deg": 150.3,
+    "dec_date_deg": -5.1,
     "alt_deg": 41.0,
     "az_deg": 170.0,
     "way_deg": 3.2,

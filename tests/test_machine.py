@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.config import Config
+from rsoconsole.control import Status, read_status, status_json
 from rsoconsole.engine import doctor_machine, machine, machine_watch
 from rsoconsole.engine.machine import MachineReading, Trouble, read_machine, troubles_of
 from rsoconsole.engine.machine_watch import QUIET_LOOKS, MachineWatch, Troubles
@@ -242,13 +243,14 @@ def test_the_watch_reads_says_and_keeps_what_it_saw(tmp_path, monkeypatch):
     assert said[1][1].startswith("machine: throttled")
     assert watch.state is not None
     status = watch.state.as_status()
-    assert json.loads(json.dumps(status)) == status
-    assert status["cpu_temperature_c"] == 51.6
-    assert status["is_under_voltage"] is True
-    assert status["is_throttled"] is True
-    assert status["recording_medium"] == "USB disk"
-    assert status["time_source"] == "unknown"
-    assert len(status["troubles"]) == 2
+    told = json.loads(json.dumps(status_json(Status(machine=status))))
+    assert read_status(told).machine == status
+    assert told["machine"]["cpu_temperature_c"] == 51.6
+    assert told["machine"]["recording_medium"] == "USB disk"
+    assert status.is_under_voltage is True
+    assert status.is_throttled is True
+    assert status.time_source == "unknown"
+    assert len(status.troubles) == 2
 
 
 def test_a_reading_that_breaks_is_no_end_of_the_looking(tmp_path, monkeypatch):

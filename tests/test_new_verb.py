@@ -26,6 +26,7 @@ from rsoconsole.cli.app import app
 from rsoconsole.console.commands import BY_NAME, bindings
 from rsoconsole.control import ControlServer, command_of, command_words, default_socket_path
 from rsoconsole.control.commands import Flats
+from rsoconsole.reason_text import text
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky.frames import icrs_to_altaz
 from tests.engine_rig import SITE, desk_of, rig
@@ -48,8 +49,9 @@ r.engine._execute_commands()
 altitude_deg, azimuth_deg = icrs_to_altaz(SITE, *r.mount.slews[-1], r.clock.now_utc_ns())
 assert abs(altitude_deg - 65.0) < 0.1 and abs(azimuth_deg - 180.0) < 0.1
 accepted, refused, done = r.memory.of(OperatorAction)
-assert (done.verb, done.outcome, done.by) == ("flats", "on its way", "command")
-assert refused.outcome.startswith("refused: altitude"), refused
+assert (done.verb, text(done.outcome), done.by) == ("flats", "on its way", "command")
+assert refused.outcome.kind == "refused", refused
+assert refused.outcome.detail.startswith("altitude"), refused
 assert done.arguments == {"altitude_deg": 65.0}
 assert command_words(done.verb, done.arguments) == "flats at altitude 65°"
 

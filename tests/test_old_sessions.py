@@ -60,7 +60,9 @@ def test_told_again_with_nothing_tried_it_is_the_log_itself(old: Path) -> None:
 @pytest.mark.parametrize("name", EXPORTED)
 def test_what_it_exports_is_what_it_exported_before(name: str, tmp_path: Path) -> None:
     folder = SAMPLE if name == "sample" else old_session(tmp_path / name, name)
-    assert hashlib.sha256(repr(read_night(folder).rows).encode()).hexdigest() == EXPORTED[name]
+    # Without what rows have for columns that are new since: none of these sessions has any.
+    rows = repr(read_night(folder).rows).replace(", beside=()", "")
+    assert hashlib.sha256(rows.encode()).hexdigest() == EXPORTED[name]
 
 
 @pytest.mark.parametrize("schema", [1, 2])

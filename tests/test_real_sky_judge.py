@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 
+from rsoconsole.reasons import NotTaken, Told
 from rsoconsole.records import Event, Miss, NotFollowed, StateChange, TrackState
 from tests.real_sky_judge import judge
 from tests.test_figures import ARCSEC, FRAMES, NS, measurement, taken
@@ -66,16 +67,16 @@ def records():
             told += [state("predicted", frame_id, misses=1), state("updated", frame_id)]
         elif frame_id > 5:
             told.append(state("predicted", frame_id, misses=frame_id - 4))
-            reason = f"NIS {frame_id}.5 above the gate 11.8"
+            reason = NotTaken.by_gate(frame_id + 0.5, 11.8)
             told.append(NotFollowed(frame_id=frame_id, measurement=seen, reason=reason))
-            told.append(Miss(frame_id=frame_id, reason="nothing fits the prediction"))
+            told.append(Miss(frame_id=frame_id, reason=Told(words="nothing fits the prediction")))
         if frame_id == 6:
             told.append(change(6, "TRACK", "COAST"))
     return told
 
 
 def change(frame_id, before, after):
-    return StateChange(frame_id=frame_id, before=before, after=after, reason="")
+    return StateChange(frame_id=frame_id, before=before, after=after, reason=Told(words=""))
 
 
 def test_a_night_that_coasts_beside_its_satellite_is_called_so(records):

@@ -1,9 +1,11 @@
 """Reasons are kinds with figures: what they are worded as decides nothing."""
 
+import ast
 import itertools
-from collections.abc import Iterator
+import sqlite3
+from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
@@ -11,18 +13,29 @@ from rsoconsole import reason_text
 from rsoconsole.console.alerts import alerts_between
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.night import Night
+from rsoconsole.console.timeline import TimelineFold
+from rsoconsole.notebook.live_night import _line
 from rsoconsole.pipeline.recorded_frames import recorded_frames
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.retell import retell
 from rsoconsole.pipeline.what_if import what_if
-from rsoconsole.reasons import Cause, Missed, NotTaken
-from rsoconsole.records import Event, Miss, NotFollowed, StateChange
+from rsoconsole.reasons import (
+    Cause,
+    CommandResult,
+    Missed,
+    NotAStreak,
+    NotAStreakKind,
+    NotTaken,
+    Told,
+)
+from rsoconsole.records import Event, Miss, NotFollowed, OperatorAction, StateChange
 from rsoconsole.session import old_reasons
 from rsoconsole.session.codec import decode, encode
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.writer import SessionWriter
 from tests.old_nights import CONFIG, old_session
 
+PACKAGE = Path(reason_text.__file__).parent
 TRIED: tuple[dict[str, float | str], ...] = (
     {},
     {"detector.tau": 0.01},
@@ -31,6 +44,13 @@ TRIED: tuple[dict[str, float | str], ...] = (
 )
 
 
+OUTCOMES = (
+    CommandResult.refused("altitude 3.0 deg, 20 at least"),
+    CommandResult(kind="dropped", dropped_by="STOP"),
+    CommandResult(kind="failed", detail="no answer"),
+    CommandResult(kind="stopped", stop_ms=3.0, stop_path="mount"),
+)
+"""What the recorded nights have not."""
 OF_FOLD = {"waiting", "two frames agree", "measured again", "missed"}
 """Causes that the fold itself finds: a replay finds them again, detail and all."""
 
@@ -42,6 +62,9 @@ def night(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     writer = SessionWriter.create(tmp_path / "night", CONFIG, {})
     for _, t_utc_ns, record in old.records():
         writer.append(record, t_utc_ns)
+    for outcome in OUTCOMES:
+        action = OperatorAction(verb="goto", arguments={}, outcome=outcome, by="console a@b")
+        writer.append(action, t_utc_ns)
     writer.close()
     assert writer.faults == ()
     return tmp_path / "night"
@@ -55,17 +78,17 @@ def nonsense(monkeypatch: pytest.MonkeyPatch) -> None:
     def said(_: Any) -> str:
         return f"gibberish {next(numbers)}"
 
-    monkeypatch.setattr(reason_text, "text", said)
-    for module in _modules_that_word():
-        monkeypatch.setattr(module, "text", said)
+    for name in ("text", "ruled_text"):
+        for module in _modules_that_word(name):
+            monkeypatch.setattr(module, name, said)
 
 
-def _modules_that_word() -> Iterator[Any]:
+def _modules_that_word(name: str) -> list[Any]:
     import sys
 
-    for name, module in list(sys.modules.items()):
-        if name.startswith("rsoconsole.") and getattr(module, "text", None) is reason_text.text:
-            yield module
+    ours = [module for known, module in sys.modules.items() if known.startswith("rsoconsole.")]
+    word = getattr(reason_text, name)
+    return [module for module in ours if getattr(module, name, None) is word]
 
 
 def records_of(folder: Path) -> list[Any]:
@@ -87,7 +110,32 @@ def decided(folder: Path) -> dict[str, Any]:
             for tried in TRIED
         ],
         "alarms": alarms(folder, log),
+        "log": log_lines(folder, log),
+        "time line": time_line(log),
+        "panel": [_line(record) is not None and _line(record)[0] for record in records],  # type: ignore[index]
+        "kinds of outcomes": [r.outcome.kind for r in records if isinstance(r, OperatorAction)],
     }
+
+
+def log_lines(folder: Path, log: list[tuple[int, Any]]) -> list[tuple[Any, ...]]:
+    """What the seat's log makes of every line, without its words."""
+    night = Night(folder, {}, CONFIG)
+    for seq, (t_utc_ns, record) in enumerate(log, start=1):
+        night.take(t_utc_ns, record, seq)
+    return [
+        (line.seq, line.kind, line.level, line.times, line.asked, line.is_accepted, line.topic)
+        for line in night.view().log
+    ]
+
+
+def time_line(log: list[tuple[int, Any]]) -> Any:
+    """What is worth a jump, and the states."""
+    fold = TimelineFold()
+    for seq, (t_utc_ns, record) in enumerate(log, start=1):
+        frame_id = getattr(record, "frame_id", None)
+        fold.hear(seq, t_utc_ns, type(record).__name__, frame_id, record)
+    line = fold.so_far(len(log), is_closed=True)
+    return line.happenings, line.states
 
 
 def alarms(folder: Path, log: list[tuple[int, Any]]) -> list[tuple[int, str]]:
@@ -117,6 +165,11 @@ def garbled(record: Any) -> Any:
         case StateChange(reason=Cause() as cause) if cause.kind not in OF_FOLD:
             other = dataclasses.replace(cause, by="yxcv", detail="asdf")
             return dataclasses.replace(record, reason=other)
+        case OperatorAction(outcome=CommandResult() as result) if result.detail:
+            return dataclasses.replace(record, outcome=dataclasses.replace(result, detail="fgh"))
+        case OperatorAction(outcome=CommandResult(kind="stopped") as result):
+            other_way = dataclasses.replace(result, stop_path="vbnm", stop_ms=9.0)
+            return dataclasses.replace(record, outcome=other_way)
         case Miss(reason=Missed(kind="instrument") as missed):
             return dataclasses.replace(
                 record, reason=dataclasses.replace(missed, detail="uiop", hidden_by="jkl")
@@ -172,7 +225,7 @@ def test_every_old_sentence_of_the_fold_is_understood(tmp_path: Path) -> None:
     for name in ("busy", "ruled"):
         for record in records_of(old_session(tmp_path / name, name)):
             if isinstance(record, StateChange | Miss):
-                assert not isinstance(record.reason, str), record
+                assert not isinstance(record.reason, Told), record
                 understood += 1
     assert understood > 60
 
@@ -185,7 +238,7 @@ def test_every_old_sentence_of_the_fold_is_understood(tmp_path: Path) -> None:
         ("cloud: 12 stars where 200 were; no detection", old_reasons.missed),
         ("slew refused: a; b; nothing fits the prediction; coasted for 5 min", old_reasons.missed),
         ("detected, but not solved: 7 stars; 8 needed", old_reasons.missed),
-        ("confidence 0.05 below tau 0.10", old_reasons.below_tau),
+        ("confidence 0.05 below tau 0.10", old_reasons.rejected),
         ("limit met: altitude 14.9 deg, 15 at least", old_reasons.cause),
         ("looked for again by console a@b", old_reasons.cause),
         ("the clock was set by -3.5 s", old_reasons.cause),
@@ -198,10 +251,163 @@ def test_every_old_sentence_of_the_fold_is_understood(tmp_path: Path) -> None:
 )
 def test_an_old_sentence_becomes_a_kind_that_says_the_same(words: str, read: Any) -> None:
     reason = read(words)
-    assert not isinstance(reason, str)
+    assert not isinstance(reason, Told)
     assert reason_text.text(reason) == words
 
 
 def test_what_no_version_has_written_stays_as_it_was() -> None:
-    readers = (old_reasons.not_taken, old_reasons.missed, old_reasons.below_tau, old_reasons.cause)
-    assert {read("so") for read in readers} == {"so"}
+    readers = (old_reasons.not_taken, old_reasons.missed, old_reasons.rejected, old_reasons.cause)
+    assert {read("so") for read in readers} == {Told(words="so")}
+
+
+@pytest.mark.parametrize(
+    ("words", "kind"),
+    [
+        ("accepted", "accepted"),
+        ("done", "done"),
+        ("noted", "done"),
+        ("on its way", "done"),
+        ("tracking is off: the mount stands", "done"),
+        ("frame 9: taken by the operator's hand, 1 left alone", "ruled"),
+        ("frame 12: taken", "ruled"),
+        ("frame 13: rejected", "ruled"),
+        ("stopped in 12 ms by mount", "stopped"),
+        ("NOT confirmed: no answer; no server", "failed"),
+        ("refused: altitude 3.0 deg, 20 at least", "refused"),
+        ("dropped by STOP", "dropped"),
+        ("dropped: a limit was met", "dropped"),
+        ("dropped: the night ends", "dropped"),
+        ("dropped: the engine ends", "dropped"),
+    ],
+)
+def test_an_old_outcome_becomes_a_kind_that_says_the_same(words: str, kind: str) -> None:
+    result = old_reasons.result(words)
+    assert (result.kind, reason_text.text(result)) == (kind, words)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "clipped, and 412 arcsec from the prediction, 300 at most",
+        "streak runs 31 deg off the expected motion",
+        "streak is 80 arcsec long, 150 expected",
+        "frames are not in order of time",
+        "no second frame: no detection",
+        "no second frame: cloud: 12 stars where 200 were; no detection",
+        "no second frame: streak runs 31 deg off the expected motion",
+        "no second frame: frames are not in order of time",
+    ],
+)
+def test_why_a_measurement_was_not_taken_is_told_again_in_the_same_words(words: str) -> None:
+    reason = old_reasons.not_taken(words)
+    assert isinstance(reason, NotTaken)
+    assert reason_text.text(reason) == words
+
+
+@pytest.mark.parametrize("kind", get_args(NotAStreakKind))
+def test_what_spoke_against_a_candidate_is_told_again_in_the_same_words(kind: Any) -> None:
+    told = reason_text.text(NotAStreak(kind=kind, value=0.37, limit=7.0))
+    reason = old_reasons.rejected(told)
+    assert isinstance(reason, NotAStreak)
+    assert (reason.kind, reason_text.text(reason)) == (kind, told)
+
+
+def test_a_session_with_sentences_for_outcomes_has_todays_columns(tmp_path: Path) -> None:
+    """As the first sessions of schema 4 were: sentences in the records, no kind in the views."""
+    folder = old_session(tmp_path / "night", "ruled")
+    with closing(sqlite3.connect(folder / "session.db")) as connection, connection:
+        connection.execute("PRAGMA user_version=4")
+        connection.execute("DROP VIEW actions")
+        connection.execute(
+            "CREATE VIEW actions AS SELECT seq, t_utc_ns, log.frame_id AS frame_id,"
+            " json_extract(body, '$.verb') AS verb, json_extract(body, '$.outcome') AS outcome"
+            " FROM log WHERE log.kind = 'OperatorAction'"
+        )
+        sentences = [row[0] for row in connection.execute("SELECT outcome FROM actions")]
+    reader = SessionReader(folder)
+    actions = [r for _, _, r in reader.records() if isinstance(r, OperatorAction)]
+    assert [reason_text.text(each.outcome) for each in actions] == sentences
+    rows = reader.view("actions")
+    assert [row["outcome"] for row in rows] == sentences
+    assert [row["outcome_kind"] for row in rows] == [each.outcome.kind for each in actions]
+    assert {"accepted", "done", "ruled"} <= {each.outcome.kind for each in actions}
+    with closing(reader.connect()) as connection:
+        told = connection.execute("SELECT outcome, outcome_kind FROM actions").fetchall()
+    assert told == [(words, None) for words in sentences]
+
+
+def test_an_outcome_of_today_is_a_sentence_and_a_kind_in_sql(night: Path) -> None:
+    reader = SessionReader(night)
+    actions = [r for _, _, r in reader.records() if isinstance(r, OperatorAction)]
+    with closing(reader.connect()) as connection:
+        told = connection.execute("SELECT outcome, outcome_kind FROM actions").fetchall()
+    assert told == [(reason_text.text(each.outcome), each.outcome.kind) for each in actions]
+    assert actions
+
+
+READ_SENTENCES = {"session/legacy.py", "session/old_reasons.py"}
+"""They decode what older versions wrote; whoever else reads a sentence decides by its words."""
+REASONS = {"reason", "outcome", "detail", "missed", "hidden_by", "lost", "refusal", "blocked"}
+BY_WORDS = {"startswith", "endswith", "removeprefix", "removesuffix", "partition", "find", "index"}
+
+
+@pytest.mark.parametrize(
+    "path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE))
+)
+def test_no_reason_is_compared_with_a_string(path: Path) -> None:
+    """A member of that name, or what words it, beside a literal: equal, in it, beginning so."""
+    if str(path.relative_to(PACKAGE)) in READ_SENTENCES:
+        return
+    found = sentences_read(path.read_text(encoding="utf-8"))
+    assert not found, f"{path}: compare the kind, not the words: {', '.join(found)}"
+
+
+def sentences_read(source: str) -> list[str]:
+    found: list[ast.AST] = []
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Compare(left=left, comparators=others):
+                both = [left, *others]
+                if any(map(_is_words, both)) and any(map(_is_reason, both)):
+                    found.append(node)
+            case ast.Call(func=ast.Attribute(value=value, attr=attr)) if attr in BY_WORDS:
+                if _is_reason(value):
+                    found.append(node)
+            case ast.Match(subject=subject, cases=cases) if _is_reason(subject):
+                patterns = (each for case in cases for each in ast.walk(case.pattern))
+                if any(isinstance(p, ast.MatchValue) and _is_words(p.value) for p in patterns):
+                    found.append(subject)
+    return [ast.unparse(node) for node in found]
+
+
+def _is_reason(node: ast.expr) -> bool:
+    match node:
+        case ast.Call(func=ast.Name(id="text") | ast.Attribute(attr="text")):
+            return True
+        case ast.Attribute(attr=name) | ast.Name(id=name):
+            return name in REASONS
+    return False
+
+
+def _is_words(node: ast.expr) -> bool:
+    if isinstance(node, ast.Tuple | ast.List | ast.Set):
+        return any(map(_is_words, node.elts))
+    return isinstance(node, ast.Constant | ast.JoinedStr) and not (
+        isinstance(node, ast.Constant) and (not isinstance(node.value, str) or not node.value)
+    )
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        'record.outcome == "accepted"',
+        'record.outcome in ("accepted", "done")',
+        '"limit" in change.reason',
+        'record.outcome.startswith("refused")',
+        'text(record.reason).startswith("limit met")',
+        "match miss.reason:\n    case 'cloud':\n        pass",
+    ],
+)
+def test_the_search_for_sentences_finds_one(source: str) -> None:
+    assert sentences_read(source)
+    assert not sentences_read('record.outcome.kind == "refused" and not record.detail == ""')

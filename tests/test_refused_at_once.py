@@ -2,6 +2,7 @@
 
 import pytest
 
+from rsoconsole.reason_text import text
 from rsoconsole.records import OperatorAction
 from tests.engine_rig import Rig, asked, desk_of, rig
 
@@ -20,7 +21,7 @@ def armed() -> Rig:
 
 
 def outcomes(r: Rig) -> list[tuple[str, str]]:
-    return [(action.verb, action.outcome) for action in r.memory.of(OperatorAction)]
+    return [(action.verb, text(action.outcome)) for action in r.memory.of(OperatorAction)]
 
 
 @pytest.mark.parametrize(

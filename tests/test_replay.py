@@ -14,7 +14,7 @@ from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.pipeline.replay import ReplayedFrame, replay
 from rsoconsole.pipeline.what_if import as_recorded, figures_of
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import BelowTau
+from rsoconsole.reasons import BelowTau, Cause
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -221,6 +221,11 @@ def passage(record: Any) -> tuple[str, ...]:
     return (record.before, record.after) if isinstance(record, StateChange) else ()
 
 
+def is_limit(record: Any) -> bool:
+    cause = record.reason if isinstance(record, StateChange) else None
+    return isinstance(cause, Cause) and cause.kind == "limit met"
+
+
 def falsified(records: list[Any]) -> list[Any]:
     """One measurement in the last digit."""
     number = next(n for n, r in enumerate(records) if isinstance(r, TrackState) and r.nis) - 3
@@ -237,7 +242,7 @@ def falsified(records: list[Any]) -> list[Any]:
         lambda rs: without(rs, lambda r: isinstance(r, ParameterChange)),
         lambda rs: without(rs, lambda r: "MANUAL" in passage(r)),
         lambda rs: without(rs, lambda r: "IDLE" in passage(r) and r.frame_id > 0),
-        lambda rs: without(rs, lambda r: text(getattr(r, "reason", "")).startswith("limit met")),
+        lambda rs: without(rs, is_limit),
         lambda rs: without(rs, lambda r: isinstance(r, Detections) and r.frame_id == 4),
         falsified,
     ],

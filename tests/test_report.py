@@ -18,6 +18,7 @@ from rsoconsole.notebook.report_facts import figures_on_record
 from rsoconsole.notebook.report_pictures import MOST_PICTURES, chosen_frames
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.what_if import figures_of
+from rsoconsole.reasons import Told, done
 from rsoconsole.records import Event, OperatorAction, ParameterChange, StateChange
 from rsoconsole.session.reader import SessionReader
 from tests.export_nights import MISSED, T0, closed_night, written_night
@@ -84,9 +85,13 @@ def nasty(tmp_path_factory: pytest.TempPathFactory) -> tuple[Page, str]:
     writer = written_night(folder, about=about)
     writer.append(Event(level="alarm", text=NASTY, frame_id=3), T0)
     arguments = {"text": NASTY}
-    writer.append(OperatorAction(verb="note", arguments=arguments, outcome=NASTY, by=NASTY), T0)
+    writer.append(
+        OperatorAction(verb="note", arguments=arguments, outcome=done(NASTY), by=NASTY), T0
+    )
     writer.append(ParameterChange(name="x", before=NASTY, after=2.0, by=NASTY), T0)
-    writer.append(StateChange(frame_id=3, before="IDLE", after="SEARCH", reason=NASTY), T0)
+    writer.append(
+        StateChange(frame_id=3, before="IDLE", after="SEARCH", reason=Told(words=NASTY)), T0
+    )
     writer.close()
     html = render_report(folder).html
     return Page(html), html

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from rsoconsole.console.tune import NAMES
-from rsoconsole.control import ControlClient
+from rsoconsole.control import ControlClient, Sender
 from rsoconsole.control.commands import AskStatus
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.records import Measurement, OperatorAction, ParameterChange, Ruling, StateChange
@@ -70,7 +70,7 @@ def test_a_night_at_the_console(tmp_path: Path, house: dict[str, str]):
     socket = tmp_path / "run" / "rsoconsole" / "engine.sock"
 
     def status() -> dict[str, Any]:
-        return dict(ControlClient(socket, by="test").send(AskStatus()).data)
+        return dict(ControlClient(socket, sender=Sender(name="test")).send(AskStatus()).data)
 
     def records(kind: type[Any]) -> list[Any]:
         return [record for _, _, record in SessionReader(session).records(kinds=(kind,))]

@@ -6,12 +6,12 @@ import pytest
 from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.control import COMMANDS, Outcome
+from rsoconsole.control import COMMANDS, Outcome, Sender
 from rsoconsole.engine.seats import ASKED_S, GONE_S, Seats, SeatView
 from tests.engine_rig import asked, desk_of, rig
 from tests.seat_rig import FakeWire, pane, play, until
 
-ANA, BOB = "console ana@pts/1", "console bob@pts/2"
+ANA, BOB = Sender.console("ana@pts/1"), Sender.console("bob@pts/2")
 
 
 @dataclasses.dataclass
@@ -52,7 +52,7 @@ def test_what_moves_nothing_and_stop_are_everybodys(seats: Seats, verb: str):
 
 def test_a_shell_is_never_refused(seats: Seats):
     seats.refusal(ANA, needs_control=True)
-    assert seats.refusal("operator", needs_control=True) is None
+    assert seats.refusal(Sender(), needs_control=True) is None
     assert seats.view().holder == ANA
 
 
@@ -100,17 +100,17 @@ def test_who_asked_and_left_does_not_get_it(seats: Seats, clock: Watch):
 
 def test_the_desk_refuses_the_second_console_and_tells_everybody_who_has_the_seat():
     desk = desk_of(rig(set()))
-    assert desk.handle(asked("disarm", by=ANA)).ok
-    refused = desk.handle(asked("disarm", by=BOB))
+    assert desk.handle(asked("disarm", by=ANA.words)).ok
+    refused = desk.handle(asked("disarm", by=BOB.words))
     assert not refused.ok
     assert refused.data["seat"] == "ana@pts/1"
-    assert desk.handle(asked("stop", by=BOB)).ok
-    assert desk.handle(asked("ask_seat", by=BOB)).ok
-    data = desk.handle(asked("status", by=ANA)).data
+    assert desk.handle(asked("stop", by=BOB.words)).ok
+    assert desk.handle(asked("ask_seat", by=BOB.words)).ok
+    data = desk.handle(asked("status", by=ANA.words)).data
     assert (data["seat"], data["seat_asked_by"]) == ("ana@pts/1", "bob@pts/2")
-    assert desk.handle(asked("answer_seat", by=ANA, arguments={"gives": True})).ok
-    assert desk.handle(asked("disarm", by=BOB)).ok
-    assert not desk.handle(asked("answer_seat", by=ANA)).ok
+    assert desk.handle(asked("answer_seat", by=ANA.words, arguments={"gives": True})).ok
+    assert desk.handle(asked("disarm", by=BOB.words)).ok
+    assert not desk.handle(asked("answer_seat", by=ANA.words)).ok
 
 
 # -- on the console -------------------------------------------------------------------------------
@@ -164,12 +164,12 @@ def test_what_one_types_when_the_seat_is_asked_for_gives_nothing_away(wire: Fake
 def test_an_answer_is_for_whom_it_was_meant(seats: Seats, clock: Watch):
     """Bob's wish has lapsed, Carl asks by now: a late answer to Bob gives Carl nothing."""
     for who in ("ana", "bob", "carl"):
-        seats.refusal(f"console {who}", needs_control=False)
-    assert seats.refusal("console ana", needs_control=True) is None
-    seats.ask("console carl")
+        seats.refusal(Sender.console(who), needs_control=False)
+    assert seats.refusal(Sender.console("ana"), needs_control=True) is None
+    seats.ask(Sender.console("carl"))
     with pytest.raises(ValueError, match="carl asks by now"):
-        seats.answer("console ana", gives=True, to="bob")
-    assert "carl has the seat" in seats.answer("console ana", gives=True, to="carl")
+        seats.answer(Sender.console("ana"), gives=True, to="bob")
+    assert "carl has the seat" in seats.answer(Sender.console("ana"), gives=True, to="carl")
 
 
 def test_others_are_not_asked(wire: FakeWire):

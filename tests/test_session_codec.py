@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from rsoconsole import records
 from rsoconsole.errors import SessionError
+from rsoconsole.reasons import DONE, Told
 from rsoconsole.records import (
     Event,
     FrameTaken,
@@ -98,22 +99,22 @@ def test_what_is_not_finite_is_refused_with_its_place(broken: float) -> None:
     with pytest.raises(SessionError, match=r"ParameterChange\.after is (nan|-?inf)"):
         encode(change)
     with pytest.raises(SessionError, match=r"OperatorAction\.arguments\.ra"):
-        encode(OperatorAction(verb="slew", arguments={"ra": broken}, outcome="", by="x"))
+        encode(OperatorAction(verb="slew", arguments={"ra": broken}, outcome=DONE, by="x"))
 
 
 def test_what_json_cannot_carry_is_refused_with_its_place() -> None:
-    action = OperatorAction(verb="slew", arguments={"to": {1, 2}}, outcome="", by="x")
+    action = OperatorAction(verb="slew", arguments={"to": {1, 2}}, outcome=DONE, by="x")
     with pytest.raises(SessionError, match=r"arguments\.to is a set"):
         encode(action)
     with pytest.raises(SessionError, match="64 bits"):
-        encode(Miss(frame_id=2**63, reason=""))
+        encode(Miss(frame_id=2**63, reason=Told(words="")))
     with pytest.raises(SessionError, match="Site is not a record of a session"):
         encode(records.Site(latitude_deg=0, longitude_deg=0, elevation_m=0))  # type: ignore[arg-type]
 
 
 def test_keys_of_a_later_version_are_passed_over() -> None:
-    body = json.dumps({"frame_id": 7, "reason": "cloud", "cloud_cover": 0.8})
-    assert decode("Miss", body) == Miss(frame_id=7, reason="cloud")
+    body = json.dumps({"frame_id": 7, "reason": {"words": "cloud"}, "cloud_cover": 0.8})
+    assert decode("Miss", body) == Miss(frame_id=7, reason=Told(words="cloud"))
 
 
 def test_keys_that_an_earlier_version_lacked_take_their_default() -> None:
@@ -158,5 +159,5 @@ def test_an_absent_value_stays_absent() -> None:
         pointing_dec_icrs_deg=None,
     )
     assert decode(*encode(frame)[::2]) == frame
-    change = StateChange(frame_id=1, before="SEARCH", after="ACQUIRE", reason="")
+    change = StateChange(frame_id=1, before="SEARCH", after="ACQUIRE", reason=Told(words=""))
     assert decode(*encode(change)[::2]) == change

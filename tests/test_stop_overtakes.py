@@ -8,12 +8,13 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.control import ControlClient, ControlServer, Outcome
+from rsoconsole.control import ControlClient, ControlServer, Outcome, Sender
 from rsoconsole.control.commands import Goto, Nudge, Stop
 from rsoconsole.engine.desk import Desk
 from rsoconsole.engine.hands import Interrupted
 from rsoconsole.engine.states import LimitMet
 from rsoconsole.instruments.ports import MountReport
+from rsoconsole.reason_text import text
 from rsoconsole.records import OperatorAction
 from tests.engine_rig import START_DEG, Rig, asked, desk_of, rig
 
@@ -51,7 +52,7 @@ def test_a_move_that_is_being_reckoned_when_stop_comes_is_dropped(armed: Rig):
     assert armed.engine.charge.state == "IDLE"
     assert len(armed.mount.slews) == slews
     (goto,) = [a for a in armed.memory.of(OperatorAction) if a.verb == "goto"]
-    assert goto.outcome == "dropped by STOP"
+    assert text(goto.outcome) == "dropped by STOP"
 
 
 def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: Rig, tmp_path: Path):
@@ -63,7 +64,7 @@ def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: R
     socket, outcomes = tmp_path / "engine.sock", list[Outcome]()
 
     def nudge() -> None:
-        client = ControlClient(socket, by="console a")
+        client = ControlClient(socket, sender=Sender.console("a"))
         outcomes.append(client.send(Nudge(east_arcmin=1.0, north_arcmin=0.0)))
 
     with ControlServer(socket, desk.handle, stamp=lambda: armed.queue.stops):
@@ -71,7 +72,7 @@ def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: R
         for thread in threads:
             thread.start()
         time.sleep(2.5 * SLOW_DISK_S)
-        assert ControlClient(socket, by="console a").send(Stop()).ok
+        assert ControlClient(socket, sender=Sender.console("a")).send(Stop()).ok
         slews = len(armed.mount.slews)
         heed(armed)
         for thread in threads:
@@ -82,7 +83,7 @@ def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: R
         assert len(armed.mount.slews) == slews
         assert [o.ok for o in outcomes].count(False) >= NUDGES - 4
         # What is asked for afterwards is done.
-        assert ControlClient(socket, by="console a").send(Goto(**ASIDE)).ok
+        assert ControlClient(socket, sender=Sender.console("a")).send(Goto(**ASIDE)).ok
         heed_again()
     assert armed.engine.charge.state == "MANUAL"
 
@@ -103,7 +104,7 @@ def test_a_limit_drops_what_moves_and_keeps_what_was_asked_for_to_stand(armed: R
     assert armed.queue.stops == 0
     slews = len(armed.mount.slews)
     heed(armed)
-    outcomes = {a.verb: a.outcome for a in armed.memory.of(OperatorAction)}
+    outcomes = {a.verb: text(a.outcome) for a in armed.memory.of(OperatorAction)}
     assert outcomes["goto"] == "dropped: a limit was met"
     assert outcomes["disarm"] == "done"
     assert armed.engine.charge.state == "IDLE"
@@ -123,7 +124,7 @@ def test_nudges_that_come_while_one_is_granted_add_up(armed: Rig):
     before = armed.engine.planner.looking_at(plain())
     armed.mount.report = report  # type: ignore[method-assign]
     armed.engine._execute_commands()
-    done = [a for a in armed.memory.of(OperatorAction) if a.outcome == "on its way"]
+    done = [a for a in armed.memory.of(OperatorAction) if text(a.outcome) == "on its way"]
     assert len(done) == 3
     assert armed.engine.hand_move is not None
     assert armed.engine.hand_move.direction[1] - before[1] == pytest.approx(0.3, abs=1e-3)
@@ -143,7 +144,7 @@ def test_a_limit_that_cuts_into_a_move_drops_it_and_keeps_the_hold_behind_it(arm
     with pytest.raises(Interrupted):
         armed.engine._execute_commands()
     heed(armed)
-    outcomes = {a.verb: a.outcome for a in armed.memory.of(OperatorAction)}
+    outcomes = {a.verb: text(a.outcome) for a in armed.memory.of(OperatorAction)}
     assert outcomes == {"goto": "dropped: a limit was met", "hold": "done"}
     assert armed.engine.charge.is_held
     assert len(armed.mount.slews) == slews

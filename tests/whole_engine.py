@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.control import ControlClient, Outcome, command_of
+from rsoconsole.control import ControlClient, Outcome, Sender, command_of
 from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.instruments.indi_wire import IndiVector, IndiWire
 from rsoconsole.session.reader import SessionReader
@@ -80,7 +80,9 @@ class WholeEngine:
 
     def send(self, verb: str, **arguments: Any) -> Outcome:
         """A command by its socket."""
-        return ControlClient(self.socket, by="test").send(command_of(verb, arguments))
+        return ControlClient(self.socket, sender=Sender(name="test")).send(
+            command_of(verb, arguments)
+        )
 
     def status(self) -> dict[str, Any]:
         """What it says of itself."""

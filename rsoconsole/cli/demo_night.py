@@ -221,10 +221,10 @@ def end_when_forgotten(socket: Path, starter: int) -> None:
     Nothing goes on while autonomy does not have the mount: after dawn, a STOP, a fault. A console
     that was attached later does not count: an engine cannot tell who only looks.
     """
-    from rsoconsole.control import ControlClient, read_status
+    from rsoconsole.control import ControlClient, Sender, read_status
     from rsoconsole.control.commands import AskStatus, Shutdown
 
-    client = ControlClient(socket, by="demo")
+    client = ControlClient(socket, sender=Sender(name="demo"))
     idle_since_s = time.monotonic()
     while True:
         time.sleep(LOOK_S)

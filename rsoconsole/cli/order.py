@@ -59,9 +59,9 @@ def send(command: Command, verb: str, socket: Path | None, *, json_: bool) -> No
 
     Raises ControlError when it is refused.
     """
-    from rsoconsole.control import ControlClient
+    from rsoconsole.control import ControlClient, Sender
 
-    outcome = ControlClient(socket, by="command").send(command)
+    outcome = ControlClient(socket, sender=Sender(name="command")).send(command)
     if json_:
         output.emit_json({"verb": verb, "ok": outcome.ok, "message": outcome.message})
     if not outcome.ok:

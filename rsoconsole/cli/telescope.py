@@ -69,9 +69,9 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
 
     Example: rsoconsole status --json
     """
-    from rsoconsole.control import ControlClient, read_status
+    from rsoconsole.control import ControlClient, Machine, Sender, read_status
 
-    outcome = ControlClient(socket, by="status").send(AskStatus())
+    outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
     if not outcome.ok:
         raise ControlError(outcome.message)
     if json_:
@@ -84,10 +84,10 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
         words.append(output.direction_text(told.ra_icrs_deg, told.dec_icrs_deg))
     if told.alt_deg is not None and told.az_deg is not None:
         words.append(f"alt {told.alt_deg:.1f} az {told.az_deg:.1f}")
-    machine = told.machine or {}
-    if machine.get("cpu_temperature_c") is not None:
-        words.append(f"CPU {machine['cpu_temperature_c']:.0f} °C")
-    words.extend(f"MACHINE {trouble}" for trouble in machine.get("troubles", ()))
+    machine = told.machine or Machine()
+    if machine.cpu_temperature_c is not None:
+        words.append(f"CPU {machine.cpu_temperature_c:.0f} °C")
+    words.extend(f"MACHINE {trouble}" for trouble in machine.troubles)
     words.extend(f"FAULT {fault}" for fault in told.faults)
     output.say(" · ".join(words))
 
@@ -102,7 +102,7 @@ def stop(
 
     Example: rsoconsole stop
     """
-    from rsoconsole.control import ControlClient
+    from rsoconsole.control import ControlClient, Sender
     from rsoconsole.control.stop import Stopping
 
     def directly() -> tuple[bool, str]:
@@ -112,7 +112,7 @@ def stop(
 
     # With a socket the configured mount is another engine's.
     way_past = directly if socket is None else None
-    stopping = Stopping(lambda: ControlClient(socket, by="stop"), way_past)
+    stopping = Stopping(lambda: ControlClient(socket, sender=Sender(name="stop")), way_past)
     stopping.begin()
     ended = stopping.wait()
     is_stopped, ms = ended.phase == "stopped", ended.ms or 0.0

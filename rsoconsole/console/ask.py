@@ -14,7 +14,7 @@ from rsoconsole.console.dialogs import Dialog, Result
 from rsoconsole.console.messages import Previewed
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.words import duration_text
-from rsoconsole.control import Outcome
+from rsoconsole.control import MovePreview, Outcome, read_preview
 from rsoconsole.control.commands import Beside, Goto, Preview
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.sky.angles import format_dec, format_ra
@@ -55,7 +55,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         self._orders = orders
         self._names: Any = None
         self._asked = 0
-        self._preview: Mapping[str, Any] | None = None
+        self._preview: MovePreview | None = None
 
     def compose(self) -> ComposeResult:
         """A field, and what it comes to."""
@@ -105,10 +105,8 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         if not message.outcome.ok:
             self._tell(f"{message.words}\n{message.outcome.message}")
             return
-        lines = preview_lines(message.outcome.data)
-        if lines is not None:
-            self._preview = message.outcome.data
-        self._tell("\n".join([message.words, *(lines or [UNREADABLE])]))
+        self._preview = preview = read_preview(message.outcome.data)
+        self._tell("\n".join([message.words, *preview_lines(preview)]))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Go, where that has been shown and may be."""
@@ -116,7 +114,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         preview = self._preview
         if preview is None:
             return
-        if preview.get("refused"):
+        if preview.refused:
             self.app.bell()
             return
         try:
@@ -130,33 +128,21 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         self.query_one("#understood", Static).update(text)
 
 
-def preview_lines(data: Mapping[str, Any], ending: str = GOES) -> list[str] | None:
-    """The engine's preview of a move, in lines; None for one that is none.
-
-    ``ending``: what enter does where it may be.
-    """
-    try:
-        return _preview_lines(data, ending)
-    except (KeyError, TypeError, ValueError):
-        return None
-
-
-def _preview_lines(data: Mapping[str, Any], ending: str) -> list[str]:
-    date = format_ra(data["ra_date_deg"], 1), format_dec(data["dec_date_deg"], 0)
-    icrs = format_ra(data["ra_icrs_deg"], 1), format_dec(data["dec_icrs_deg"], 0)
-    after = data.get("pier_side_after")
-    side = f", to the {after} of the pier" if after and after != data.get("pier_side") else ""
-    margins = "  ".join(f"{name} {value:+.0f}°" for name, value in data.get("margins_deg", ()))
-    lines = [
-        f"ICRS     α {icrs[0]} δ {icrs[1]}",
-        f"of date  α {date[0]} δ {date[1]}   alt {data['alt_deg']:.1f} az {data['az_deg']:.1f}",
-        f"way      {data['way_deg']:.1f}°, {duration_text(data['slew_s'])}{side}",
-        f"limits   {margins}",
-    ]
-    refused = data.get("refused")
+def preview_lines(preview: MovePreview | None, ending: str = GOES) -> list[str]:
+    """The engine's preview of a move, in lines; ``ending``: what enter does where it may be."""
+    if preview is None:
+        return [UNREADABLE]
+    date = format_ra(preview.ra_date_deg, 1), format_dec(preview.dec_date_deg, 0)
+    icrs = format_ra(preview.ra_icrs_deg, 1), format_dec(preview.dec_icrs_deg, 0)
+    after = preview.pier_side_after
+    side = f", to the {after} of the pier" if after and after != preview.pier_side else ""
+    margins = "  ".join(f"{name} {value:+.0f}°" for name, value in preview.margins_deg)
     return [
-        *lines,
-        f"REFUSED  {refused}" if refused else ending,
+        f"ICRS     α {icrs[0]} δ {icrs[1]}",
+        f"of date  α {date[0]} δ {date[1]}   alt {preview.alt_deg:.1f} az {preview.az_deg:.1f}",
+        f"way      {preview.way_deg:.1f}°, {duration_text(preview.slew_s)}{side}",
+        f"limits   {margins}",
+        f"REFUSED  {preview.refused}" if preview.refused else ending,
     ]
 
 
@@ -195,9 +181,10 @@ class MoveDialog(Dialog[bool | None]):
     def on_previewed(self, message: Previewed) -> None:
         """What the engine says."""
         outcome = message.outcome
-        lines = preview_lines(outcome.data) if outcome.ok else [outcome.message]
-        self._may_go = outcome.ok and lines is not None and not outcome.data.get("refused")
-        told = [*(lines or [UNREADABLE]), *([self._caution] if self._caution else [])]
+        preview = read_preview(outcome.data) if outcome.ok else None
+        lines = preview_lines(preview) if outcome.ok else [outcome.message]
+        self._may_go = preview is not None and not preview.refused
+        told = [*lines, *([self._caution] if self._caution else [])]
         self.query_one("#told", Static).update("\n".join(told))
 
     def action_go(self) -> None:
@@ -311,7 +298,7 @@ class AimDialog(SettingsDialog):
             self._tell(message.outcome.message)
             return
         ending = "enter looks there from the next exposure on"
-        self._tell("\n".join(preview_lines(message.outcome.data, ending) or [UNREADABLE]))
+        self._tell("\n".join(preview_lines(read_preview(message.outcome.data), ending)))
 
 
 class LineDialog(FieldDialog[str | None]):

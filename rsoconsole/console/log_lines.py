@@ -2,30 +2,39 @@
 
 import re
 from dataclasses import dataclass, replace
-from functools import singledispatch
-from typing import Literal
+from typing import Literal, assert_never
 
 from rsoconsole.control import command_words, printable
 from rsoconsole.control.commands import Note, Stop
-from rsoconsole.reason_text import text
-from rsoconsole.reasons import Cause
+from rsoconsole.reason_text import ruled_text, text
+from rsoconsole.reasons import DONE, Cause, Missed, Told
 from rsoconsole.records import (
     CatalogueMatch,
+    Closeup,
+    CycleTiming,
+    Detections,
     Event,
+    FollowedAgain,
+    FrameTaken,
     Identified,
+    Measurement,
     Miss,
     NotFollowed,
     NotSolved,
     OperatorAction,
+    OrbitEstimate,
     ParameterChange,
     Record,
+    Ruling,
+    SlewCommand,
+    Solution,
     StateChange,
     Topic,
+    TrackState,
 )
 
 Level = Literal["info", "good", "warning", "alarm"]
 
-ACCEPTED, DONE = "accepted", "done"
 LOOK_BACK_LINES = 6
 _CONSOLE = re.compile(r"\bconsole (?=\S+@)")
 
@@ -48,6 +57,8 @@ class LogLine:
     """What an operator wanted, without what came of it."""
     topic: Topic = ""
     """What an event is about."""
+    missed: Missed | Told | None = None
+    """Why a frame had no measurement."""
     is_of_miss: bool = False
     """True for a change of state that a miss led to."""
     is_wanted: bool = False
@@ -62,7 +73,7 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
     What a frame refused several times over is one line, and so are misses in a row for one
     reason; a miss that changed the state is told by that change.
     """
-    if log and log[-1].kind == line.kind == "Miss" and log[-1].text == line.text:
+    if log and line.missed is not None and log[-1].missed == line.missed:
         log[-1] = replace(line, times=log[-1].times + 1)
         return
     last = log[-1] if log and log[-1].frame_id == line.frame_id else None
@@ -89,13 +100,6 @@ def without_console(text: str) -> str:
     return _CONSOLE.sub("", text)
 
 
-@singledispatch
-def _words(record: Record) -> tuple[Level, str] | None:
-    """Kinds that are routine have no line."""
-    _ = record
-    return None
-
-
 def line_of(record: Record, t_utc_ns: int) -> LogLine | None:
     """The record's line; None for what is routine."""
     words = _words(record)
@@ -113,16 +117,55 @@ def line_of(record: Record, t_utc_ns: int) -> LogLine | None:
         level=words[0],
         text=said,
         kind=type(record).__name__,
+        missed=record.reason if isinstance(record, Miss) else None,
         topic=record.topic if isinstance(record, Event) else "",
         is_of_miss=kind in {"missed", "instrument"},
         is_wanted=kind in {"looked for again", "operator's word"},
         asked=f"{action.by} {command_words(action.verb, action.arguments)}" if action else "",
-        is_accepted=action is not None and action.outcome == ACCEPTED,
+        is_accepted=action is not None and action.outcome.kind == "accepted",
     )
 
 
-@_words.register
-def _(record: StateChange) -> tuple[Level, str]:
+def _words(record: Record) -> tuple[Level, str] | None:  # noqa: PLR0911 -- one case a kind
+    """Level and words; None for kinds that are routine."""
+    match record:
+        case StateChange():
+            return _of_state(record)
+        case Miss():
+            return "warning", f"miss: {text(record.reason)}"
+        case NotSolved():
+            return "warning", f"not plate-solved: {record.reason}"
+        case NotFollowed():
+            return "info", f"not taken: {text(record.reason)}"
+        case Event():
+            prefix = {"info": "", "warning": "warning: ", "alarm": "ALARM: "}[record.level]
+            return record.level, prefix + record.text
+        case Identified():
+            return _of_identified(record)
+        case OperatorAction():
+            return _of_action(record)
+        case ParameterChange():
+            by = without_console(record.by)
+            return "info", f"{by}: {record.name} {record.before} → {record.after}"
+        case (
+            FrameTaken()
+            | Detections()
+            | Solution()
+            | Measurement()
+            | TrackState()
+            | SlewCommand()
+            | CycleTiming()
+            | Closeup()
+            | Ruling()
+            | FollowedAgain()
+            | OrbitEstimate()
+        ):
+            return None
+        case _:
+            assert_never(record)
+
+
+def _of_state(record: StateChange) -> tuple[Level, str]:
     levels: dict[str, Level] = {
         "TRACK": "good",
         "COAST": "warning",
@@ -134,38 +177,35 @@ def _(record: StateChange) -> tuple[Level, str]:
     )
 
 
-@_words.register
-def _(record: Miss) -> tuple[Level, str]:
-    return "warning", f"miss: {text(record.reason)}"
-
-
-@_words.register
-def _(record: NotSolved) -> tuple[Level, str]:
-    return "warning", f"not plate-solved: {record.reason}"
-
-
-@_words.register
-def _(record: NotFollowed) -> tuple[Level, str]:
-    return "info", f"not taken: {text(record.reason)}"
-
-
-@_words.register
-def _(record: Event) -> tuple[Level, str]:
-    prefix = {"info": "", "warning": "warning: ", "alarm": "ALARM: "}[record.level]
-    return record.level, prefix + record.text
-
-
-@_words.register
-def _(record: Identified) -> tuple[Level, str]:
-    text = f"{record.verdict}: {record.reason}"
+def _of_identified(record: Identified) -> tuple[Level, str]:
+    said = f"{record.verdict}: {record.reason}"
     if record.verdict == "identified" and record.matches:
         best, *others = record.matches
-        text = f"identified: {named(best)}, {off_text(best)} off"
+        said = f"identified: {named(best)}, {off_text(best)} off"
         if others:
-            text += f"; then {others[0].name or others[0].norad_id} at {off_text(others[0])}"
+            said += f"; then {others[0].name or others[0].norad_id} at {off_text(others[0])}"
     if record.hint:
-        return "warning", f"{text}; {record.hint}"
-    return "good" if record.verdict == "identified" else "info", text
+        return "warning", f"{said}; {record.hint}"
+    return "good" if record.verdict == "identified" else "info", said
+
+
+def _of_action(record: OperatorAction) -> tuple[Level, str]:
+    if record.verb == Note.verb:
+        return "good", f"NOTE: {record.arguments.get('text', '')}"
+    by, result = without_console(record.by), record.outcome
+    if record.verb == Stop.verb:
+        return "alarm", f"{by}: STOP: {text(result)}"
+    wanted = command_words(record.verb, record.arguments)
+    return "warning" if result.kind == "refused" else "info", f"{by}: {wanted}{_came_of(record)}"
+
+
+def _came_of(record: OperatorAction) -> str:
+    result = record.outcome
+    if result == DONE:
+        return ""
+    if result.kind == "ruled" and result.frame_id == record.arguments.get("frame"):
+        return f": {ruled_text(result)}"
+    return f": {text(result)}"
 
 
 def named(match: CatalogueMatch) -> str:
@@ -179,23 +219,3 @@ def off_text(match: CatalogueMatch) -> str:
     if off < 100.0:
         return f"{off:.{0 if off >= 10.0 else 1}f}″"
     return f"{off / 60.0:.0f}′" if off < 6000.0 else f"{off / 3600.0:.1f}°"
-
-
-@_words.register
-def _(record: OperatorAction) -> tuple[Level, str]:
-    if record.verb == Note.verb:
-        return "good", f"NOTE: {record.arguments.get('text', '')}"
-    by = without_console(record.by)
-    if record.verb == Stop.verb:
-        return "alarm", f"{by}: STOP: {record.outcome}"
-    wanted = command_words(record.verb, record.arguments)
-    refused = record.outcome.startswith("refused")
-    said = record.outcome.removeprefix(f"frame {record.arguments.get('frame')}: ")
-    outcome = "" if said == DONE else f": {said}"
-    return "warning" if refused else "info", f"{by}: {wanted}{outcome}"
-
-
-@_words.register
-def _(record: ParameterChange) -> tuple[Level, str]:
-    by = without_console(record.by)
-    return "info", f"{by}: {record.name} {record.before} → {record.after}"

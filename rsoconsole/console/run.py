@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsoconsole.config import Graphics, default_config_path, load_config
-from rsoconsole.control import ControlClient, default_socket_path
+from rsoconsole.control import ControlClient, Sender, default_socket_path
 from rsoconsole.control.commands import AskStatus
 from rsoconsole.control.place import engine_pid
 from rsoconsole.errors import ControlError, RsoconsoleError
@@ -57,7 +57,7 @@ def run_console(
 
     name = _seat_name()
     app = ConsoleApp(
-        lambda: ControlClient(socket, by=f"console {name}"),
+        lambda: ControlClient(socket, sender=Sender.console(name)),
         session=session,
         read_only=read_only,
         owns_engine=owns_engine,
@@ -103,7 +103,7 @@ def run_review(
 
     name = _seat_name()
     app = ConsoleApp(
-        lambda: ControlClient(socket, by=f"console {name}"),
+        lambda: ControlClient(socket, sender=Sender.console(name)),
         review=(session, start),
         stop_directly=stop_directly,
         keymap=keymap,
@@ -156,7 +156,9 @@ def _seat_name() -> str:
 
 def _expect_engine(socket: Path | None) -> None:
     try:
-        outcome = ControlClient(socket, by="console").send(AskStatus(), timeout_s=ATTACH_S)
+        outcome = ControlClient(socket, sender=Sender(name="console")).send(
+            AskStatus(), timeout_s=ATTACH_S
+        )
     except ControlError as error:
         is_absent = isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError)
         if is_absent and engine_pid(socket or default_socket_path()) is None:

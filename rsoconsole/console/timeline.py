@@ -6,20 +6,40 @@ before the next one: what a screen shows at its end is the whole frame.
 
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple, assert_never
 
 from rsoconsole.console.alerts import FOLLOWING
 from rsoconsole.console.night import FrameRow
 from rsoconsole.console.panels import refused_of
 from rsoconsole.control.commands import Note
-from rsoconsole.records import Event, LoopState, OperatorAction, StateChange
+from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
+    Detections,
+    Event,
+    FollowedAgain,
+    FrameTaken,
+    Identified,
+    LoopState,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    OrbitEstimate,
+    ParameterChange,
+    Record,
+    Ruling,
+    SlewCommand,
+    Solution,
+    StateChange,
+    TrackState,
+)
 
 Kind = Literal["miss", "rejection", "loss", "operator", "note", "alarm"]
 KINDS: tuple[Kind, ...] = ("miss", "rejection", "loss", "operator", "note", "alarm")
 _OF_FRAMES: frozenset[Kind] = frozenset(("miss", "rejection", "loss"))
 """Kinds that are seen whole only when their frame's last record is there."""
-NOT_SHOWN = "accepted"
-"""The outcome of a command that waits: what comes of it is on record too."""
 
 
 class FrameMark(NamedTuple):
@@ -156,7 +176,12 @@ class TimelineFold:
         return self._last_seq
 
     def hear(
-        self, seq: int, t_utc_ns: int, kind: str, frame_id: int | None, record: Any = None
+        self,
+        seq: int,
+        t_utc_ns: int,
+        kind: str,
+        frame_id: int | None,
+        record: Record | None = None,
     ) -> None:
         """One record, in order; ``record`` is needed of the kinds in ``TOLD_BY_RECORD`` only."""
         # An unreadable record stands at instant 0, and a clock that is set may go back.
@@ -165,9 +190,9 @@ class TimelineFold:
             self._first_utc_ns = self._first_utc_ns or t
             self._last_utc_ns = t
         self._last_seq = max(self._last_seq, seq)
-        if kind == "FrameTaken" and frame_id is not None:
+        if kind == FrameTaken.__name__ and frame_id is not None:
             self._frames.append(FrameMark(seq, t, frame_id))
-        elif kind == "Miss":
+        elif kind == Miss.__name__:
             self._happenings.append(Happening(seq, t, "miss"))
         elif record is not None:
             if isinstance(record, StateChange):
@@ -199,17 +224,39 @@ TOLD_BY_RECORD = (StateChange, OperatorAction, Event)
 """Kinds of which the outline alone does not say what came to pass."""
 
 
-def _told(record: Any) -> Kind | None:
-    """What a record of those kinds is on the time line; None: nothing."""
-    if isinstance(record, StateChange):
-        if record.after == "FAULT":
-            return "alarm"
-        is_given_up = record.before in FOLLOWING and record.after == "SEARCH"
-        return "loss" if is_given_up or record.after == "LOST" else None
-    if isinstance(record, OperatorAction):
-        if record.verb == Note.verb:
-            return "note"
-        return None if record.outcome == NOT_SHOWN else "operator"
-    if isinstance(record, Event):
-        return "alarm" if record.level == "alarm" else None
-    return None
+def _told(record: Record) -> Kind | None:
+    """What a record is on the time line, beside its frame and misses; None: nothing."""
+    match record:
+        case StateChange():
+            if record.after == "FAULT":
+                return "alarm"
+            is_given_up = record.before in FOLLOWING and record.after == "SEARCH"
+            return "loss" if is_given_up or record.after == "LOST" else None
+        case OperatorAction():
+            if record.verb == Note.verb:
+                return "note"
+            # Of what waits the log has later what came of it.
+            return None if record.outcome.kind == "accepted" else "operator"
+        case Event():
+            return "alarm" if record.level == "alarm" else None
+        case (
+            FrameTaken()
+            | Detections()
+            | Solution()
+            | NotSolved()
+            | Measurement()
+            | NotFollowed()
+            | Miss()
+            | TrackState()
+            | SlewCommand()
+            | ParameterChange()
+            | CycleTiming()
+            | Closeup()
+            | Ruling()
+            | FollowedAgain()
+            | OrbitEstimate()
+            | Identified()
+        ):
+            return None
+        case _:
+            assert_never(record)

@@ -8,8 +8,10 @@ from rsoconsole.control import commands
 from rsoconsole.control.client import ControlClient, Wire
 from rsoconsole.control.command import COMMANDS, Command, command_of, command_words
 from rsoconsole.control.place import EngineLock, default_socket_path
+from rsoconsole.control.preview import MovePreview, preview_json, read_preview
+from rsoconsole.control.sender import Sender, sender_of
 from rsoconsole.control.server import ControlServer, Handler
-from rsoconsole.control.status import Health, Status, read_status, status_json
+from rsoconsole.control.status import Health, Machine, Status, read_status, status_json
 from rsoconsole.control.text import printable
 from rsoconsole.control.wire import Outcome, Request
 
@@ -21,15 +23,21 @@ __all__ = [
     "EngineLock",
     "Handler",
     "Health",
+    "Machine",
+    "MovePreview",
     "Outcome",
     "Request",
+    "Sender",
     "Status",
     "Wire",
     "command_of",
     "command_words",
     "commands",
     "default_socket_path",
+    "preview_json",
     "printable",
+    "read_preview",
     "read_status",
+    "sender_of",
     "status_json",
 ]

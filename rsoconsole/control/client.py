@@ -9,12 +9,14 @@ from typing import Any, Protocol
 
 from rsoconsole.control.command import Command
 from rsoconsole.control.place import address_of, default_socket_path, engine_pid
+from rsoconsole.control.sender import Sender
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, read_outcome, receive_line
 from rsoconsole.errors import ControlError
 
 CROWDED_S = 0.01
 """So long a crowded engine is left alone before it is asked again."""
 GRACE_S = 0.5
+OPERATOR = Sender()
 
 
 class Wire(Protocol):
@@ -27,9 +29,9 @@ class Wire(Protocol):
 class ControlClient:
     """A console's or a command's end of the wire. One call at a time."""
 
-    def __init__(self, path: Path | None = None, by: str = "operator") -> None:
+    def __init__(self, path: Path | None = None, sender: Sender = OPERATOR) -> None:
         self._path = path if path is not None else default_socket_path()
-        self._by = by
+        self._sender = sender
 
     def send(self, command: Command, *, timeout_s: float = DEFAULT_TIMEOUT_S) -> Outcome:
         """Hand a command to the engine and wait for what comes of it.
@@ -46,7 +48,8 @@ class ControlClient:
             "id": 1,
             "verb": verb,
             "arguments": command.arguments(),
-            "by": self._by,
+            "by": self._sender.words,
+            "sender": self._sender.kind,
             "timeout_s": timeout_s,
         }
         try:

@@ -5,12 +5,12 @@ says unit and frame; the names of the first version stand beside them and stay.
 """
 
 import types
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any
 
-from rsoconsole.control.text import printable
+from rsoconsole.control.fields import as_json, read_fields
 
 SCHEMA = 1
 """Of all JSON that the program prints and the engine answers; raised where a meaning changes."""
@@ -32,9 +32,32 @@ FIRST_NAMES: Mapping[str, str] = types.MappingProxyType(
 class Health:
     """One part of machine or instruments and how it is."""
 
-    name: str
-    ok: bool
-    text: str
+    name: str = ""
+    ok: bool = False
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Machine:
+    """The machine that the engine runs on, as it was seen last; None: it does not say."""
+
+    model: str | None = None
+    cpu_temperature_c: float | None = None
+    cpu_frequency_mhz: float | None = None
+    cpu_frequency_max_mhz: float | None = None
+    is_under_voltage: bool | None = None
+    is_throttled: bool | None = None
+    has_been_under_voltage: bool | None = None
+    has_been_throttled: bool | None = None
+    troubles: tuple[str, ...] = ()
+    """What is not well, in words."""
+    recording_medium: str | None = None
+    """What the session is written to."""
+    recording_device: str | None = None
+    recording_life_used_percent: int | None = None
+    time_source: str | None = None
+    time_source_detail: str | None = None
+    real_time_clock: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,8 +104,8 @@ class Status:
     temporary: Mapping[str, int] = field(default_factory=dict)
     """Settings that hold for so many frames more."""
     health: tuple[Health, ...] = ()
-    machine: Mapping[str, Any] | None = None
-    """Heat, power, disk and time source; the units stand in its keys."""
+    machine: Machine | None = None
+    """Heat, power, disk and time source."""
     seat: str | None = None
     """The console in control; None while none is."""
     seat_asked_by: str | None = None
@@ -93,101 +116,16 @@ class Status:
 def status_json(status: Status) -> dict[str, Any]:
     """A status as JSON carries it: every field by its name, and by the name it had first."""
     told: dict[str, Any] = {"schema": SCHEMA}
-    for each in fields(Status):
-        value = _plain(getattr(status, each.name))
-        told[each.name] = value
-        if each.name in FIRST_NAMES:
-            told[FIRST_NAMES[each.name]] = value
+    for name, value in as_json(status).items():
+        told[name] = value
+        if name in FIRST_NAMES:
+            told[FIRST_NAMES[name]] = value
     return told
 
 
 def read_status(told: Mapping[str, Any]) -> Status:
     """The status in an engine's answer; what is missing or odd in it counts as not said."""
-    hints, values = get_type_hints(Status), {}
-    for each in fields(Status):
-        key = each.name if each.name in told else FIRST_NAMES.get(each.name, each.name)
-        value = _read(hints[each.name], told.get(key))
-        if value is not None:
-            values[each.name] = value
+    first = {name: told[key] for name, key in FIRST_NAMES.items() if key in told}
+    values = read_fields(Status, {**first, **told})
     values.setdefault("now_utc_ns", values.get("t_utc_ns"))
     return Status(**values)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Health):
-        return {"name": value.name, "ok": value.ok, "text": value.text}
-    if isinstance(value, tuple):
-        return [_plain(each) for each in value]
-    if isinstance(value, Mapping):
-        return dict(value)
-    return str(value) if isinstance(value, Path) else value
-
-
-def _read(hint: Any, value: Any) -> Any:
-    """What JSON gave as a field has it; None for what it cannot be."""
-    kinds = get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
-    kind = next(each for each in kinds if each is not type(None))
-    return _READERS[kind](value)
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
-
-
-def _whole(value: Any) -> int | None:
-    return value if isinstance(value, int) and not isinstance(value, bool) else None
-
-
-def _truth(value: Any) -> bool | None:
-    return value if isinstance(value, bool) else None
-
-
-def _text(value: Any) -> str | None:
-    return printable(value) if isinstance(value, str) and value else None
-
-
-def _texts(value: Any) -> tuple[str, ...] | None:
-    return tuple(printable(str(v)) for v in value) if isinstance(value, list | tuple) else None
-
-
-def _path(value: Any) -> Path | None:
-    return Path(value) if isinstance(value, str) and value else None
-
-
-def _table(value: Any) -> dict[str, Any] | None:
-    return {str(k): v for k, v in value.items()} if isinstance(value, Mapping) else None
-
-
-def _counts(value: Any) -> dict[str, int] | None:
-    table = _table(value)
-    if table is None:
-        return None
-    return {name: count for name, count in table.items() if isinstance(count, int)}
-
-
-def _health(value: Any) -> tuple[Health, ...] | None:
-    if not isinstance(value, list | tuple):
-        return None
-    return tuple(
-        Health(
-            name=printable(str(row.get("name", ""))),
-            ok=row.get("ok") is True,
-            text=printable(str(row.get("text", ""))),
-        )
-        for row in value
-        if isinstance(row, Mapping)
-    )
-
-
-_READERS: dict[Any, Callable[[Any], Any]] = {
-    float: _number,
-    int: _whole,
-    bool: _truth,
-    str: _text,
-    Path: _path,
-    tuple[str, ...]: _texts,
-    tuple[Health, ...]: _health,
-    Mapping[str, int]: _counts,
-    Mapping[str, Any]: _table,
-}
-"""By the type of a field."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rsoconsole.control.command import Command, command_of
+from rsoconsole.control.sender import Sender, sender_of
 from rsoconsole.control.text import printable
 from rsoconsole.errors import ControlError
 
@@ -25,10 +26,14 @@ class Request:
     """A command, and who asks for it."""
 
     command: Command
-    by: str = "operator"
-    """The console, a shell, a script."""
+    sender: Sender = field(default_factory=Sender)
     stamp: int | None = None
     """How many STOPs had been given when it was read; None: not known."""
+
+    @property
+    def by(self) -> str:
+        """Who asks, as the record has it."""
+        return self.sender.words
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,7 +151,7 @@ def read_request(connection: Connection, line: bytes) -> WaitingRequest:
         raise NotACommand(str(error), request_id) from error
     return WaitingRequest(
         id=request_id,
-        request=Request(command=command, by=by),
+        request=Request(command=command, sender=sender_of(by, message.get("sender"))),
         deadline=time.monotonic() + timeout_s,
         connection=connection,
     )

@@ -2,12 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
+from rsoconsole.control import MovePreview
 from rsoconsole.control.commands import Beside, Goto, Nudge, Preview, Track, Unpark
 from rsoconsole.engine.chronicle import Chronicle
 from rsoconsole.engine.guide import Guide
-from rsoconsole.engine.handlers import DONE, Accepted, Control, Handler, Handlers
+from rsoconsole.engine.handlers import Accepted, Control, Handler, Handlers
 from rsoconsole.engine.hands import NS, Hands
 from rsoconsole.engine.plan import Planner
 from rsoconsole.engine.slews import Slews
@@ -15,6 +15,7 @@ from rsoconsole.engine.states import Taken
 from rsoconsole.engine.tunables import changed
 from rsoconsole.engine.watch import LIFTS, Watch
 from rsoconsole.pipeline.aim import follow_direction, slew_to
+from rsoconsole.reasons import DONE, CommandResult, done
 from rsoconsole.sky.angles import separation_deg, wrap_360
 from rsoconsole.sky.frames import icrs_to_altaz, icrs_to_jnow
 from rsoconsole.sky.limits import Pose
@@ -70,7 +71,7 @@ class ByHand:
             Unpark: Handler(execute=self._unpark),
         }
 
-    def preview(self, preview: Preview) -> dict[str, Any]:
+    def preview(self, preview: Preview) -> MovePreview:
         """What a move would do: target, way, time and limits; nothing moves.
 
         Raises ValueError where it leads nowhere, InstrumentError when the mount is silent.
@@ -87,20 +88,20 @@ class ByHand:
         )
         margins = self._watch.limits.margins_deg(pose)
         override = () if isinstance(preview.move, Beside) else preview.move.override
-        return {
-            "ra_icrs_deg": direction[0],
-            "dec_icrs_deg": direction[1],
-            "ra_date_deg": ra_date_deg,
-            "dec_date_deg": dec_date_deg,
-            "alt_deg": alt_deg,
-            "az_deg": az_deg,
-            "way_deg": separation_deg(*here, *direction),
-            "slew_s": self._planner.slew_s(direction, now_ns),
-            "pier_side": report.pier_side,
-            "pier_side_after": self._planner.side_at(direction, now_ns),
-            "margins_deg": [[name, value] for name, value in margins if math.isfinite(value)],
-            "refused": self._refusal(direction, override),
-        }
+        return MovePreview(
+            ra_icrs_deg=direction[0],
+            dec_icrs_deg=direction[1],
+            ra_date_deg=ra_date_deg,
+            dec_date_deg=dec_date_deg,
+            alt_deg=alt_deg,
+            az_deg=az_deg,
+            way_deg=separation_deg(*here, *direction),
+            slew_s=self._planner.slew_s(direction, now_ns),
+            pier_side=report.pier_side,
+            pier_side_after=self._planner.side_at(direction, now_ns),
+            margins_deg=tuple(margin for margin in margins if math.isfinite(margin[1])),
+            refused=self._refusal(direction, override),
+        )
 
     def _check_move(self, command: Move, _by: str) -> Accepted:
         direction = self._wanted(command)
@@ -110,7 +111,7 @@ class ByHand:
         data = {"ra_icrs_deg": direction[0], "dec_icrs_deg": direction[1]}
         return Accepted(message="on its way; you have the mount", data=data)
 
-    def _move(self, command: Move, by: str) -> str:
+    def _move(self, command: Move, by: str) -> CommandResult:
         direction = self._wanted(command)
         refused = self._refusal(direction, command.override)
         if refused is not None:
@@ -126,7 +127,7 @@ class ByHand:
         now_ns = self._hands.now_utc_ns()
         reason = f"{command.verb} by {by}"
         self._chronicle.append(slew_to(self._control.frame_id, direction, now_ns, reason))
-        return "on its way"
+        return done("on its way")
 
     def _expect_free(self, _command: Track, _by: str) -> None:
         if self._control.charge.is_autonomous:
@@ -134,13 +135,13 @@ class ByHand:
         if self._hands.mount_report().is_parked:
             raise ValueError("the mount is parked: unpark it first")
 
-    def _track(self, command: Track, by: str) -> str:
+    def _track(self, command: Track, by: str) -> CommandResult:
         """Sidereal tracking on or off."""
         self._expect_free(command, by)
         self._hands.instruments.mount.set_tracking(command.is_on)
-        return "the mount tracks" if command.is_on else "tracking is off: the mount stands"
+        return done("the mount tracks" if command.is_on else "tracking is off: the mount stands")
 
-    def _unpark(self, _command: Unpark, _by: str) -> str:
+    def _unpark(self, _command: Unpark, _by: str) -> CommandResult:
         self._hands.instruments.mount.unpark()
         return DONE
 

@@ -10,9 +10,11 @@ from rsoconsole.config import Config
 from rsoconsole.control import Request
 from rsoconsole.engine.states import Happening, LimitMet, NightEnded, Stopped
 from rsoconsole.instruments.ports import StopResult
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import CommandResult
 from rsoconsole.records import OperatorAction
 
-OVERTAKEN = "dropped by STOP"
+OVERTAKEN = CommandResult(kind="dropped", dropped_by="STOP")
 
 
 class OvertakenError(ValueError):
@@ -57,7 +59,7 @@ class CommandQueue:
         with self._lock:
             is_late = request.stamp is not None and request.stamp < self._stops
             if is_late and not request.command.survives_stop:
-                raise OvertakenError(OVERTAKEN)
+                raise OvertakenError(text(OVERTAKEN))
             self._waiting.append(request)
 
     @property
@@ -110,17 +112,17 @@ class CommandQueue:
             self._cut_by = happening
             self._alarms.append(Alarm(happening=happening))
 
-    def put_back(self, requests: tuple[Request, ...]) -> tuple[tuple[Request, ...], str]:
+    def put_back(self, requests: tuple[Request, ...]) -> tuple[tuple[Request, ...], CommandResult]:
         """These were taken and not executed: they wait again, before all others.
 
-        Gives those that do not, since what cut in undoes them, and why in words.
+        Gives those that do not, since what cut in undoes them, and what came of them.
         """
         with self._lock:
             cut_by = self._cut_by if self.is_stopping else None
             dropped = tuple(r for r in requests if cut_by is not None and is_undone(r, cut_by))
             self._waiting.extendleft(r for r in reversed(requests) if r not in dropped)
             self._are_under_way = False
-        return dropped, "" if cut_by is None else dropped_words(cut_by)
+        return dropped, OVERTAKEN if cut_by is None else dropped_by(cut_by)
 
     @contextlib.contextmanager
     def executing(self) -> Iterator[None]:
@@ -163,7 +165,7 @@ class CommandQueue:
             return any(request.command.is_urgent for request in self._waiting)
 
 
-def action_record(request: Request, outcome: str) -> OperatorAction:
+def action_record(request: Request, outcome: CommandResult) -> OperatorAction:
     """The command and its outcome for the record."""
     command = request.command
     return OperatorAction(
@@ -178,13 +180,12 @@ def is_undone(request: Request, happening: Happening) -> bool:
     return request.command.moves_mount
 
 
-def dropped_words(happening: Happening) -> str:
-    """Why a command that waited was not executed."""
+def dropped_by(happening: Happening) -> CommandResult:
+    """What came of a command that waited and was not executed."""
     if isinstance(happening, Stopped):
         return OVERTAKEN
-    return (
-        "dropped: a limit was met" if isinstance(happening, LimitMet) else "dropped: the night ends"
-    )
+    is_limit = isinstance(happening, LimitMet)
+    return CommandResult(kind="dropped", dropped_by="limit met" if is_limit else "night ended")
 
 
 def alarm_words(alarm: Alarm, is_stopped_again: bool, config: Config) -> str:

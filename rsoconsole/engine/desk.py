@@ -6,7 +6,16 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.control import Command, Outcome, Request, Status, printable, status_json
+from rsoconsole.control import (
+    Command,
+    Outcome,
+    Request,
+    Sender,
+    Status,
+    preview_json,
+    printable,
+    status_json,
+)
 from rsoconsole.control.commands import (
     AnswerSeat,
     Arm,
@@ -18,7 +27,7 @@ from rsoconsole.control.commands import (
     Stop,
 )
 from rsoconsole.engine.arming import arming_checks, gather_facts, refusal_text
-from rsoconsole.engine.command_queue import CommandQueue, OvertakenError, action_record
+from rsoconsole.engine.command_queue import OVERTAKEN, CommandQueue, OvertakenError, action_record
 from rsoconsole.engine.handlers import Accepted, Handler, RefusedError
 from rsoconsole.engine.health import HealthMeter
 from rsoconsole.engine.loop import Engine
@@ -26,6 +35,7 @@ from rsoconsole.engine.machine_watch import MachineState
 from rsoconsole.engine.seats import Seats, name_of
 from rsoconsole.engine.states import Stopped
 from rsoconsole.errors import RsoconsoleError
+from rsoconsole.reasons import ACCEPTED, CommandResult, done
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky.frames import icrs_to_altaz
 
@@ -59,7 +69,7 @@ class Desk:
         self._seats = Seats()
         self._machine = machine
         self._health = HealthMeter(lambda: engine.config, self._instruments.clock, session, machine)
-        self._answers: Mapping[type[Command], Callable[[Any, str], Outcome]] = {
+        self._answers: Mapping[type[Command], Callable[[Any, Sender], Outcome]] = {
             Stop: self._stop,
             AskStatus: self._status,
             Preview: self._preview,
@@ -77,14 +87,14 @@ class Desk:
 
     def handle(self, request: Request) -> Outcome:
         """What came of it; a refusal says why."""
-        command, by = request.command, request.by
-        refused = self._seats.refusal(by, needs_control=command.needs_control)
+        command = request.command
+        refused = self._seats.refusal(request.sender, needs_control=command.needs_control)
         if refused is not None:
             holder = name_of(self._seats.view().holder)
             return Outcome(ok=False, message=refused, data={"seat": holder})
         try:
             answer = self._answers.get(type(command))
-            return self._accept(request) if answer is None else answer(command, by)
+            return self._accept(request) if answer is None else answer(command, request.sender)
         except RefusedError as error:
             return Outcome(ok=False, message=str(error), data=error.data)
         except (ValueError, RsoconsoleError) as error:
@@ -103,16 +113,16 @@ class Desk:
                 handler.expect(command, by)
             accepted = handler.check(command, by)
         except (ValueError, RsoconsoleError) as error:
-            self._engine.chronicle.append(action_record(request, f"refused: {error}"))
+            self._engine.chronicle.append(action_record(request, CommandResult.refused(error)))
             raise
         request = dataclasses.replace(request, command=accepted.command or command)
         try:
             self._queue.put(request)
-        except OvertakenError as overtaken:
-            self._engine.chronicle.append(action_record(request, str(overtaken)))
+        except OvertakenError:
+            self._engine.chronicle.append(action_record(request, OVERTAKEN))
             raise
         # What has been acknowledged is on record, unless the disk does not take it.
-        self._engine.chronicle.append(action_record(request, "accepted"))
+        self._engine.chronicle.append(action_record(request, ACCEPTED))
         self._flush(FLUSH_S)
         if isinstance(command, Shutdown):
             self._queue.request_shutdown()
@@ -140,23 +150,25 @@ class Desk:
 
     # -- past the loop --------------------------------------------------------------------------
 
-    def _stop(self, command: Stop, by: str) -> Outcome:
+    def _stop(self, command: Stop, sender: Sender) -> Outcome:
         # The flag and the mount first; whatever else STOP means comes after them.
-        result = self._queue.stop(Stopped(by=by), self._instruments.mount.abort)
+        result = self._queue.stop(Stopped(by=sender.words), self._instruments.mount.abort)
         self._engine.wake()
-        outcome = f"stopped in {result.ms:.0f} ms by {result.path}"
+        outcome = CommandResult(kind="failed", detail=result.detail)
+        if result.stopped:
+            outcome = CommandResult(kind="stopped", stop_ms=result.ms, stop_path=result.path)
         self._engine.chronicle.append(
             OperatorAction(
                 verb=command.verb,
                 arguments=command.arguments(),
-                outcome=outcome if result.stopped else f"NOT confirmed: {result.detail}",
-                by=by,
+                outcome=outcome,
+                by=sender.words,
             )
         )
         data: dict[str, Any] = dataclasses.asdict(result)
         return Outcome(ok=result.stopped, message=result.detail or "stopped", data=data)
 
-    def _status(self, _command: AskStatus, _by: str) -> Outcome:
+    def _status(self, _command: AskStatus, _sender: Sender) -> Outcome:
         return Outcome(ok=True, data=status_json(self.status()))
 
     def status(self) -> Status:
@@ -184,19 +196,23 @@ class Desk:
             pid=os.getpid(),
         )
 
-    def _preview(self, command: Preview, _by: str) -> Outcome:
+    def _preview(self, command: Preview, _sender: Sender) -> Outcome:
         """Where a move by hand would lead, how long it takes and what stands against it."""
-        return Outcome(ok=True, data=self._engine.by_hand.preview(command))
+        return Outcome(ok=True, data=preview_json(self._engine.by_hand.preview(command)))
 
-    def _ask_seat(self, _command: AskSeat, by: str) -> Outcome:
-        return Outcome(ok=True, message=self._seats.ask(by))
+    def _ask_seat(self, _command: AskSeat, sender: Sender) -> Outcome:
+        return Outcome(ok=True, message=self._seats.ask(sender))
 
-    def _answer_seat(self, command: AnswerSeat, by: str) -> Outcome:
-        return Outcome(ok=True, message=self._seats.answer(by, gives=command.gives, to=command.to))
+    def _answer_seat(self, command: AnswerSeat, sender: Sender) -> Outcome:
+        return Outcome(
+            ok=True, message=self._seats.answer(sender, gives=command.gives, to=command.to)
+        )
 
-    def _note(self, command: Note, by: str) -> Outcome:
+    def _note(self, command: Note, sender: Sender) -> Outcome:
         """The operator's remark, on record at once."""
         said = dataclasses.replace(command, text=printable(command.text).strip()[:LONGEST_NOTE])
-        self._engine.chronicle.append(action_record(Request(command=said, by=by), "noted"))
+        self._engine.chronicle.append(
+            action_record(Request(command=said, sender=sender), done("noted"))
+        )
         self._flush(FLUSH_S)
         return Outcome(ok=True, message="noted")

@@ -11,11 +11,11 @@ from typing import Any, Protocol
 from rsoconsole.config import Config
 from rsoconsole.control import Command
 from rsoconsole.engine.states import Charge, Happening, Step
+from rsoconsole.reasons import CommandResult
 from rsoconsole.records import TrackState
 from rsoconsole.tracking.follow import Following
 
 SOON = "in force from the next cycle"
-DONE = "done"
 
 
 class Control(Protocol):
@@ -85,8 +85,8 @@ def expect_nothing(_command: Command, _by: str) -> None:
 class Handler:
     """How one command is checked and done; ``by`` is who asks."""
 
-    execute: Callable[[Any, str], str]
-    """On the loop's thread; gives the outcome in words. Raises ValueError with the reason where
+    execute: Callable[[Any, str], CommandResult]
+    """On the loop's thread; gives what came of it. Raises ValueError with the reason where
     it cannot be, InstrumentError where the mount fails."""
     check: Callable[[Any, str], Accepted] = accept
     """On the wire's threads, before it is queued. Raises ValueError where it cannot be."""

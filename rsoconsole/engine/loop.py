@@ -16,7 +16,7 @@ from rsoconsole.engine.command_queue import (
     CommandQueue,
     action_record,
     alarm_words,
-    dropped_words,
+    dropped_by,
 )
 from rsoconsole.engine.exposures import Exposures
 from rsoconsole.engine.guide import Guide
@@ -54,7 +54,7 @@ from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.orbits import Orbits
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
-from rsoconsole.reasons import Cause, Missed
+from rsoconsole.reasons import DONE, Cause, CommandResult, Missed
 from rsoconsole.records import (
     CycleTiming,
     Frame,
@@ -73,6 +73,7 @@ IDLE_TICK_NS = NS
 CLEAR_FRAMES = 2
 """Frames in a row with their stars: the sky has cleared."""
 STOP_POLL_S = 0.02
+ENGINE_ENDS = CommandResult(kind="dropped", dropped_by="engine ended")
 
 
 class _RunFailed(Exception):  # noqa: N818 -- carried from the loop to its own end
@@ -253,9 +254,7 @@ class Engine:
                 self._heed_alarms()
             for request in self._queue.take_all():
                 is_done = request.command.survives_stop
-                self.chronicle.append(
-                    action_record(request, "done" if is_done else "dropped: the engine ends")
-                )
+                self.chronicle.append(action_record(request, DONE if is_done else ENGINE_ENDS))
             if not result.stopped:
                 self.chronicle.say("alarm", f"the mount did not confirm its stop: {result.detail}")
             self._enter(Charge(), Cause(kind="engine ended"))
@@ -436,23 +435,23 @@ class Engine:
         """Do what waits, in order; each gets its outcome on record, whatever comes between."""
         requests = self._queue.take_all()
         for number, request in enumerate(requests):
-            outcome = "done"
+            outcome = DONE
             try:
                 with self._queue.executing():
                     outcome = self._execute(request)
             except (ValueError, InstrumentError, StoppedElsewhere) as error:
-                outcome = f"refused: {error}"
+                outcome = CommandResult.refused(error)
                 self.chronicle.say("warning", f"{request.command.verb} refused: {error}")
             except Interrupted:
                 # Taken from the queue already: what is undone there is undone here too.
-                undone, words = self._queue.put_back(requests[number:])
+                undone, result = self._queue.put_back(requests[number:])
                 for each in undone:
-                    self.chronicle.append(action_record(each, words))
+                    self.chronicle.append(action_record(each, result))
                 raise
             self.chronicle.append(action_record(request, outcome))
         self._queue.finished()
 
-    def _execute(self, request: Request) -> str:
+    def _execute(self, request: Request) -> CommandResult:
         """One command, by its handler. Raises as the handler does."""
         return self.handlers[type(request.command)].execute(request.command, request.by)
 
@@ -477,7 +476,7 @@ class Engine:
         again = self.hands.instruments.mount.abort()
         for alarm in alarms:
             for request in alarm.dropped:
-                self.chronicle.append(action_record(request, dropped_words(alarm.happening)))
+                self.chronicle.append(action_record(request, dropped_by(alarm.happening)))
             self._heed(alarm, again.stopped)
 
     def _heed(self, alarm: Alarm, is_stopped_again: bool) -> None:

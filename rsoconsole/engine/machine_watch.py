@@ -8,8 +8,9 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
+from rsoconsole.control import Machine
 from rsoconsole.control.looker import Looker
 from rsoconsole.engine.machine import MachineReading, Trouble, read_machine, troubles_of
 from rsoconsole.engine.medium import Medium, medium_of
@@ -37,26 +38,26 @@ class MachineState:
     medium: Medium
     time_source: TimeSource
 
-    def as_status(self) -> dict[str, Any]:
-        """What ``status --json`` has of it, as JSON carries it."""
+    def as_status(self) -> Machine:
+        """What ``status`` has of it."""
         reading = self.reading
-        return {
-            "model": reading.model,
-            "cpu_temperature_c": reading.cpu_temperature_c,
-            "cpu_frequency_mhz": reading.cpu_frequency_mhz,
-            "cpu_frequency_max_mhz": reading.cpu_frequency_max_mhz,
-            "is_under_voltage": reading.is_under_voltage,
-            "is_throttled": reading.is_throttled,
-            "has_been_under_voltage": reading.has_been_under_voltage,
-            "has_been_throttled": reading.has_been_throttled,
-            "troubles": [trouble.words for trouble in self.troubles],
-            "recording_medium": self.medium.kind,
-            "recording_device": self.medium.device or None,
-            "recording_life_used_percent": self.medium.life_used_percent,
-            "time_source": self.time_source.kind,
-            "time_source_detail": self.time_source.detail,
-            "real_time_clock": self.time_source.rtc,
-        }
+        return Machine(
+            model=reading.model,
+            cpu_temperature_c=reading.cpu_temperature_c,
+            cpu_frequency_mhz=reading.cpu_frequency_mhz,
+            cpu_frequency_max_mhz=reading.cpu_frequency_max_mhz,
+            is_under_voltage=reading.is_under_voltage,
+            is_throttled=reading.is_throttled,
+            has_been_under_voltage=reading.has_been_under_voltage,
+            has_been_throttled=reading.has_been_throttled,
+            troubles=tuple(trouble.words for trouble in self.troubles),
+            recording_medium=self.medium.kind,
+            recording_device=self.medium.device or None,
+            recording_life_used_percent=self.medium.life_used_percent,
+            time_source=self.time_source.kind,
+            time_source_detail=self.time_source.detail,
+            real_time_clock=self.time_source.rtc,
+        )
 
 
 class Troubles:

@@ -2,8 +2,9 @@
 
 from rsoconsole.control import Command
 from rsoconsole.control.commands import Abort, Arm, Disarm, Hold, Park, Resume, Shutdown
-from rsoconsole.engine.handlers import DONE, Control, Handler, Handlers
+from rsoconsole.engine.handlers import Control, Handler, Handlers
 from rsoconsole.engine.states import Armed, Disarmed, Happening, Held, Resumed, step
+from rsoconsole.reasons import DONE, CommandResult, done
 
 
 class Modes:
@@ -21,7 +22,7 @@ class Modes:
             Hold: Handler(expect=self._expect, execute=self._pass),
             Resume: Handler(expect=self._expect, execute=self._pass),
             Park: Handler(execute=self._park),
-            Abort: Handler(execute=lambda _command, _by: "the exposure was given up"),
+            Abort: Handler(execute=lambda _command, _by: done("the exposure was given up")),
             Shutdown: Handler(execute=lambda _command, _by: DONE),
         }
 
@@ -31,17 +32,17 @@ class Modes:
         if refusal is not None:
             raise ValueError(refusal)
 
-    def _pass(self, command: Command, by: str) -> str:
+    def _pass(self, command: Command, by: str) -> CommandResult:
         self._control.happen(happening_of(command, by))
         return DONE
 
-    def _arm(self, command: Arm, by: str) -> str:
+    def _arm(self, command: Arm, by: str) -> CommandResult:
         self._control.arm(by, frozenset(command.override))
         return DONE
 
-    def _park(self, _command: Park, by: str) -> str:
+    def _park(self, _command: Park, by: str) -> CommandResult:
         self._control.park(by)
-        return "parking"
+        return done("parking")
 
 
 def happening_of(command: Command, by: str) -> Happening:

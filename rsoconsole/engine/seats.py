@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-CONSOLE = "console "
-"""How a console's name begins on the wire."""
+from rsoconsole.control import Sender
+
 GONE_S = 10.0
 """A console that has not been heard of for so long has left its seat."""
 ASKED_S = 30.0
@@ -20,9 +20,9 @@ ASKED_S = 30.0
 class SeatView:
     """Who may act, and who wants to."""
 
-    holder: str | None
+    holder: Sender | None
     """None while nobody has acted, or who did has left."""
-    asked_by: str | None
+    asked_by: Sender | None
 
 
 class Seats:
@@ -31,14 +31,14 @@ class Seats:
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s
         self._lock = threading.Lock()
-        self._holder: str | None = None
-        self._asked_by: str | None = None
+        self._holder: Sender | None = None
+        self._asked_by: Sender | None = None
         self._asked_s = 0.0
-        self._heard_s: dict[str, float] = {}
+        self._heard_s: dict[Sender, float] = {}
 
-    def refusal(self, who: str, *, needs_control: bool) -> str | None:
+    def refusal(self, who: Sender, *, needs_control: bool) -> str | None:
         """Why this one may not do that now; None where it may. Whoever may and acts takes it."""
-        if not who.startswith(CONSOLE):
+        if who.kind != "console":
             return None
         with self._lock:
             self._hear(who)
@@ -49,7 +49,7 @@ class Seats:
                 return None
             return f"{name_of(self._holder)} has the seat: ask for it"
 
-    def ask(self, who: str) -> str:
+    def ask(self, who: Sender) -> str:
         """Somebody wants the seat; says how that stands."""
         with self._lock:
             self._hear(who)
@@ -62,7 +62,7 @@ class Seats:
                 self._asked_by, self._asked_s = who, self._now_s()
             return f"{name_of(self._holder)} is asked; yours in {ASKED_S:.0f} s at the latest"
 
-    def answer(self, who: str, *, gives: bool, to: str | None = None) -> str:
+    def answer(self, who: Sender, *, gives: bool, to: str | None = None) -> str:
         """The holder gives the seat, or keeps it; ``to``: whom he means, None: whoever asks.
 
         Raises ValueError where nobody asks for it, or somebody else does by now.
@@ -85,7 +85,7 @@ class Seats:
             self._tidy()
             return SeatView(holder=self._holder, asked_by=self._asked_by)
 
-    def _hear(self, who: str) -> None:
+    def _hear(self, who: Sender) -> None:
         self._heard_s[who] = self._now_s()
         self._tidy()
 
@@ -100,6 +100,6 @@ class Seats:
             self._holder, self._asked_by = self._asked_by, None
 
 
-def name_of(who: str | None) -> str:
-    """A console's name without the word for what it is."""
-    return (who or "nobody").removeprefix(CONSOLE)
+def name_of(who: Sender | None) -> str:
+    """A console's name."""
+    return "nobody" if who is None else who.name

@@ -8,6 +8,7 @@ from rsoconsole.engine.plan import Planner
 from rsoconsole.engine.slews import Slews
 from rsoconsole.engine.states import Sought
 from rsoconsole.pipeline.absence import direction_at
+from rsoconsole.reasons import CommandResult, done
 
 
 class Seeking:
@@ -30,12 +31,12 @@ class Seeking:
     def _expect(self, _command: Seek, _by: str) -> None:
         self.direction()
 
-    def _seek(self, _command: Seek, by: str) -> str:
+    def _seek(self, _command: Seek, by: str) -> CommandResult:
         """Search in a widening spiral round where it must be."""
         direction = self.direction()
         self._control.happen(Sought(by=by))
         self._planner.search_about(direction, self._hands.now_utc_ns())
-        return "looking for it in a widening spiral"
+        return done("looking for it in a widening spiral")
 
     def direction(self) -> tuple[float, float]:
         """Where what was followed must be now, ICRS.

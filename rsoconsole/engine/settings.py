@@ -2,9 +2,10 @@
 
 from rsoconsole.control.commands import Set
 from rsoconsole.engine.chronicle import Chronicle
-from rsoconsole.engine.handlers import DONE, Accepted, Control, Handler, Handlers
+from rsoconsole.engine.handlers import Accepted, Control, Handler, Handlers
 from rsoconsole.engine.temporary import Temporary
 from rsoconsole.engine.tunables import change_record, changed
+from rsoconsole.reasons import DONE, CommandResult
 
 
 class Settings:
@@ -24,7 +25,7 @@ class Settings:
         changed(self._control.config, command.name, command.value)
         return Accepted()
 
-    def _set(self, command: Set, by: str) -> str:
+    def _set(self, command: Set, by: str) -> CommandResult:
         before = self._control.config
         after = changed(before, command.name, command.value)
         if command.frames is None:

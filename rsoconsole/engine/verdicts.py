@@ -16,7 +16,8 @@ from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import measure
 from rsoconsole.pipeline.rulings import Folds
-from rsoconsole.reasons import Cause
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import Cause, CommandResult
 from rsoconsole.records import (
     Detection,
     Measurement,
@@ -59,12 +60,12 @@ class Verdicts:
         pinned = replace(decision, frame_id=ruling.frame_id)
         return Accepted(message="taken up with the next frame", command=pinned)
 
-    def _rule(self, decision: Decision, by: str) -> str:
-        """In force for the order after the next frame. Gives what came of it, in words."""
+    def _rule(self, decision: Decision, by: str) -> CommandResult:
+        """In force for the order after the next frame. Gives what came of it."""
         before = self._control.following
         ruling = self._ruling(decision, by)
         after, records = self._cycle.rule(ruling)
-        words = verdict_words(ruling, records)
+        result = result_of(ruling, records)
         self._chronicle.append(ruling)
         if after.state != before.state:
             # Before the first frame that is followed again: behind it stand the fold's own.
@@ -72,13 +73,13 @@ class Verdicts:
                 frame_id=ruling.frame_id,
                 before=before.state,
                 after=after.state,
-                reason=Cause(kind="operator's word", detail=words),
+                reason=Cause(kind="operator's word", detail=text(result)),
             )
             self._chronicle.append(change)
         for record in records[1:]:
             self._chronicle.append(record)
         self._control.happen(Followed(after=after))
-        return words
+        return result
 
     def _ruling(self, decision: Decision, by: str) -> Ruling:
         """What the word on a frame would be. Raises ValueError where it cannot be."""
@@ -235,11 +236,13 @@ def _measured(
     return measured
 
 
-def verdict_words(ruling: Ruling, records: tuple[Record, ...]) -> str:
-    """What a ruling came to, for the log."""
-    what = "rejected" if ruling.taken is None else "taken"
-    if ruling.taken is not None and ruling.taken.source == "operator":
-        what = "taken by the operator's hand"
-    refused = sum(isinstance(record, NotFollowed) for record in records)
-    beside = f", {refused} left alone" if refused and ruling.taken is not None else ""
-    return f"frame {ruling.frame_id}: {what}{beside}"
+def result_of(ruling: Ruling, records: tuple[Record, ...]) -> CommandResult:
+    """What a ruling came to."""
+    if ruling.taken is None:
+        return CommandResult(kind="ruled", ruled="rejected", frame_id=ruling.frame_id)
+    return CommandResult(
+        kind="ruled",
+        ruled="taken by hand" if ruling.taken.source == "operator" else "taken",
+        frame_id=ruling.frame_id,
+        left_alone=sum(isinstance(record, NotFollowed) for record in records),
+    )

@@ -10,11 +10,24 @@ from rsoconsole.config import Config
 from rsoconsole.export.rows import MeasuredRow, row_of
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
+    Detections,
+    Event,
     FollowedAgain,
     FrameTaken,
+    Identified,
     Measurement,
+    Miss,
     NotFollowed,
+    NotSolved,
+    OperatorAction,
+    OrbitEstimate,
+    ParameterChange,
     Ruling,
+    SlewCommand,
+    Solution,
+    StateChange,
     TrackState,
 )
 from rsoconsole.session.reader import SessionReader
@@ -137,10 +150,30 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
     about.pop("config", None)
     stories: dict[int, _FrameStory] = {}
     for _, _, record in reader.records(kinds=KINDS):
-        if isinstance(record, FrameTaken):
-            stories[record.frame_id] = _FrameStory(taken=record)
-        elif isinstance(record, OfFrame) and record.frame_id in stories:
-            _hear(stories[record.frame_id], record)
+        match record:
+            case FrameTaken():
+                stories[record.frame_id] = _FrameStory(taken=record)
+            case Measurement() | TrackState() | NotFollowed() | Ruling() | FollowedAgain():
+                if record.frame_id in stories:
+                    _hear(stories[record.frame_id], record)
+            case (
+                Detections()
+                | Solution()
+                | NotSolved()
+                | Miss()
+                | SlewCommand()
+                | StateChange()
+                | ParameterChange()
+                | OperatorAction()
+                | CycleTiming()
+                | Closeup()
+                | OrbitEstimate()
+                | Identified()
+                | Event()
+            ):
+                pass  # no direction, nor a word on one
+            case _:
+                assert_never(record)
     rows = sorted(_rows(stories, everything), key=lambda row: row.t_mid_utc_ns)
     name = session.resolve().name
     return ExportedNight(

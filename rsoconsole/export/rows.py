@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from rsoconsole.record_columns import Column, columns_of
+from rsoconsole.record_columns import TABLES, Column, columns_of, member
 from rsoconsole.records import FrameTaken, Measurement, TrackState
 from rsoconsole.sky.angles import wrap_360
 from rsoconsole.sky.times import utc_ns_to_iso
@@ -68,6 +68,14 @@ class MeasuredRow:
     is_superseded: bool
     """By the operator's word it counts no more; only there when all was asked for."""
 
+    beside: tuple[tuple[str, Any], ...] = ()
+    """Column and value of what a measurement has on record beside all that."""
+
+    def value(self, name: str) -> Any:
+        """What it has in a column; None for nothing."""
+        found = dict(self.beside)
+        return found[name] if name in found else getattr(self, name, None)
+
     @property
     def t_mid_utc(self) -> str:
         """Mid-exposure, ISO 8601 to the nanosecond."""
@@ -80,7 +88,7 @@ class MeasuredRow:
         return east**2, self.correlation * east * north, north**2
 
 
-COLUMNS: tuple[Column, ...] = columns_of("""
+_OWN: tuple[Column, ...] = columns_of("""
 frame_id integer number of the exposure
 track integer track that took it, from 1 in order of time
 t_mid_utc text mid-exposure by the shutter, UTC
@@ -117,6 +125,20 @@ rate_ra_arcsec_s real motion of the track, times cos Dec
 rate_dec_arcsec_s real motion of the track
 is_superseded truth counts no more, by the operator's word
 """)
+_TOLD_OTHERWISE = frozenset(
+    (
+        *("cov_ee_arcsec2", "cov_en_arcsec2", "cov_nn_arcsec2"),
+        *("ends_icrs_deg", "measurement_id"),
+    )
+)
+"""Columns of measurements on record that are in others here."""
+_BESIDE: tuple[Column, ...] = tuple(
+    column
+    for column in TABLES["measurements"].own
+    if column.name not in {*_TOLD_OTHERWISE, *(own.name for own in _OWN)}
+)
+"""Whatever else a measurement has on record."""
+COLUMNS: tuple[Column, ...] = (*_OWN, *_BESIDE)
 DERIVED = ("t_mid_utc",)
 """Columns for people: made of others, and not read back."""
 
@@ -162,6 +184,7 @@ def row_of(
         **_predicted(predicted),
         **_corrected(corrected, nis),
         is_superseded=is_superseded,
+        beside=tuple((column.name, member(measurement, column)) for column in _BESIDE),
     )
 
 

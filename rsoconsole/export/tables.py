@@ -18,6 +18,8 @@ from rsoconsole.export.rows import COLUMNS, DERIVED, MeasuredRow
 from rsoconsole.record_columns import Column
 
 _NAMES = tuple(column.name for column in COLUMNS)
+_NEEDED = frozenset(_NAMES) & {*MeasuredRow.__dataclass_fields__, *DERIVED}
+"""What another version has beside them may be missing."""
 _TRUTH = {"true": True, "false": False}
 _OPTIONAL = frozenset(
     name for name, hint in MeasuredRow.__annotations__.items() if "None" in str(hint)
@@ -30,7 +32,7 @@ def to_csv(rows: Iterable[MeasuredRow]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_NAMES)
     for row in rows:
-        writer.writerow([_csv_field(getattr(row, name)) for name in _NAMES])
+        writer.writerow([_csv_field(row.value(name)) for name in _NAMES])
     return text.getvalue()
 
 
@@ -39,8 +41,8 @@ def read_csv(path: Path) -> tuple[MeasuredRow, ...]:
     lines = csv.reader(io.StringIO(_text(path), newline=""))
     try:
         names = next(lines, None)
-        if names is None or set(_NAMES) - set(names):
-            missing = sorted(set(_NAMES) - set(names or ()))
+        if names is None or _NEEDED - set(names):
+            missing = sorted(_NEEDED - set(names or ()))
             raise ExportError(f"{path} is no table of measurements: it has no {', '.join(missing)}")
         rows = []
         for fields in lines:
@@ -48,7 +50,9 @@ def read_csv(path: Path) -> tuple[MeasuredRow, ...]:
             if len(fields) != len(names):
                 raise ExportError(f"{where}: {len(fields)} fields where {len(names)} belong")
             texts = dict(zip(names, fields, strict=True))
-            rows.append(_row({c.name: _parsed(c, texts[c.name], where) for c in COLUMNS}, where))
+            rows.append(
+                _row({c.name: _parsed(c, texts.get(c.name, ""), where) for c in COLUMNS}, where)
+            )
     except csv.Error as error:
         raise ExportError(f"{path} cannot be read as CSV: {error}") from error
     return tuple(rows)
@@ -57,7 +61,7 @@ def read_csv(path: Path) -> tuple[MeasuredRow, ...]:
 def to_jsonl(rows: Iterable[MeasuredRow]) -> str:
     """One object a measurement, a line each."""
     return "".join(
-        json.dumps({name: getattr(row, name) for name in _NAMES}, allow_nan=False) + "\n"
+        json.dumps({name: row.value(name) for name in _NAMES}, allow_nan=False) + "\n"
         for row in rows
     )
 
@@ -88,7 +92,7 @@ def to_ecsv(night: ExportedNight) -> str:
     types = {"integer": "int64", "real": "float64", "truth": "bool"}
     table = Table(meta=night.facts())
     for column in COLUMNS:
-        values = [getattr(row, column.name) for row in night.rows]
+        values = [row.value(column.name) for row in night.rows]
         blank: Any = "" if column.type == "text" else 0
         filled = [blank if value is None else value for value in values]
         table[column.name] = MaskedColumn(
@@ -147,14 +151,18 @@ def _parsed(column: Column, text: str, where: str) -> Any:
 def _row(values: Mapping[str, Any], where: str) -> MeasuredRow:
     """The row of values by column; other columns are passed over."""
     found: dict[str, Any] = {}
+    beside: list[tuple[str, Any]] = []
     for column in COLUMNS:
         if column.name in DERIVED:
             continue
         value = values.get(column.name)
+        if column.name not in MeasuredRow.__dataclass_fields__:
+            beside.append((column.name, _checked(column, value, where)))
+            continue
         if value is None and column.name not in _OPTIONAL:
             raise ExportError(f"{where} has no {column.name}")
         found[column.name] = _checked(column, value, where)
-    return MeasuredRow(**found)
+    return MeasuredRow(**found, beside=tuple(beside))
 
 
 def _checked(column: Column, value: Any, where: str) -> Any:

@@ -2,6 +2,7 @@
 
 from collections import deque
 from pathlib import Path
+from typing import assert_never
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.control import command_words
@@ -10,24 +11,34 @@ from rsoconsole.errors import ConfigError
 from rsoconsole.notebook.night import Night, NightFold, title_of
 from rsoconsole.notebook.overlay import FrameFacts
 from rsoconsole.reason_text import text
+from rsoconsole.reasons import DONE
 from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
+    Detections,
     Event,
+    FollowedAgain,
     FrameTaken,
+    Identified,
     Measurement,
     Miss,
     NotFollowed,
+    NotSolved,
     OperatorAction,
+    OrbitEstimate,
     ParameterChange,
     Record,
+    Ruling,
     SlewCommand,
+    Solution,
     StateChange,
+    TrackState,
 )
 from rsoconsole.session.reader import SessionReader
 
 LOG_LINES = 12
 _FRAMES = 3
 """Frames of which everything is kept: a picture may come later than its records."""
-_QUIET = frozenset(("accepted", "done"))
 
 
 class LiveNight:
@@ -81,10 +92,33 @@ class LiveNight:
         facts = self._facts.get(getattr(record, "frame_id", None) or -1)
         if facts is not None:
             facts.take(record)
-        if isinstance(record, SlewCommand):
-            self.slew = record
-        elif isinstance(record, ParameterChange):
-            self._change(record)
+        match record:
+            case SlewCommand():
+                self.slew = record
+            case ParameterChange():
+                self._change(record)
+            case (
+                FrameTaken()
+                | Detections()
+                | Solution()
+                | NotSolved()
+                | Measurement()
+                | NotFollowed()
+                | Miss()
+                | TrackState()
+                | StateChange()
+                | OperatorAction()
+                | CycleTiming()
+                | Closeup()
+                | Ruling()
+                | FollowedAgain()
+                | OrbitEstimate()
+                | Identified()
+                | Event()
+            ):
+                pass  # the frames' fold, or the log's line
+            case _:
+                assert_never(record)
         line = _line(record)
         if line is not None:
             self.log.append((t_utc_ns, *line))
@@ -125,10 +159,29 @@ def _line(record: Record) -> tuple[str, str] | None:
         case ParameterChange():
             words = f"{record.name} {record.before} → {record.after} by {_who(record.by)}"
         case OperatorAction():
-            outcome = "" if record.outcome in _QUIET else f": {record.outcome}"
+            is_quiet = record.outcome == DONE or record.outcome.kind == "accepted"
+            outcome = "" if is_quiet else f": {text(record.outcome)}"
             said = record.arguments.get("text") if record.verb == Note.verb else None
             wanted = said or command_words(record.verb, record.arguments)
             words = f"{_who(record.by)}: {wanted}{outcome}"
+        case (
+            FrameTaken()
+            | Detections()
+            | Solution()
+            | NotSolved()
+            | Measurement()
+            | TrackState()
+            | SlewCommand()
+            | CycleTiming()
+            | Closeup()
+            | Ruling()
+            | FollowedAgain()
+            | OrbitEstimate()
+            | Identified()
+        ):
+            pass
+        case _:
+            assert_never(record)
     return (level, words) if words else None
 
 

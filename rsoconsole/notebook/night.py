@@ -11,12 +11,25 @@ from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
+    Detections,
+    Event,
     FollowedAgain,
     FrameTaken,
+    Identified,
     Measurement,
     Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    OrbitEstimate,
     ParameterChange,
     Record,
+    Ruling,
+    SlewCommand,
+    Solution,
+    StateChange,
     TrackState,
 )
 from rsoconsole.session.reader import SessionReader
@@ -85,18 +98,38 @@ class NightFold:
         """Frames with measurements of which it is not settled which one the track took."""
 
     def take(self, record: Record) -> None:
-        """One record; of kinds that it does not know it takes no notice."""
-        if isinstance(record, ParameterChange):
-            self._tau = float(record.after) if record.name == "detector.tau" else self._tau
-        elif isinstance(record, FrameTaken):
-            if record.t_mid_utc_ns is not None:
-                self._frames[record.frame_id] = NightFrame(
-                    frame_id=record.frame_id, t_mid_utc_ns=record.t_mid_utc_ns, tau=self._tau
-                )
-                self._measured.pop(record.frame_id, None)
-        elif isinstance(record, OfFrame) and record.frame_id in self._frames:
-            _put(self._frames[record.frame_id], record, self._measured)
-            self._changed.add(record.frame_id)
+        """One record."""
+        match record:
+            case ParameterChange():
+                self._tau = float(record.after) if record.name == "detector.tau" else self._tau
+            case FrameTaken():
+                if record.t_mid_utc_ns is not None:
+                    self._frames[record.frame_id] = NightFrame(
+                        frame_id=record.frame_id, t_mid_utc_ns=record.t_mid_utc_ns, tau=self._tau
+                    )
+                    self._measured.pop(record.frame_id, None)
+            case Measurement() | TrackState() | Miss() | FollowedAgain():
+                if record.frame_id in self._frames:
+                    _put(self._frames[record.frame_id], record, self._measured)
+                    self._changed.add(record.frame_id)
+            case (
+                Detections()
+                | Solution()
+                | NotSolved()
+                | NotFollowed()
+                | SlewCommand()
+                | StateChange()
+                | OperatorAction()
+                | CycleTiming()
+                | Closeup()
+                | Ruling()
+                | OrbitEstimate()
+                | Identified()
+                | Event()
+            ):
+                pass  # nothing of it is drawn
+            case _:
+                assert_never(record)
 
     def night(self) -> Night:
         """Its frames so far; those without a time are left out."""

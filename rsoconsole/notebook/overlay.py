@@ -6,19 +6,32 @@ In pixels of the whole frame, whatever size the picture is shown at.
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 
 from rsoconsole.notebook.svg import AMBER, GREEN, RED, text
 from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
     Detection,
     Detections,
+    Event,
     FollowedAgain,
     FrameTaken,
+    Identified,
     Measurement,
+    Miss,
+    NotFollowed,
     NotSolved,
+    OperatorAction,
+    OrbitEstimate,
+    ParameterChange,
     Record,
+    Ruling,
+    SlewCommand,
     Solution,
+    StateChange,
     TrackState,
 )
 from rsoconsole.sky.wcs import sky_to_pixel
@@ -42,18 +55,37 @@ class FrameFacts:
 
     def take(self, record: Record) -> None:
         """One record of the frame, in the order of the log."""
-        if isinstance(record, FrameTaken):
-            self.taken = record
-        elif isinstance(record, Detections):
-            self.detections = record
-        elif isinstance(record, Solution | NotSolved):
-            self.solution = record
-        elif isinstance(record, Measurement):
-            self.measurements = (*self.measurements, record)
-        elif isinstance(record, FollowedAgain):
-            self.predicted = None
-        elif isinstance(record, TrackState) and record.kind == "predicted":
-            self.predicted = record
+        match record:
+            case FrameTaken():
+                self.taken = record
+            case Detections():
+                self.detections = record
+            case Solution() | NotSolved():
+                self.solution = record
+            case Measurement():
+                self.measurements = (*self.measurements, record)
+            case FollowedAgain():
+                self.predicted = None
+            case TrackState():
+                if record.kind == "predicted":
+                    self.predicted = record
+            case (
+                NotFollowed()
+                | Miss()
+                | SlewCommand()
+                | StateChange()
+                | ParameterChange()
+                | OperatorAction()
+                | CycleTiming()
+                | Closeup()
+                | Ruling()
+                | OrbitEstimate()
+                | Identified()
+                | Event()
+            ):
+                pass  # nothing of it is drawn
+            case _:
+                assert_never(record)
 
 
 def overlay_svg(facts: FrameFacts, followed: Measurement | None) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 import anywidget
 import traitlets
 
-from rsoconsole.control import ControlClient, Wire
+from rsoconsole.control import ControlClient, Sender, Wire
 from rsoconsole.instruments.past_engine import stop_past_engine
 from rsoconsole.notebook.link import Link
 from rsoconsole.notebook.panel_orders import PanelOrders
@@ -56,7 +56,7 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         """``socket``: the engine's, None for this user's own; ``wire``: another way to it."""
         self._seat = _seat_name()
         path = None if socket is None else Path(socket).expanduser()
-        client = wire or ControlClient(path, by=f"console {self._seat}")
+        client = wire or ControlClient(path, sender=Sender.console(self._seat))
         self._seen_s = time.monotonic()
         self._ticks = 0
         self._guard = threading.RLock()

@@ -10,7 +10,15 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.control import COMMANDS, Command, Outcome, Wire, command_of
+from rsoconsole.control import (
+    COMMANDS,
+    Command,
+    MovePreview,
+    Outcome,
+    Wire,
+    command_of,
+    read_preview,
+)
 from rsoconsole.control.commands import Arm, Goto, Preview
 from rsoconsole.control.stop import DirectStop, StopNews, Stopping
 from rsoconsole.errors import ControlError, RsoconsoleError
@@ -166,9 +174,10 @@ class PanelOrders:
             move = Goto(ra_icrs_deg=found.ra_icrs_deg, dec_icrs_deg=found.dec_icrs_deg)
             outcome = self._outcome(Preview(move=move))
             careful = [f"careful: {found.caution}"] if found.caution else []
-            lines = preview_lines(outcome.data) if outcome.ok else [outcome.message]
-            told["lines"] = [found.words, *careful, *(lines or [_UNREADABLE])]
-            told["may_go"] = outcome.ok and bool(lines) and not outcome.data.get("refused")
+            preview = read_preview(outcome.data) if outcome.ok else None
+            lines = preview_lines(preview) if outcome.ok else [outcome.message]
+            told["lines"] = [found.words, *careful, *lines]
+            told["may_go"] = preview is not None and not preview.refused
         except (ValueError, RsoconsoleError) as error:
             told["lines"] = [str(error)]
         if asked == self._goto_asked:
@@ -274,24 +283,20 @@ def effect_rows(
     return [list(row) for row in zip(names, *rows, strict=True)]
 
 
-def preview_lines(data: Mapping[str, Any]) -> list[str]:
-    """The engine's preview of a move, in lines; none where it cannot be read."""
-    try:
-        place = (
-            f"ICRS α {format_ra(data['ra_icrs_deg'], 1)} δ {format_dec(data['dec_icrs_deg'], 0)}"
-        )
-        margins = "  ".join(f"{name} {value:+.0f}°" for name, value in data.get("margins_deg", ()))
-        after = data.get("pier_side_after")
-        side = f", to the {after} of the pier" if after and after != data.get("pier_side") else ""
-        lines = [
-            f"{place}  alt {data['alt_deg']:.1f} az {data['az_deg']:.1f}",
-            f"way {data['way_deg']:.1f}°, {data['slew_s']:.0f} s{side}",
-            f"limits {margins}",
-        ]
-    except (KeyError, TypeError, ValueError):
-        return []
-    refused = data.get("refused")
-    return [*lines, f"REFUSED: {refused}"] if refused else lines
+def preview_lines(preview: MovePreview | None) -> list[str]:
+    """The engine's preview of a move, in lines."""
+    if preview is None:
+        return [_UNREADABLE]
+    place = f"ICRS α {format_ra(preview.ra_icrs_deg, 1)} δ {format_dec(preview.dec_icrs_deg, 0)}"
+    margins = "  ".join(f"{name} {value:+.0f}°" for name, value in preview.margins_deg)
+    after = preview.pier_side_after
+    side = f", to the {after} of the pier" if after and after != preview.pier_side else ""
+    lines = [
+        f"{place}  alt {preview.alt_deg:.1f} az {preview.az_deg:.1f}",
+        f"way {preview.way_deg:.1f}°, {preview.slew_s:.0f} s{side}",
+        f"limits {margins}",
+    ]
+    return [*lines, f"REFUSED: {preview.refused}"] if preview.refused else lines
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

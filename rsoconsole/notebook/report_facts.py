@@ -5,6 +5,7 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import assert_never
 
 from rsoconsole.control import command_words
 from rsoconsole.errors import ConfigError
@@ -14,10 +15,23 @@ from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.what_if import TrackFigures, figures_of
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
+    Detections,
     Event,
+    FollowedAgain,
+    FrameTaken,
+    Identified,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
     OperatorAction,
+    OrbitEstimate,
     ParameterChange,
     Ruling,
+    SlewCommand,
+    Solution,
     StateChange,
     TrackState,
 )
@@ -179,7 +193,9 @@ def read_course(session: Path, night: Night) -> Course:
                 told.append((t_utc_ns, entry))
             case OperatorAction():
                 words = command_words(record.verb, record.arguments)
-                actions.append(_entry(t_utc_ns, None, record.by, f"{words}: {record.outcome}"))
+                actions.append(
+                    _entry(t_utc_ns, None, record.by, f"{words}: {text(record.outcome)}")
+                )
             case ParameterChange():
                 words = f"{record.name}: {record.before} → {record.after}"
                 changes.append(_entry(t_utc_ns, None, record.by, words))
@@ -188,6 +204,25 @@ def read_course(session: Path, night: Night) -> Course:
                 words = "one streak taken" if record.taken is not None else "nothing taken"
                 words += f", {refused} refused" if refused else ""
                 actions.append(_entry(t_utc_ns, record.frame_id, record.by, f"ruling: {words}"))
+            case (
+                FrameTaken()
+                | Detections()
+                | Solution()
+                | NotSolved()
+                | Measurement()
+                | NotFollowed()
+                | Miss()
+                | TrackState()
+                | SlewCommand()
+                | CycleTiming()
+                | Closeup()
+                | FollowedAgain()
+                | OrbitEstimate()
+                | Identified()
+            ):
+                pass  # not asked for
+            case _:
+                assert_never(record)
     for frame in night.frames:
         if frame.missed is not None:
             entry = _entry(frame.t_mid_utc_ns, frame.frame_id, "missed", frame.missed)

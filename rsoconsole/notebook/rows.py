@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import BelowTau, Cause, Missed, NotTaken
-from rsoconsole.record_columns import SUPERSEDED, TABLES, Column, Table
+from rsoconsole.reasons import Reason
+from rsoconsole.record_columns import SUPERSEDED, TABLES, Column, Table, member
 from rsoconsole.records import FollowedAgain
 from rsoconsole.session.codec import to_json_value
 
@@ -60,22 +60,14 @@ def _parts(table: Table, record: Any) -> Iterable[tuple[Any, Any]]:
 def _member(number: Any, part: Any, column: Column) -> Any:
     if column.place in {"#", "="}:
         return number if column.place == "#" else part
-    value = part
-    for step in column.place.split("."):
-        if value is None:
-            return None
-        if step.isdigit():
-            value = value[int(step)] if int(step) < len(value) else None
-        else:
-            value = getattr(value, step)
-    return value
+    return member(part, column)
 
 
 def _plain(value: Any) -> Any:
     """As it is; records, and tuples of records, as the JSON that the log has."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
-    if isinstance(value, BelowTau | NotTaken | Missed | Cause):
+    if isinstance(value, Reason):
         return text(value)
     if isinstance(value, tuple) and all(isinstance(each, tuple | float) for each in value):
         return value

@@ -258,13 +258,15 @@ class Session(SessionPictures, NightPlots):
 
         Raises ControlError when no engine runs, or the one that does writes another session.
         """
-        from rsoconsole.control import ControlClient, read_status
+        from rsoconsole.control import ControlClient, Sender, read_status
         from rsoconsole.control.commands import AskStatus
         from rsoconsole.errors import ControlError
         from rsoconsole.notebook import live_panel
 
         path = None if socket is None else Path(socket)
-        status = read_status(ControlClient(path, by="notebook").send(AskStatus()).data)
+        status = read_status(
+            ControlClient(path, sender=Sender(name="notebook")).send(AskStatus()).data
+        )
         told = status.session
         if told is None or not _is_same(told, self.path):
             raise ControlError(

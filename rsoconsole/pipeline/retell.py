@@ -7,7 +7,7 @@ configuration that was tried gives its own records again (on another processor: 
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TypeGuard
+from typing import assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.alike import are_alike
@@ -15,7 +15,6 @@ from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.replay import (
     FOLDED,
-    FOLDS,
     LookedAt,
     Part,
     ReduceAgain,
@@ -25,24 +24,31 @@ from rsoconsole.pipeline.replay import (
 )
 from rsoconsole.reasons import Cause
 from rsoconsole.records import (
+    Closeup,
     CycleTiming,
+    Detections,
     Event,
     FollowedAgain,
     FrameTaken,
     Identified,
     LoopState,
     Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
     OrbitEstimate,
     ParameterChange,
     Record,
     Ruling,
+    SlewCommand,
+    Solution,
     StateChange,
+    TrackState,
 )
 
 OF_TRACK = (OrbitEstimate, Identified)
 """What was made of the track as it was."""
-_CLOSES = (FrameTaken, CycleTiming, Ruling, FollowedAgain, ParameterChange)
-"""Behind these no record belongs to the frame before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +100,7 @@ class _Telling:
     def hear(self, t_utc_ns: int, record: Record) -> None:
         """One record more."""
         walk = self._walk
-        if isinstance(record, _CLOSES) or _is_passage(record):
+        if _closes(record):
             self.close()
         before = walk.following.state
         for each in walk.hear(record):
@@ -120,26 +126,51 @@ class _Telling:
 
     def _tell_other(self, t_utc_ns: int, record: Record, before: LoopState) -> None:
         """A record that belongs to no frame that is open."""
-        walk = self._walk
-        if isinstance(record, FollowedAgain):
-            self._tell_ruled()
-            self._is_void = True
-        elif isinstance(record, Ruling):
-            self._ruled = (t_utc_ns, record, before, walk.following.state)
-        elif isinstance(record, ParameterChange) and record.name in walk.held:
-            record = _without_force(record, walk.config)
-        elif isinstance(record, Measurement):
-            record = self._at_instant(record)
-        elif _is_passage(record):
-            record = _passage(record, before, walk.following.state)
-        elif isinstance(record, StateChange) and walk.is_ruled:
-            self._tell_ruled(record)
-            return
-        elif (isinstance(record, FOLDS) and self._is_void) or (
-            isinstance(record, OF_TRACK) and (self._is_void or self._is_another_night)
-        ):
-            return
+        match record:
+            case FollowedAgain():
+                self._tell_ruled()
+                self._is_void = True
+            case Ruling():
+                self._ruled = (t_utc_ns, record, before, self._walk.following.state)
+            case StateChange():
+                self._tell_change(t_utc_ns, record, before)
+                return
+            case TrackState() | NotFollowed() | Miss():
+                if self._is_void:
+                    return
+            case OrbitEstimate() | Identified():
+                if self._is_void or self._is_another_night:
+                    return
+            case ParameterChange():
+                if record.name in self._walk.held:
+                    record = _without_force(record, self._walk.config)
+            case Measurement():
+                record = self._at_instant(record)
+            case (
+                FrameTaken()
+                | Detections()
+                | Solution()
+                | NotSolved()
+                | Closeup()
+                | SlewCommand()
+                | CycleTiming()
+                | OperatorAction()
+                | Event()
+            ):
+                pass  # told as it was
+            case _:
+                assert_never(record)
         self.told.append((t_utc_ns, record))
+
+    def _tell_change(self, t_utc_ns: int, record: StateChange, before: LoopState) -> None:
+        """A change of state that belongs to no frame that is open."""
+        if is_from_outside(record):
+            change = _passage(record, before, self._walk.following.state)
+            self.told.append((t_utc_ns, change))
+        elif self._walk.is_ruled:
+            self._tell_ruled(record)
+        elif not self._is_void:
+            self.told.append((t_utc_ns, record))
 
     def _tell_ruled(self, recorded: StateChange | None = None) -> None:
         """The change of state that a ruling leads to, if it does."""
@@ -204,8 +235,31 @@ def _inputs(shown: Shown) -> tuple[Record, ...]:
     return (shown.detections, *solution, *shown.measurements)
 
 
-def _is_passage(record: Record) -> TypeGuard[StateChange]:
-    return isinstance(record, StateChange) and is_from_outside(record)
+def _closes(record: Record) -> bool:
+    """Whether no record behind it belongs to the frame before."""
+    match record:
+        case FrameTaken() | CycleTiming() | Ruling() | FollowedAgain() | ParameterChange():
+            return True
+        case StateChange():
+            return is_from_outside(record)
+        case (
+            Detections()
+            | Solution()
+            | NotSolved()
+            | Measurement()
+            | NotFollowed()
+            | Miss()
+            | TrackState()
+            | SlewCommand()
+            | OperatorAction()
+            | Closeup()
+            | OrbitEstimate()
+            | Identified()
+            | Event()
+        ):
+            return False
+        case _:
+            assert_never(record)
 
 
 def _passage(change: StateChange, before: LoopState, after: LoopState) -> StateChange:

@@ -2,8 +2,30 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import assert_never
 
-from rsoconsole.records import FollowedAgain, Measurement, Record, TrackState
+from rsoconsole.records import (
+    Closeup,
+    CycleTiming,
+    Detections,
+    Event,
+    FollowedAgain,
+    FrameTaken,
+    Identified,
+    Measurement,
+    Miss,
+    NotFollowed,
+    NotSolved,
+    OperatorAction,
+    OrbitEstimate,
+    ParameterChange,
+    Record,
+    Ruling,
+    SlewCommand,
+    Solution,
+    StateChange,
+    TrackState,
+)
 
 
 @dataclass(slots=True)
@@ -68,6 +90,27 @@ class TracksTaken:
                     steps.predicted = record
                 else:
                     steps.corrected = record
+            case (
+                FrameTaken()
+                | Detections()
+                | Solution()
+                | NotSolved()
+                | NotFollowed()
+                | Miss()
+                | SlewCommand()
+                | StateChange()
+                | ParameterChange()
+                | OperatorAction()
+                | CycleTiming()
+                | Closeup()
+                | Ruling()
+                | OrbitEstimate()
+                | Identified()
+                | Event()
+            ):
+                pass  # no direction of a track
+            case _:
+                assert_never(record)
 
     def tracks(self) -> list[Track]:
         """All of them, in order of time."""

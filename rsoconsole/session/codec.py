@@ -18,7 +18,7 @@ import numpy as np
 
 from rsoconsole.errors import SessionError
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import BelowTau, Cause, Missed, NotTaken
+from rsoconsole.reasons import Reason
 from rsoconsole.records import Record
 
 KINDS: Mapping[str, type] = types.MappingProxyType(
@@ -84,7 +84,7 @@ def _plain(value: Any, where: str) -> Any:  # noqa: PLR0911 -- one case a type
         return [_plain(item, where) for item in value]
     if isinstance(value, Mapping):
         return {str(key): _plain(item, f"{where}.{key}") for key, item in value.items()}
-    if isinstance(value, BelowTau | NotTaken | Missed | Cause):
+    if isinstance(value, Reason):
         # For people who read the log by SQL; no program reads it back.
         return {**_members(value, where), "text": text(value)}
     if is_dataclass(value) and not isinstance(value, type):
@@ -135,19 +135,34 @@ def _container_decoder(hint: Any) -> _Decoder:
 
 def _union_decoder(arguments: tuple[Any, ...]) -> _Decoder:
     takes_text = str in arguments
-    others = [_decoder(a) for a in arguments if a not in (str, type(None))]
+    hints = [a for a in arguments if a not in (str, type(None))]
+    others = [(_required(a), _decoder(a)) for a in hints]
     is_optional = type(None) in arguments
+    is_one, first = len(others) == 1, others[0][1] if others else _to_str
 
     def read(value: Any) -> Any:
         if value is None and is_optional:
             return None
         if takes_text and isinstance(value, str):
             return value
-        if not others:
-            raise ValueError(f"{value!r} where text belongs")
-        return others[0](value)
+        if is_one or not isinstance(value, dict):
+            return first(value)
+        # Of several records the first whose members are there; the first one says what is wrong.
+        for needed, each in others:
+            if needed <= value.keys():
+                return each(value)
+        return first(value)
 
     return read
+
+
+def _required(record_type: Any) -> frozenset[str]:
+    """The members that a record cannot do without; none of what is no record."""
+    if not is_dataclass(record_type):
+        return frozenset()
+    return frozenset(
+        f.name for f in fields(record_type) if f.default is MISSING and f.default_factory is MISSING
+    )
 
 
 def _literal_decoder(allowed: tuple[Any, ...]) -> _Decoder:
@@ -162,9 +177,7 @@ def _literal_decoder(allowed: tuple[Any, ...]) -> _Decoder:
 def _record_decoder(record_type: Any) -> _Decoder:
     hints = get_type_hints(record_type)
     members = {f.name: _decoder(hints[f.name]) for f in fields(record_type)}
-    required = {
-        f.name for f in fields(record_type) if f.default is MISSING and f.default_factory is MISSING
-    }
+    required = _required(record_type)
 
     def read(value: Any) -> Any:
         if not isinstance(value, dict):

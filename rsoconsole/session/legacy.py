@@ -1,7 +1,9 @@
-"""Sessions of schema 1 to 3 in the language of today: the one place that knows how they were.
+"""Sessions of before in the language of today: the one place that knows how they were.
 
-Their records carry no ids. Which measurement a track took is told by the track's own innovation,
-the two that began it by its first slope; both were exact when they were written.
+Records of schema 1 to 3 carry no ids, and sentences for reasons; the first ones of schema 4 have
+sentences for what came of a command and for most of what spoke against a candidate. Which
+measurement a track took is told by the track's own innovation, the two that began it by its first
+slope; both were exact when they were written.
 """
 
 from collections.abc import Callable, Iterable
@@ -9,7 +11,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple, assert_never
 
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Cause, Missed, Reason
+from rsoconsole.reasons import Cause, Missed, Reason, Told
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -41,7 +43,7 @@ from rsoconsole.sky.times import NS_PER_S
 from rsoconsole.tracking.lqe import measured_direction_deg
 
 LAST_SCHEMA = 3
-"""Sessions up to this schema are read here."""
+"""Records up to this schema have no ids."""
 KINDS = (
     FrameTaken,
     Measurement,
@@ -60,11 +62,13 @@ KINDS = (
 _OF_TRACK = ("prediction", "prediction, offset by hand", "orbit", "orbit, offset by hand")
 """Reasons of slews that led to a track."""
 _SAME_PLACE_DEG = 1.0 / 3600.0
-_READ: dict[str, Callable[[str], Reason | str]] = {
-    "NotFollowed": old_reasons.not_taken,
-    "Miss": old_reasons.missed,
-    "StateChange": old_reasons.cause,
+_READ: dict[str, tuple[str, Callable[[str], Reason]]] = {
+    "NotFollowed": ("reason", old_reasons.not_taken),
+    "Miss": ("reason", old_reasons.missed),
+    "StateChange": ("reason", old_reasons.cause),
+    "OperatorAction": ("outcome", old_reasons.result),
 }
+"""Kind -> the field that was a sentence, and what reads it."""
 _NO_ID: dict[str, dict[str, Any]] = {
     "Measurement": {"measurement_id": ""},
     "TrackState": {"track_id": 0},
@@ -78,18 +82,40 @@ def decode_old(kind: str, body: str) -> Record:
     return decode(kind, body, _upgraded)
 
 
+def decode_recorded(kind: str, body: str) -> Record:
+    """As ``codec.decode``, for a record of schema 4: what is still a sentence becomes a kind."""
+    return decode(kind, body, _with_kinds if kind in _READ or kind == "Detections" else _as_it_is)
+
+
+def _as_it_is(_kind: str, fields: dict[str, Any]) -> dict[str, Any]:
+    return fields
+
+
+def _with_kinds(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a record, its reason as kind and figures."""
+    if kind == "Detections":
+        rejected = fields.get("rejected", ())
+        if all(not isinstance(each["reason"], str) for each in rejected):
+            return fields
+        return {**fields, "rejected": [_rejected(each) for each in rejected]}
+    if kind not in _READ:
+        return fields
+    name, read = _READ[kind]
+    if isinstance(words := fields.get(name), str):
+        reason = read(words)
+        if fields.get("after") == "FAULT" and isinstance(reason, Told):
+            reason = Cause(kind="instrument", detail=words)
+        return {**fields, name: asdict(reason)}
+    if isinstance(words, dict) and isinstance(inner := words.get("missed"), str):
+        return {**fields, name: {**words, "missed": asdict(old_reasons.missed(inner))}}
+    return fields
+
+
 def _upgraded(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
     """The fields of a record with those that it lacks, and its reason as kind and figures."""
-    read = _READ.get(kind)
-    if read is not None and isinstance(words := fields.get("reason"), str):
-        reason = read(words)
-        if fields.get("after") == "FAULT" and isinstance(reason, str):
-            reason = Cause(kind="instrument", detail=words)
-        fields = {**fields, "reason": as_fields(reason)}
+    fields = _with_kinds(kind, fields)
     if kind == "Event":
         return {"topic": old_reasons.topic_of(fields["text"]), **fields}
-    if kind == "Detections":
-        return {**fields, "rejected": [_rejected(each) for each in fields.get("rejected", ())]}
     if kind == "NotFollowed":
         return {**fields, "measurement": _measurement(fields["measurement"])}
     if kind == "Ruling":
@@ -98,16 +124,13 @@ def _upgraded(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
     return {**_NO_ID.get(kind, {}), **fields}
 
 
-def as_fields(reason: Reason | str) -> Any:
-    """As the log has it."""
-    return reason if isinstance(reason, str) else asdict(reason)
-
-
 def _rejected(fields: dict[str, Any]) -> dict[str, Any]:
     reason = fields["reason"]
-    if isinstance(reason, str):
-        reason = as_fields(old_reasons.below_tau(reason))
-    return {**fields, "reason": reason}
+    return (
+        {**fields, "reason": asdict(old_reasons.rejected(reason))}
+        if isinstance(reason, str)
+        else fields
+    )
 
 
 def _measurement(fields: Any) -> Any:
@@ -152,6 +175,13 @@ def with_ids(record: Record, ids: Ids) -> Record:  # noqa: PLR0911 -- one case a
             return replace(record, track_id=ids.track_id)
         case _:
             return record
+
+
+def with_kind(row: dict[str, Any]) -> dict[str, Any]:
+    """A row of one of the views, with the kind of its outcome where the record has a sentence."""
+    if "outcome_kind" not in row or row["outcome_kind"] is not None:
+        return row
+    return row | {"outcome_kind": old_reasons.result(row["outcome"] or "").kind}
 
 
 def in_columns(row: dict[str, Any], ids: Ids) -> dict[str, Any]:
@@ -239,9 +269,15 @@ class IdGiver:
                     self._alarms.add(record.text)
             case SlewCommand():
                 return Ids(max(self._tracks, 1) if record.reason in _OF_TRACK else None)
-            case Detections() | Solution() | NotSolved() | StateChange():
-                pass
-            case ParameterChange() | OperatorAction() | Closeup():
+            case (
+                Detections()
+                | Solution()
+                | NotSolved()
+                | StateChange()
+                | ParameterChange()
+                | OperatorAction()
+                | Closeup()
+            ):
                 pass
             case _:
                 assert_never(record)

@@ -1,15 +1,41 @@
-"""What reasons meant while they were sentences (schema 1 to 3): the one place that reads prose.
+"""What reasons meant while they were sentences: the one place that reads prose.
 
-What is not recognised stays text. Figures are those that the sentence told.
+That were all of schema 1 to 3, and outcomes of commands and what spoke against a candidate in the
+first sessions of schema 4. What is not recognised is told as it was. Figures are those that the
+sentence told.
 """
 
 import re
 
-from rsoconsole.reasons import BelowTau, Cause, CauseKind, Missed, MissKind, NotTaken, NotTakenKind
+from rsoconsole.reasons import (
+    ACCEPTED,
+    DONE,
+    BelowTau,
+    Cause,
+    CauseKind,
+    CommandResult,
+    DroppedBy,
+    Missed,
+    MissKind,
+    MotionMismatch,
+    NotAStreak,
+    NotAStreakKind,
+    NotTaken,
+    NotTakenKind,
+    RuledKind,
+    Told,
+    done,
+)
 from rsoconsole.records import Topic
 
 _BELOW_TAU = re.compile(r"confidence (?P<confidence>\d\.\d\d) below tau (?P<tau>\d\.\d\d)")
 _NIS = re.compile(r"NIS (?P<nis>[\d.]+) above the gate (?P<limit>[\d.]+)")
+_FAR = re.compile(
+    r"clipped, and (?P<away>\d+) arcsec from the prediction, (?P<allowed>\d+) at most"
+)
+_RUNS = re.compile(r"streak runs (?P<off>\d+) deg off the expected motion")
+_IS_LONG = re.compile(r"streak is (?P<length>\d+) arcsec long, (?P<expected>\d+) expected")
+_NO_SECOND = "no second frame: "
 _NOT_TAKEN: dict[str, NotTakenKind] = {
     "cannot be told apart from its neighbour": "cannot be told apart",
     "refused by the operator": "refused",
@@ -46,25 +72,132 @@ _MOVES, _TOO_MANY = " moves the mount", "; move away by hand or park, then arm a
 _CLOCK = re.compile(r"the clock was set by (?P<step_s>[+-][\d.]+) s")
 _WAITING = re.compile(r"(?P<detections>\d+) detections?, waiting for a second frame")
 _RULED = re.compile(r"frame \d+: (rejected|taken).*|followed again by the operator's word")
+_NOT_A_STREAK: dict[str, NotAStreakKind] = {
+    "the line fit broke on it: see the log": "fit broke",
+    "same streak as a more confident candidate": "same streak",
+    "no unbroken light along a line there": "no light",
+    "light goes on beyond its ends: part of a longer trail": "longer trail",
+    "patchy or bent: a cosmic ray or stars in a row": "patchy",
+    "dark in between: stars in a row": "dark in between",
+    "no line fits the light in the box": "no line",
+    "the box lies outside the frame": "outside the frame",
+    "no ends found: nothing stands out of the sky along a line": "nothing stands out",
+    "no ends found: the light runs on for a thousand pixels or more": "runs on far",
+    "no ends found: the light runs on": "runs on",
+    "darker than the sky": "darker than the sky",
+    "no ends found: they fade into the sky or lie behind a star": "no ends",
+}
+_VALUE, _LIMIT = r"(?P<value>[\d.]+)", r"(?P<limit>[\d.]+)"
+_WITH_FIGURES: tuple[tuple[str, NotAStreakKind, float], ...] = (
+    ("not measured: {limit} more confident candidates in the frame", "not measured", 1.0),
+    ("below tau {limit} however well a line fits", "below tau", 1.0),
+    (
+        "one of {value} streaks of one length and direction: the stars are trailed",
+        "trailed stars",
+        1.0,
+    ),
+    ("too faint: signal to noise {value}, {limit} needed", "too faint", 1.0),
+    (r"narrower than a star \({value} of {limit} px\): a cosmic ray", "too narrow", 1.0),
+    (
+        r"wider than a star \({value} of {limit} px\): an aircraft or glare",
+        "too wide",
+        1.0,
+    ),
+    ("too short: {value} px, hardly longer than a star is wide", "too short", 1.0),
+    ("only {value} % of its length is lit: not one streak", "unlit", 0.01),
+    ("uneven over {value} % of its length: stars in a row", "uneven", 0.01),
+)
+"""Sentences with figures: kind, and the unit of the value told."""
+_MEASURED: tuple[tuple[re.Pattern[str], NotAStreakKind, float], ...] = tuple(
+    (re.compile(pattern.replace("{value}", _VALUE).replace("{limit}", _LIMIT)), kind, unit)
+    for pattern, kind, unit in _WITH_FIGURES
+)
+_STOPPED = re.compile(r"stopped in (?P<ms>\d+) ms by (?P<path>.*)")
+_RESULT = re.compile(
+    r"frame (?P<frame_id>\d+): (?P<ruled>rejected|taken by the operator's hand|taken)"
+    r"(, (?P<left_alone>\d+) left alone)?"
+)
+_DROPPED: dict[str, DroppedBy] = {
+    "dropped by STOP": "STOP",
+    "dropped: a limit was met": "limit met",
+    "dropped: the night ends": "night ended",
+    "dropped: the engine ends": "engine ended",
+}
 
 
-def below_tau(words: str) -> BelowTau | str:
+def result(words: str) -> CommandResult:  # noqa: PLR0911 -- one case a kind
+    """What came of a command."""
+    if words in _DROPPED:
+        return CommandResult(kind="dropped", dropped_by=_DROPPED[words])
+    if words in {"accepted", "done"}:
+        return ACCEPTED if words == "accepted" else DONE
+    if words.startswith("refused: "):
+        return CommandResult.refused(words.removeprefix("refused: "))
+    if words.startswith("NOT confirmed: "):
+        return CommandResult(kind="failed", detail=words.removeprefix("NOT confirmed: "))
+    if (found := _STOPPED.fullmatch(words)) is not None:
+        return CommandResult(kind="stopped", stop_ms=float(found["ms"]), stop_path=found["path"])
+    if (found := _RESULT.fullmatch(words)) is not None:
+        ruled: RuledKind = "rejected" if found["ruled"] == "rejected" else "taken"
+        return CommandResult(
+            kind="ruled",
+            ruled="taken by hand" if "hand" in found["ruled"] else ruled,
+            frame_id=int(found["frame_id"]),
+            left_alone=int(found["left_alone"] or 0),
+        )
+    return done(words)
+
+
+def rejected(words: str) -> BelowTau | NotAStreak | Told:
     """Why a candidate was rejected."""
     found = _BELOW_TAU.fullmatch(words)
-    if found is None:
-        return words
-    return BelowTau(confidence=float(found["confidence"]), tau=float(found["tau"]))
+    if found is not None:
+        return BelowTau(confidence=float(found["confidence"]), tau=float(found["tau"]))
+    if words in _NOT_A_STREAK:
+        return NotAStreak(kind=_NOT_A_STREAK[words])
+    for pattern, kind, unit in _MEASURED:
+        if (found := pattern.fullmatch(words)) is not None:
+            told = {name: float(figure) for name, figure in found.groupdict().items()}
+            value = None if "value" not in told else told["value"] * unit
+            return NotAStreak(kind=kind, value=value, limit=told.get("limit"))
+    return Told(words=words)
 
 
-def not_taken(words: str) -> NotTaken | str:
+def not_taken(words: str) -> NotTaken | Told:
     """Why a track did not take a measurement."""
     if (found := _NIS.fullmatch(words)) is not None:
         return NotTaken(kind="NIS", nis=float(found["nis"]), limit=float(found["limit"]))
+    if (found := _FAR.fullmatch(words)) is not None:
+        return NotTaken.clipped_and_far(float(found["away"]), float(found["allowed"]))
+    if words.startswith(_NO_SECOND):
+        return _no_second(words.removeprefix(_NO_SECOND)) or Told(words=words)
+    if (mismatch := _mismatch(words)) is not None:
+        return NotTaken(kind="moves otherwise", mismatch=mismatch)
     kind = _NOT_TAKEN.get(words)
-    return words if kind is None else NotTaken(kind=kind)
+    return Told(words=words) if kind is None else NotTaken(kind=kind)
 
 
-def missed(words: str) -> Missed | str:
+def _mismatch(words: str) -> MotionMismatch | None:
+    if (found := _RUNS.fullmatch(words)) is not None:
+        return MotionMismatch.of_direction(float(found["off"]))
+    if (found := _IS_LONG.fullmatch(words)) is not None:
+        return MotionMismatch.of_length(float(found["length"]), float(found["expected"]))
+    is_order = words == "frames are not in order of time"
+    return MotionMismatch(kind="order of time") if is_order else None
+
+
+def _no_second(words: str) -> NotTaken | None:
+    """Why no second frame began a track with it."""
+    absent = missed(words)
+    if isinstance(absent, Missed):
+        return NotTaken(kind="no second frame", missed=absent)
+    mismatch = _mismatch(words)
+    if mismatch is None and words != "None":
+        return None
+    return NotTaken(kind="no second frame", mismatch=mismatch)
+
+
+def missed(words: str) -> Missed | Told:
     """Why a frame had no measurement."""
     found = _LOST.search(words)
     lost = "" if found is None else found["lost"]
@@ -75,10 +208,12 @@ def missed(words: str) -> Missed | str:
         return Missed(kind="not solved", detail=detail, hidden_by=hidden_by, lost=lost)
     hidden_by, _, plain = left.rpartition("; ")
     kind = _MISSED.get(plain)
-    return words if kind is None else Missed(kind=kind, hidden_by=hidden_by, lost=lost)
+    if kind is None:
+        return Told(words=words)
+    return Missed(kind=kind, hidden_by=hidden_by, lost=lost)
 
 
-def cause(words: str) -> Cause | str:  # noqa: PLR0911 -- one case a kind
+def cause(words: str) -> Cause | Told:  # noqa: PLR0911 -- one case a kind
     """Why the loop passed to another state."""
     if words in _PLAIN:
         return Cause(kind=_PLAIN[words])
@@ -99,7 +234,7 @@ def cause(words: str) -> Cause | str:  # noqa: PLR0911 -- one case a kind
     if _RULED.fullmatch(words) is not None:
         return Cause(kind="operator's word", detail=words)
     miss = missed(words)
-    return words if isinstance(miss, str) else Cause(kind="missed", missed=miss)
+    return miss if isinstance(miss, Told) else Cause(kind="missed", missed=miss)
 
 
 def topic_of(words: str) -> Topic:

@@ -3,9 +3,9 @@
 Each call opens the database read-only and lets go of it again: no transaction is held, the
 writer is never kept from anything, and a session that ends can leave its write-ahead log.
 
-A session of an older schema is read through the views of today, which live in the reader's own
-connection; its file is not touched. A branch (``meta`` names in ``branch_of`` what it branches
-from) is read as a session; files that it does not hold itself are that session's.
+A session whose views are not those of today (an older one) is read through today's, which live in
+the reader's own connection; its file is not touched. A branch (``meta`` names in ``branch_of`` what
+it branches from) is read as a session; files that it does not hold itself are that session's.
 """
 
 import json
@@ -26,10 +26,19 @@ from pydantic import ValidationError
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
 from rsoconsole.records import Event, Record
-from rsoconsole.session.codec import KINDS, decode
+from rsoconsole.session.codec import KINDS
 from rsoconsole.session.database import connect_to_read, finish_copy
 from rsoconsole.session.legacy import KINDS as IDENTIFYING
-from rsoconsole.session.legacy import LAST_SCHEMA, IdGiver, Ids, decode_old, in_columns, with_ids
+from rsoconsole.session.legacy import (
+    LAST_SCHEMA,
+    IdGiver,
+    Ids,
+    decode_old,
+    decode_recorded,
+    in_columns,
+    with_ids,
+    with_kind,
+)
 from rsoconsole.session.schema import (
     APPLICATION_ID,
     BESIDE_DATABASE,
@@ -44,6 +53,9 @@ PAGE_RECORDS = 500
 MAX_BRANCH_DEPTH = 8
 """Branches of branches that are followed to a file: more are a circle."""
 _SELECT = "SELECT seq, t_utc_ns, kind, body FROM log WHERE seq > ?"
+
+
+_VIEWS_SQL = "SELECT name, sql FROM sqlite_master WHERE type = 'view'"
 
 
 class LaterSchemaError(SessionError):
@@ -92,12 +104,14 @@ class SessionReader:
     def connect(self) -> sqlite3.Connection:
         """A connection of your own for SQL, read-only, with the public views of today.
 
-        On a session of an older schema they are temporary views, and columns that it does not
-        have are NULL. Close it soon: as long as it reads, a live session cannot fold its log.
+        Those that an older session has not, or has otherwise, are temporary views; columns that
+        its records do not have are NULL. Close it soon: as long as it reads, a live session cannot
+        fold its log.
         """
         connection = self._open()
         try:
-            connection.executescript(temporary_views(self.schema_version))
+            stored = dict(connection.execute(_VIEWS_SQL).fetchall())
+            connection.executescript(temporary_views(self.schema_version, stored))
         except sqlite3.Error as error:
             connection.close()
             raise self._damaged(error) from error
@@ -173,7 +187,7 @@ class SessionReader:
         try:
             if self._is_old:
                 return with_ids(decode_old(kind, body), self._ids.get(seq, Ids()))
-            return decode(kind, body)
+            return decode_recorded(kind, body)
         except SessionError as error:
             return Event(level="alarm", text=str(error))
 
@@ -208,7 +222,7 @@ class SessionReader:
         if self._is_old and rows:
             self._learn_ids(rows[-1]["seq"])
             rows = [in_columns(row, self._ids.get(row["seq"], Ids())) for row in rows]
-        return rows
+        return [with_kind(row) for row in rows]
 
     def frame_path(self, frame_id: int) -> Path | None:
         """The frame's FITS file; None when it was not kept or is not written yet."""

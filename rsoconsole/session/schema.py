@@ -3,7 +3,8 @@
 ``log`` is the truth: every record in the order in which the engine made it, as JSON. The views
 spread the records into columns for SQL; SQLite may round their decimals in the last digit, the
 JSON is exact. A new version adds; it never renames nor rewrites: whoever reads an older session
-gets today's views over it, made for his connection alone (``temporary_views``).
+gets today's views over it, made for that connection alone (``temporary_views``). A new column alone
+makes no new schema.
 
 Schema 2 adds the hash of every file, and on close the digest of the log (``session/digest.py``);
 schema 3 the views of orbits and identifications; schema 4 the ids of measurements and tracks
@@ -121,7 +122,7 @@ def _value(table: Table, column: Column) -> str:
         f"[{step}]" if step.isdigit() else f".{step}" for step in column.place.split(".")
     )
     value = f"json_extract({body}, '{place}')"
-    if column.place == "reason":
+    if column.is_worded:
         # A kind with its figures, and what they say as text; text alone in older sessions.
         value = f"coalesce(json_extract({body}, '{place}.text'), {value})"
     return f"coalesce({value}, '{column.default}')" if column.default else value
@@ -134,21 +135,31 @@ def _selects() -> dict[str, str]:
 
 def create_script() -> str:
     """SQL that makes an empty session database: tables, then the public views."""
-    views = (f"CREATE VIEW {name} AS {select};\n" for name, select in _selects().items())
+    views = (f"{_create(name, select)};\n" for name, select in _selects().items())
     return _TABLES_SQL + "".join(views)
 
 
-def temporary_views(version: int) -> str:
+def _create(name: str, select: str) -> str:
+    return f"CREATE VIEW {name} AS {select}"
+
+
+def temporary_views(version: int, stored: Mapping[str, str]) -> str:
     """SQL that gives one connection to a session of schema ``version`` the views of today.
 
     They are temporary: the file is not touched and may lie on a medium that cannot be written.
-    Columns that the older schema does not have are NULL. Empty for a session of today's schema.
+    Columns that its records do not have are NULL. ``stored``: the SQL of its own views, by name;
+    empty where all of them are today's.
     """
-    if version >= SCHEMA_VERSION:
+    selects = {
+        name: select
+        for name, select in _selects().items()
+        if stored.get(name) != _create(name, select)
+    }
+    if not selects:
         return ""
     # Unqualified names in a temporary view mean temporary ones first: the views below see this.
     files = ""
     if version < _WITH_HASHES:
         files = "CREATE TEMP VIEW files AS SELECT *, NULL AS sha256 FROM main.files;\n"
-    views = (f"CREATE TEMP VIEW {name} AS {select};\n" for name, select in _selects().items())
+    views = (f"CREATE TEMP VIEW {name} AS {select};\n" for name, select in selects.items())
     return "PRAGMA temp_store=MEMORY;\n" + files + "".join(views)

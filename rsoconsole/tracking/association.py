@@ -11,6 +11,7 @@ half an hour, it agrees with the track's rate to 2 per cent.
 import math
 from dataclasses import dataclass
 
+from rsoconsole.reasons import MotionMismatch
 from rsoconsole.records import Measurement
 from rsoconsole.sky.angles import wrap_180
 
@@ -59,7 +60,7 @@ def axis_difference_deg(a_deg: float, b_deg: float) -> float:
     return min(difference, 180.0 - difference)
 
 
-def disagreement(measurement: Measurement, expected: Motion) -> str | None:
+def disagreement(measurement: Measurement, expected: Motion) -> MotionMismatch | None:
     """Why the streak cannot be this motion during the exposure; None when it can.
 
     ``expected`` is the motion over one exposure. A clipped streak has no length to compare, and
@@ -71,26 +72,25 @@ def disagreement(measurement: Measurement, expected: Motion) -> str | None:
     if min(streak.length_arcsec, expected.length_arcsec) > SHORTEST_WITH_DIRECTION_ARCSEC:
         off_deg = axis_difference_deg(streak.axis_deg, expected.axis_deg)
         if off_deg > DIRECTION_TOLERANCE_DEG:
-            return f"streak runs {off_deg:.0f} deg off the expected motion"
+            return MotionMismatch.of_direction(off_deg)
     if measurement.is_clipped:
         return None
     allowed_arcsec = max(LENGTH_TOLERANCE * expected.length_arcsec, 10.0)
     if abs(streak.length_arcsec - expected.length_arcsec) > allowed_arcsec:
-        return (
-            f"streak is {streak.length_arcsec:.0f} arcsec long,"
-            f" {expected.length_arcsec:.0f} expected"
-        )
+        return MotionMismatch.of_length(streak.length_arcsec, expected.length_arcsec)
     return None
 
 
-def pair_disagreement(first: Measurement, second: Measurement, exposure_s: float) -> str | None:
+def pair_disagreement(
+    first: Measurement, second: Measurement, exposure_s: float
+) -> MotionMismatch | None:
     """Why two measurements of successive frames cannot be one object; None when they can.
 
     Their displacement, scaled to the exposure, must match the streaks in length and axis.
     """
     in_exposure = _motion_in_exposure(first, second, exposure_s)
     if in_exposure is None:
-        return "frames are not in order of time"
+        return MotionMismatch(kind="order of time")
     for measurement in (first, second):
         reason = disagreement(measurement, in_exposure)
         if reason is not None:

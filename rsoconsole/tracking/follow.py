@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.reason_text import text
 from rsoconsole.reasons import Cause, Missed, NotTaken
 from rsoconsole.records import (
     FoldRecord,
@@ -59,7 +58,7 @@ class Seen:
     exposure_s: float
     measurements: tuple[Measurement, ...]
     """Most confident first."""
-    absence: Missed | str | Callable[[], Missed | str] = NOTHING_SEEN
+    absence: Missed | Callable[[], Missed] = NOTHING_SEEN
     """What a miss of this frame is put down to; a function is asked only where there is one."""
     field: Field | None = None
     """What the frame could show; None where that is not known."""
@@ -72,9 +71,9 @@ class Seen:
     Asked only where nothing fits."""
 
     @property
-    def why_absent(self) -> Missed | str:
+    def why_absent(self) -> Missed:
         """What a miss of this frame is put down to."""
-        return self.absence if isinstance(self.absence, Missed | str) else self.absence()
+        return self.absence if isinstance(self.absence, Missed) else self.absence()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,12 +286,13 @@ def _rank(m: Measurement) -> tuple[float, float]:
     return -min(m.confidence, AS_GOOD_AS_CERTAIN), east + north
 
 
-def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: Seen) -> str:
+def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: Seen) -> NotTaken:
     """Why a candidate came to nothing, by what came nearest to being its second."""
     if not usable:
-        return f"no second frame: {text(seen.why_absent)}"
+        return NotTaken(kind="no second frame", missed=seen.why_absent)
     nearest = min(usable, key=lambda m: pair_misfit_arcsec(first, m, seen.exposure_s))
-    return f"no second frame: {pair_disagreement(first, nearest, seen.exposure_s)}"
+    mismatch = pair_disagreement(first, nearest, seen.exposure_s)
+    return NotTaken(kind="no second frame", mismatch=mismatch)
 
 
 def _beside(
@@ -331,14 +331,14 @@ def _follow_track(before: Tracked, seen: Seen, settings: FollowSettings) -> _Ste
 
 def _taken_by(
     predicted: TrackState, before: Tracked, seen: Seen, settings: FollowSettings
-) -> tuple[_Step | None, dict[Measurement, NotTaken | str]]:
+) -> tuple[_Step | None, dict[Measurement, NotTaken]]:
     """The measurement that fits a prediction: the step with it, None where none does.
 
     With why the others do not fit.
     """
     expected = expected_motion(predicted, seen.exposure_s)
     updated = {m: lqe.update(predicted, m, settings.filter) for m in seen.measurements}
-    reasons: dict[Measurement, NotTaken | str] = {}
+    reasons: dict[Measurement, NotTaken] = {}
     if settings.choice == "nearest":  # the paper's rule asks for nothing but confidence
         reasons = _refusals(predicted, expected, updated, before.neighbours, seen, settings)
     fitting = [m for m in seen.measurements if m not in reasons]
@@ -384,11 +384,12 @@ def _refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     neighbours: tuple[Neighbour, ...],
     seen: Seen,
     settings: FollowSettings,
-) -> dict[Measurement, NotTaken | str]:
+) -> dict[Measurement, NotTaken]:
     """Which measurements do not belong to the track, and why: motion, position, neighbours."""
-    reasons: dict[Measurement, NotTaken | str] = {}
+    reasons: dict[Measurement, NotTaken] = {}
     for measurement in updated:
-        reason = disagreement(measurement, expected)
+        mismatch = disagreement(measurement, expected)
+        reason = None if mismatch is None else NotTaken(kind="moves otherwise", mismatch=mismatch)
         if reason is None and measurement.is_clipped:
             reason = _too_far_for_clipped(measurement, predicted, expected)
         if reason is not None:
@@ -412,7 +413,7 @@ def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
     neighbours: tuple[Neighbour, ...],
     seen: Seen,
     settings: FollowSettings,
-) -> dict[Measurement, NotTaken | str]:
+) -> dict[Measurement, NotTaken]:
     """Which of those that move alike are not what is followed, or may not be, and why."""
     if not neighbours or not alike:
         return {}
@@ -432,7 +433,7 @@ def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
 
 def _too_far_for_clipped(
     measurement: Measurement, predicted: TrackState, expected: Motion
-) -> str | None:
+) -> NotTaken | None:
     """Why the visible part of a streak cannot be the track's; None when it can.
 
     Its own covariance says little along the streak, but its midpoint lies within half a streak
@@ -443,17 +444,17 @@ def _too_far_for_clipped(
     allowed = expected.length_arcsec / 2.0 + three_sigma_deg(predicted) * 3600.0
     if away <= allowed:
         return None
-    return f"clipped, and {away:.0f} arcsec from the prediction, {allowed:.0f} at most"
+    return NotTaken.clipped_and_far(away, allowed)
 
 
 def _verdicts(
-    reasons: dict[Measurement, NotTaken | str], updated: dict[Measurement, TrackState]
+    reasons: dict[Measurement, NotTaken], updated: dict[Measurement, TrackState]
 ) -> tuple[NotFollowed, ...]:
     return tuple(_not_followed(m, reason, updated[m].nis) for m, reason in reasons.items())
 
 
 def _not_followed(
-    measurement: Measurement, reason: NotTaken | str, nis: float | None = None
+    measurement: Measurement, reason: NotTaken, nis: float | None = None
 ) -> NotFollowed:
     return NotFollowed(
         frame_id=measurement.frame_id, measurement=measurement, reason=reason, nis=nis
@@ -470,7 +471,7 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     seen: Seen,
     settings: FollowSettings,
     records: tuple[FoldRecord, ...],
-    reason: Missed | str,
+    reason: Missed,
 ) -> _Step:
     miss = Miss(frame_id=seen.frame_id, reason=reason)
     since_ns = predicted.t_utc_ns if before.taken is None else before.taken.t_mid_utc_ns
@@ -485,13 +486,9 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     elif coasted_s > settings.filter.max_coast_s:
         lost = f"coasted for {coasted_s / 60:.0f} min"
     if lost is not None:
-        ended = replace(miss, reason=_ended(reason, lost))
+        ended = replace(miss, reason=replace(reason, lost=lost))
         return _Step(records=(*records, ended), after=None)
     return _Step(records=(*records, miss), after=replace(before, track=predicted))
-
-
-def _ended(reason: Missed | str, lost: str) -> Missed | str:
-    return f"{reason}; {lost}" if isinstance(reason, str) else replace(reason, lost=lost)
 
 
 def expected_motion(track: TrackState, exposure_s: float) -> Motion:

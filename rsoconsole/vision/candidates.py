@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, Frame, Rejection
 from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.background import Background
@@ -50,19 +51,19 @@ class Measurements:
         except Exception:
             # One candidate must not cost the others of the frame, nor the night.
             log.exception("frame %d: the line fit broke on %s", self.frame.frame_id, box)
-            self.refuse(box, "the line fit broke on it: see the log")
+            self.refuse(box, NotAStreak(kind="fit broke"))
             return
         if isinstance(fit, NoStreak):
             self.refuse(box, fit.reason, fit.fit)
             return
         detection = _from_fit(self.frame, box, fit)
         if any(is_same_streak(detection, other) for other in self.taken):
-            reason = "same streak as a more confident candidate"
+            reason = NotAStreak(kind="same streak")
             self.rejected.append(Rejection(detection=detection, reason=reason))
         else:
             self.taken.append(detection)
 
-    def refuse(self, box: NetworkBox, reason: str, fit: StreakFit | None = None) -> None:
+    def refuse(self, box: NetworkBox, reason: NotAStreak, fit: StreakFit | None = None) -> None:
         """Keep a candidate on record with what speaks against it, if the network believes it."""
         if box.confidence < TOLD_CONFIDENCE:
             return

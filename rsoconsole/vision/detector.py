@@ -12,7 +12,7 @@ from functools import partial
 from typing import Protocol
 
 from rsoconsole.config import DetectorConfig
-from rsoconsole.reasons import BelowTau
+from rsoconsole.reasons import BelowTau, NotAStreak
 from rsoconsole.records import Detection, Detections, Frame, Rejection
 from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.background import Background, local_background
@@ -27,7 +27,7 @@ from rsoconsole.vision.workers import Workers
 
 MOST_FITS = 20
 MOST_WITNESSES = 12
-DARK = "no unbroken light along a line there"
+DARK = NotAStreak(kind="no light")
 TRAILED_STREAKS = 9
 """So many streaks of one length and direction are stars; no satellite cluster is as large."""
 _SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
@@ -148,9 +148,7 @@ class StreakDetector:
         fits = 0
         for box in hopeful:
             if fits == MOST_FITS:
-                measured.refuse(
-                    box, f"not measured: {MOST_FITS} more confident candidates in the frame"
-                )
+                measured.refuse(box, NotAStreak(kind="not measured", limit=MOST_FITS))
             elif measured.is_dark(box):
                 measured.refuse(box, DARK)
             else:
@@ -164,7 +162,7 @@ class StreakDetector:
                 witnesses += 1
                 measured.measure(box)
             else:
-                measured.refuse(box, f"below tau {threshold:.2f} however well a line fits")
+                measured.refuse(box, NotAStreak(kind="below tau", limit=threshold))
         taken = self._judged(measured.taken, stars)
         return sorted(taken, key=lambda d: -d.confidence), measured.rejected
 
@@ -188,7 +186,7 @@ def _without_trailed_stars(
         if alike < TRAILED_STREAKS:
             kept.append(d)
         else:
-            reason = f"one of {alike} streaks of one length and direction: the stars are trailed"
+            reason = NotAStreak(kind="trailed stars", value=alike)
             trailed.append(Rejection(detection=d, reason=reason))
     return kept, trailed
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
@@ -77,7 +78,7 @@ class StreakFit:
 class NoStreak:
     """Why a proposal is not a streak; what was measured of it, if anything."""
 
-    reason: str
+    reason: NotAStreak
     fit: StreakFit | None = None
 
 
@@ -117,8 +118,7 @@ def fit_streak(
         # Light parted from this by a gap is another's.
         if isinstance(again, StreakFit) and not is_broken(pixels, sky, _ends_of(again), psf_sigma):
             if any(_goes_on(pixels, sky, again, psf_sigma)):
-                reason = "light goes on beyond its ends: part of a longer trail"
-                return NoStreak(reason=reason, fit=again)
+                return NoStreak(reason=NotAStreak(kind="longer trail"), fit=again)
             fit = again
     return _seen_again(pixels, sky, fit, stars, fwhm)
 
@@ -133,9 +133,9 @@ def _seen_again(
         cutout = cut_out(pixels, sky, _box_of(ends, ends), _MARGIN_PX, stars)
         fit = replace(fit, unevenness=unevenness(cutout, ends, psf_sigma, fit.snr))
     if fit.unevenness > _MOST_UNEVEN:
-        reason = "patchy or bent: a cosmic ray or stars in a row"
+        reason = NotAStreak(kind="patchy")
     elif fit.snr < _FAINT_SNR and is_broken(pixels, sky, ends, psf_sigma):
-        reason = "dark in between: stars in a row"
+        reason = NotAStreak(kind="dark in between")
     return fit if reason is None else NoStreak(reason=reason, fit=fit)
 
 
@@ -205,7 +205,7 @@ def _fit_once(
     axes = _axes(cutout, guess)
     fitted = fit_robustly(cutout, axes, start, stretch, psf_sigma)
     if fitted is None:
-        return NoStreak(reason="no line fits the light in the box")
+        return NoStreak(reason=NotAStreak(kind="no line"))
     fitted = or_star_beyond_an_end(cutout, axes, start, stretch, fitted)
     fit = _describe(cutout, guess, fitted, stretch)
     reason = _fault(fit, stretch, fitted, fwhm, uneven_share(cutout, axes, fitted))
@@ -228,20 +228,20 @@ def _look(
     for _ in range(_LOOKS):
         guess = find_line(cutout, box, psf_sigma, ends)
         if guess is None:
-            return NoStreak(reason="the box lies outside the frame")
+            return NoStreak(reason=NotAStreak(kind="outside the frame"))
         stretch = find_ends(cutout, guess, psf_sigma)
         if stretch is None:
-            return NoStreak(reason="no ends found: nothing stands out of the sky along a line")
+            return NoStreak(reason=NotAStreak(kind="nothing stands out"))
         looked = cutout, guess, stretch
         wider = cut_out(pixels, sky, _grown(box, stretch, guess), margin, stars)
         if not stretch.reaches_rim or wider.values.shape == cutout.values.shape:
             break
         if wider.values.size > _LARGEST_CUTOUT_PX:
-            return NoStreak(reason="no ends found: the light runs on for a thousand pixels or more")
+            return NoStreak(reason=NotAStreak(kind="runs on far"))
         cutout = wider
         box = _grown(box, stretch, guess)
         ends = _guess_ends(guess, stretch)
-    return looked or NoStreak(reason="no ends found: the light runs on")
+    return looked or NoStreak(reason=NotAStreak(kind="runs on"))
 
 
 def _guess_ends(guess: Guess, stretch: Ends) -> Box:
@@ -334,26 +334,24 @@ def _rim(cutout: Cutout, guess: Guess, line: Line, u: float) -> float:
 
 def _fault(
     fit: StreakFit, stretch: Ends, line_fit: LineFit, psf_fwhm: float, uneven: float
-) -> str | None:
-    """The first gate that the fit does not pass, in words; None where it passes all."""
+) -> NotAStreak | None:
+    """The first gate that the fit does not pass; None where it passes all."""
     ratio = fit.width_px / psf_fwhm
     reason = None
     if min(line_fit.line.amplitudes) <= 0 and max(line_fit.line.amplitudes) <= 0:
-        reason = "darker than the sky"
+        reason = NotAStreak(kind="darker than the sky")
     elif fit.snr < MIN_SNR:
-        reason = f"too faint: signal to noise {fit.snr:.1f}, {MIN_SNR:.0f} needed"
+        reason = NotAStreak(kind="too faint", value=fit.snr, limit=MIN_SNR)
     elif ratio < _NARROWEST:
-        reason = f"narrower than a star ({fit.width_px:.1f} of {psf_fwhm:.1f} px): a cosmic ray"
+        reason = NotAStreak(kind="too narrow", value=fit.width_px, limit=psf_fwhm)
     elif ratio > _WIDEST:
-        reason = (
-            f"wider than a star ({fit.width_px:.1f} of {psf_fwhm:.1f} px): an aircraft or glare"
-        )
+        reason = NotAStreak(kind="too wide", value=fit.width_px, limit=psf_fwhm)
     elif fit.length_px < _SHORTEST * psf_fwhm:
-        reason = f"too short: {fit.length_px:.1f} px, hardly longer than a star is wide"
+        reason = NotAStreak(kind="too short", value=fit.length_px)
     elif not fit.is_clipped and fit.sigma_along_px > _MAX_SIGMA_SHARE * fit.length_px:
-        reason = "no ends found: they fade into the sky or lie behind a star"
+        reason = NotAStreak(kind="no ends")
     elif stretch.lit_share < _MIN_LIT_SHARE:
-        reason = f"only {100 * stretch.lit_share:.0f} % of its length is lit: not one streak"
+        reason = NotAStreak(kind="unlit", value=stretch.lit_share)
     elif uneven > _MAX_UNEVEN_SHARE:
-        reason = f"uneven over {100 * uneven:.0f} % of its length: stars in a row"
+        reason = NotAStreak(kind="uneven", value=uneven)
     return reason

@@ -1,0 +1,37 @@
+"""Who asks: a console, of which one at a time is in control, or anything else."""
+
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+SenderKind: TypeAlias = Literal["console", "script"]
+_CONSOLE = "console "
+"""How a console's name begins on the wire and on record, for people."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sender:
+    """Whoever hands the engine a command."""
+
+    name: str = "operator"
+    kind: SenderKind = "script"
+    """"script": a shell, a program; it is not asked whether it is in control."""
+
+    @classmethod
+    def console(cls, name: str) -> "Sender":
+        """A console, or a panel that is one."""
+        return cls(name=name, kind="console")
+
+    @property
+    def words(self) -> str:
+        """As the wire and the record have it."""
+        return f"{_CONSOLE}{self.name}" if self.kind == "console" else self.name
+
+
+def sender_of(by: str, kind: Any = None) -> Sender:
+    """The sender that a request names; ``kind``: None where it does not say what that is.
+
+    Whoever does not say it is a console where its name begins as a console's.
+    """
+    if kind == "script" or not by.startswith(_CONSOLE):
+        return Sender(name=by, kind="console" if kind == "console" else "script")
+    return Sender.console(by.removeprefix(_CONSOLE))
