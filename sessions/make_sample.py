@@ -1,124 +1,201 @@
-"""Make the sample session anew: a simulated night of Intelsat 14, small enough to ship.
+"""Record the sample session again: a simulated night of Intelsat 14, small enough to ship.
 
-    python sessions/make_sample.py [--frames 22]
+    python sessions/make_sample.py [--out FOLDER]
 
-Run from the project's root. The night is the demo's own, with seed 1. One frame keeps its pixels,
-coded by HCOMPRESS instead of Rice (4 % smaller, as exact); all keep their pictures, in half as
-many greys as the engine writes.
+Run from the project's root; it takes a minute. Engine and observatory are the demo's own, with a
+camera binned 2 x 2, one bank of clouds, and an operator whose commands stand in ``COMMANDS``. Same
+seed, same night: only the times that the stages took are those of the machine. Afterwards the
+pixels of all frames but ``KEPT_FRAMES`` are pruned, and ``upkeep.jsonl`` says so as for any other
+session: the hash of every frame stays on record.
 """
 
 import argparse
-import io
 import json
+import logging
 import os
 import shutil
 import sqlite3
-import subprocess
-import sys
 import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 
-import cv2
-import numpy as np
-from astropy.io import fits
-
-from rsoconsole.session.digest import sha256_of
-from rsoconsole.session.frame_files import encode_preview
+from rsoconsole.cli.demo import config_in, demo_config
+from rsoconsole.cli.demo_night import Night, run_night
+from rsoconsole.control import Command, ControlClient
+from rsoconsole.control.commands import Accept, Goto, MarkByHand, Note, Nudge, Reject, Resume, Set
+from rsoconsole.control.sender import Sender
+from rsoconsole.engine.loop import Engine
+from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.session.reader import SessionReader
+from rsoconsole.session.upkeep import add_note
+from rsoconsole.simulator.scenarios import elements_path, scenario_named
+from rsoconsole.simulator.world_file import world_from
 
 SAMPLE = Path(__file__).parent / "intelsat-14"
-KEPT_FRAME = 9
-MOST_BYTES = 10_000_000
-GREYS = 0xF0
-TILE_ROWS = 220
-_RUN = "from rsoconsole.cli import main; main()"
+SCENARIO = "intelsat-14"
+SEED = 119
+"""Of those of which the clouds come once, between two turns of the satellite."""
+FRAMES = 36
+WORLD = {
+    "seeing": {"fwhm_arcsec": 4.0},
+    "sensor": {"binning": 2},
+    "clouds": {"rate_h": 2.0, "duration_s": 60.0, "extinction_mag": 12.0},
+}
+KEPT_FRAMES = (9, 11)
+MOST_BYTES = 8_000_000
+INDI_PORT = 7624
+ROOT = "sessions"
+ELEMENTS = "rsoconsole/simulator/data/belt_20230622.tle"
+"""In place of what it was on the machine; both paths as they are seen from the project's root."""
+
+OPERATOR = Sender.console("observer@demo")
+COMMANDS: Mapping[int, Sequence[Command]] = {
+    5: (Note(text="one satellite in the field, no clouds"),),
+    8: (Set(name="detector.tau", value=0.95),),
+    12: (Accept(frame_id=11), Set(name="detector.tau", value=0.1)),
+    14: (
+        Set(name="filter.q_multiplier", value=2.0, frames=4),
+        Set(name="filter.r_multiplier", value=1.5, frames=4),
+    ),
+    20: (Reject(frame_id=20),),
+    24: (Note(text="clouds from the west"),),
+    # Orion in June: the limits refuse it.
+    27: (Goto(ra_icrs_deg=83.8, dec_icrs_deg=-5.4),),
+    29: (Nudge(east_arcmin=6.0, north_arcmin=-4.0),),
+    # Too faint for the detector; seen in the close-up, which shows where it was expected.
+    35: (MarkByHand(frame_id=35, x_a_px=780.0, y_a_px=889.0, x_b_px=840.0, y_b_px=886.5),),
+}
+"""What the operator says, by the frame after which it is said. After a move by hand one frame is
+taken where it led, then the operator gives the mount back."""
+REFUSED = {"goto"}
+ARRIVED = "the mount has arrived"
 
 
-def record(folder: Path, frames: int, place: Path) -> None:
-    """One night of the demo, in an environment of its own."""
-    home = {name: str(place / name.lower()) for name in ("XDG_DATA_HOME", "XDG_STATE_HOME")}
-    runtime = place / "run"
-    runtime.mkdir(mode=0o700)
-    subprocess.run(
-        [
-            *(sys.executable, "-c", _RUN, "demo", "--headless", "--scenario", "intelsat-14"),
-            *("--seed", "1", "--frames", str(frames), "--session", str(folder)),
-            *("--keep-frames", "all"),
-        ],
-        check=True,
-        env={**os.environ, **home, "XDG_RUNTIME_DIR": str(runtime)},
+class Operator:
+    """Sends ``COMMANDS`` over the engine's socket, from the loop's own thread: never in between."""
+
+    def sit_down(self, socket: Path) -> None:
+        """The engine listens."""
+        self._client = ControlClient(socket, OPERATOR)
+
+    def on_cycle(self, engine: Engine, _reduction: Reduction) -> None:
+        """A frame has been followed."""
+        for command in COMMANDS.get(engine.frame_id, ()):
+            self._send(command)
+
+    @contextmanager
+    def watching(self) -> Iterator[None]:
+        """While this lasts the mount is given back after each move by hand."""
+        log, handler = logging.getLogger("rsoconsole.engine"), _OnArrival(self._give_back)
+        before = log.level
+        log.setLevel(logging.INFO)
+        log.addHandler(handler)
+        try:
+            yield
+        finally:
+            log.removeHandler(handler)
+            log.setLevel(before)
+
+    def _give_back(self) -> None:
+        self._send(Resume())
+
+    def _send(self, command: Command) -> None:
+        outcome = self._client.send(command)
+        if outcome.ok == (command.verb in REFUSED):
+            raise SystemExit(f"{command.words()}: {outcome.message or 'not refused'}")
+
+
+class _OnArrival(logging.Handler):
+    def __init__(self, act: Callable[[], None]) -> None:
+        super().__init__(logging.INFO)
+        self._act = act
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.getMessage() == ARRIVED:
+            self._act()
+
+
+def record(folder: Path) -> None:
+    """The night, into a folder; prints how good it was."""
+    world = world_from(WORLD)
+    config = demo_config(
+        scenario_named(SCENARIO).site,
+        preset="tuned",
+        keep_frames="all",
+        catalogue=[elements_path()],
     )
-
-
-def trim(folder: Path) -> None:
-    """Leave one frame's pixels, and nothing of the machine it was made on."""
-    for path in (folder / "frames").iterdir():
-        if path.stem.split(".")[0] != f"{KEPT_FRAME:06d}":
-            path.unlink()
-        else:
-            _code_smaller(path)
-    for path in (*(folder / "previews").iterdir(), *(folder / "closeups").iterdir()):
-        picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-        path.write_bytes(encode_preview(picture & np.uint8(GREYS)))
-    with sqlite3.connect(folder / "session.db") as database:
-        database.execute(
-            "UPDATE files SET path = NULL, bytes = NULL, sha256 = NULL,"
-            " reason = 'left out of the sample' WHERE role = 'frame' AND frame_id != ?",
-            (KEPT_FRAME,),
+    night = Night(
+        scenario=SCENARIO, seed=SEED, speed=0.0, frames=FRAMES, session=folder, world=world.named()
+    )
+    operator = Operator()
+    with operator.watching():
+        figures = run_night(
+            config_in(world, config),
+            night,
+            on_cycle=operator.on_cycle,
+            on_start=lambda _folder, socket: operator.sit_down(socket),
         )
-        for (path,) in database.execute("SELECT path FROM files WHERE path IS NOT NULL").fetchall():
-            content = (folder / path).read_bytes()
-            database.execute(
-                "UPDATE files SET bytes = ?, sha256 = ? WHERE path = ?",
-                (len(content), sha256_of(content), path),
-            )
+    print(json.dumps({name: figures[name] for name in ("states", "orbit", "identified")}, indent=1))
+
+
+def prune(folder: Path) -> None:
+    """Leave the pixels of some frames; what goes is on record beside the session."""
+    reader = SessionReader(folder)
+    kept = {reader.frame_path(number) for number in KEPT_FRAMES}
+    gone = [path for path in sorted((folder / "frames").iterdir()) if path not in kept]
+    files = [str(path.relative_to(folder)) for path in gone]
+    size = sum(path.stat().st_size for path in gone)
+    *_, (_, t_last_utc_ns, _) = reader.records()
+    add_note(folder, "prune", t_last_utc_ns, {"what": "frames", "files": files, "bytes": size})
+    for path in gone:
+        path.unlink()
+
+
+def forget_machine(folder: Path) -> None:
+    """Leave nothing of the machine it was made on, and one file of the database."""
+    with closing(sqlite3.connect(folder / "session.db")) as database, database:
         ((text,),) = database.execute("SELECT value FROM meta WHERE key = 'config'")
         config = json.loads(text)
-        config["session"]["root"] = "sessions"
+        config["indi"]["port"] = INDI_PORT
+        config["session"]["root"] = ROOT
+        config["catalogue"]["tle_files"] = [ELEMENTS]
         database.execute("UPDATE meta SET value = ? WHERE key = 'config'", (json.dumps(config),))
         database.execute("DELETE FROM meta WHERE key IN ('pid', 'writer')")
-    with sqlite3.connect(folder / "session.db") as database:
+    with closing(sqlite3.connect(folder / "session.db")) as database:
         database.execute("PRAGMA journal_mode=DELETE")
         database.execute("VACUUM")
-    lines = (folder / "config.toml").read_text(encoding="utf-8").splitlines()
-    kept = ['root = "sessions"' if line.startswith("root = ") else line for line in lines]
-    (folder / "config.toml").write_text("\n".join(kept) + "\n", encoding="utf-8")
-
-
-def _code_smaller(path: Path) -> None:
-    """The same pixels and cards in fewer bytes."""
-    with fits.open(path, do_not_scale_image_data=True) as hdus:
-        stored, header = np.array(hdus[1].data), hdus[1].header.copy()
-    scale = header.pop("BSCALE", None), header.pop("BZERO", None)
-    hdu = fits.CompImageHDU(
-        data=stored.astype(np.int16),
-        header=header,
-        compression_type="HCOMPRESS_1",
-        hcomp_scale=0,
-        tile_shape=(TILE_ROWS, stored.shape[1]),
-    )
-    hdu.header["BSCALE"], hdu.header["BZERO"] = scale[0] or 1.0, scale[1] or 0.0
-    buffer = io.BytesIO()
-    fits.HDUList([fits.PrimaryHDU(), hdu]).writeto(buffer)
-    with fits.open(path) as before, fits.open(io.BytesIO(buffer.getvalue())) as after:
-        assert np.array_equal(before[1].data, after[1].data)
-    path.write_bytes(buffer.getvalue())
+    path = folder / "config.toml"
+    said = {"port": str(INDI_PORT), "root": f'"{ROOT}"', "tle_files": f'["{ELEMENTS}"]'}
+    lines = path.read_text(encoding="utf-8").splitlines()
+    named = (line.partition(" = ") for line in lines)
+    kept = [f"{name} = {said[name]}" if name in said else name + eq + to for name, eq, to in named]
+    path.write_text("\n".join(kept) + "\n", encoding="utf-8")
 
 
 def main() -> None:
-    """Record, trim, put in place."""
+    """Record, prune, put in place."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--frames", type=int, default=22)
+    parser.add_argument("--out", type=Path, default=SAMPLE)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name) / "night"
-        record(folder, options.frames, Path(name))
-        trim(folder)
-        size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+        place = Path(name)
+        for kind in ("DATA", "STATE", "CACHE", "CONFIG"):
+            folder = place / kind.lower()
+            folder.mkdir()
+            os.environ[f"XDG_{kind}_HOME"] = str(folder)
+        (place / "run").mkdir(mode=0o700)
+        os.environ["XDG_RUNTIME_DIR"] = str(place / "run")
+        night = place / "night"
+        record(night)
+        prune(night)
+        forget_machine(night)
+        size = sum(path.stat().st_size for path in night.rglob("*") if path.is_file())
         print(f"{size / 1e6:.2f} MB")
         if size > MOST_BYTES:
-            raise SystemExit(f"more than {MOST_BYTES / 1e6:.0f} MB: fewer frames")
-        shutil.rmtree(SAMPLE, ignore_errors=True)
-        shutil.copytree(folder, SAMPLE)
+            raise SystemExit(f"more than {MOST_BYTES / 1e6:.0f} MB: keep fewer frames")
+        shutil.rmtree(options.out, ignore_errors=True)
+        shutil.copytree(night, options.out)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """A night replayed on another processor is the same night; with other settings it is not."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,13 +11,12 @@ from rsoconsole.pipeline.replay import replay
 from rsoconsole.reasons import Told
 from rsoconsole.records import Miss, StateChange, TrackState
 from rsoconsole.session.reader import SessionReader
-
-SAMPLE = Path(__file__).parent.parent / "sessions" / "intelsat-14"
+from tests.samples import SCHEMA_1
 
 
 @pytest.fixture(scope="module")
 def records() -> list[Any]:
-    return [record for _, _, record in SessionReader(SAMPLE).records()]
+    return [record for _, _, record in SessionReader(SCHEMA_1).records()]
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +65,7 @@ def test_records_that_say_something_else_are_not_alike() -> None:
 
 
 def test_a_small_change_of_a_setting_is_no_rounding(records: list[Any]) -> None:
-    config = SessionReader(SAMPLE).config()
+    config = SessionReader(SCHEMA_1).config()
     q = config.filter.q_arcsec2_s3 * 1.0001
     tried = list(replay(records, config, tried={"filter.q_arcsec2_s3": q}))
     assert not all(frame.is_alike for frame in tried)

@@ -21,6 +21,7 @@ from rsoconsole.pipeline.batch_nights import NightOutcome, nights_in, process_ni
 from rsoconsole.pipeline.batch_pool import Crew, crew_for, share_out
 from rsoconsole.session.codec import encode
 from rsoconsole.session.reader import SessionReader
+from tests.samples import SCHEMA_1
 from tests.test_cli_frames import objects, rsoconsole
 
 HEIGHT, WIDTH = 480, 640
@@ -244,7 +245,7 @@ def test_nights_that_are_done_are_skipped_until_something_differs(nights, tmp_pa
 
 def test_the_kept_frames_of_a_session_are_a_night_too(tmp_path):
     """The shipped sample has kept its ninth frame: it stays the ninth."""
-    sample = Path(__file__).parent.parent / "sessions" / "intelsat-14"
+    sample = SCHEMA_1
     (night,) = nights_in([sample], tmp_path, Config())
     assert [(number, path.name) for number, path in night.frames] == [(9, "000009.fits.fz")]
     (outcome,) = process_nights([night], lambda _: SERIAL)

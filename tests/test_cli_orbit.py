@@ -20,6 +20,7 @@ from rsoconsole.records import FollowedAgain, Measurement, TrackState
 from rsoconsole.session.writer import SessionWriter
 from rsoconsole.sky.times import NS_PER_S, IntArray, utc_ns_to_iso
 from tests.json_page import expect_documented
+from tests.samples import SCHEMA_1
 from tests.seen_satellites import DAYTONA, SHARED, geostationary, instants
 
 OBSERVATIONS, TLES = SHARED / "observations", SHARED / "tles"
@@ -512,7 +513,7 @@ def test_a_long_silence_parts_arcs(tmp_path: Path) -> None:
 
 
 def test_the_sample_session_is_intelsat_14(tle: Path) -> None:
-    sample = Path(__file__).parents[1] / "sessions" / "intelsat-14"
+    sample = SCHEMA_1
     found = run("orbit", sample)
     assert found["label"] == "constrained by prior"
     assert found["a_km"] == pytest.approx(42_165.0, abs=3.0 * found["sigma_a_km"])

@@ -28,12 +28,12 @@ from rsoconsole.pipeline import reprocess
 from rsoconsole.pipeline.reprocess import Reprocessor, recorded_frame
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.vision.network import Network
+from tests.samples import SCHEMA_1
 from tests.seat_rig import PATIENCE_S, FakeWire, until
 from tests.terminal import Terminal
 from tests.test_graphics import kitty_pictures
 from tests.whole_engine import wait_for
 
-SAMPLE = Path(__file__).parent.parent / "sessions" / "intelsat-14"
 SNAPSHOTS = Path(__file__).parent / "snapshots"
 KEPT, LEFT_OUT, NEWEST = 9, 8, 22
 STREAK_PX = (1969, 1765)
@@ -47,7 +47,9 @@ def read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """The sample's frame is read once for all tests, and the network loaded: they take a second."""
 
     def read(path: Path, frame_id: int):
-        return _read(path, frame_id) if path.is_relative_to(SAMPLE) else read_frame(path, frame_id)
+        return (
+            _read(path, frame_id) if path.is_relative_to(SCHEMA_1) else read_frame(path, frame_id)
+        )
 
     def load(path: Path | None, threads: int):
         return _network(threads) if path is None else Network.load(path, threads)
@@ -69,7 +71,7 @@ def _network(threads: int) -> Network:
 def look(
     act: Act,
     *,
-    folder: Path = SAMPLE,
+    folder: Path = SCHEMA_1,
     frame_id: int = KEPT,
     config: Config | None = None,
     size: tuple[int, int] = (80, 24),
@@ -167,7 +169,7 @@ def test_it_is_said_what_was_recorded_and_what_is_said_now(impatient_seat: None)
 
 
 def test_the_cross_reads_pixel_light_and_direction(impatient_seat: None):
-    path = SessionReader(SAMPLE).frame_path(KEPT)
+    path = SessionReader(SCHEMA_1).frame_path(KEPT)
     assert path is not None
     pixels = _read(path, KEPT).pixels
 
@@ -249,7 +251,7 @@ def test_another_tau_says_what_the_detector_would_have_said(impatient_seat: None
 
 def test_tau_stops_at_its_bounds_and_comes_back_by_the_same_steps():
     sheet = Sheet(frame_id=KEPT)
-    recorded = recorded_frame(SessionReader(SAMPLE), KEPT)
+    recorded = recorded_frame(SessionReader(SCHEMA_1), KEPT)
     sheet.opened = Opened(
         recorded=recorded, detail=FrameDetail(), preview=None, bytes=0, candidates=()
     )
@@ -333,7 +335,7 @@ def test_a_frame_that_was_not_kept_says_why_and_shows_its_preview(impatient_seat
 
 @pytest.mark.parametrize("harm", ["truncated", "empty", "no frame", "no session"])
 def test_what_cannot_be_read_is_one_clear_line(tmp_path: Path, impatient_seat: None, harm: str):
-    folder = Path(shutil.copytree(SAMPLE, tmp_path / "night"))
+    folder = Path(shutil.copytree(SCHEMA_1, tmp_path / "night"))
     path = folder / "frames" / "000009.fits.fz"
     said = {
         "truncated": "is truncated",
@@ -377,7 +379,7 @@ def test_a_missing_network_is_said_and_the_pixels_are_shown(tmp_path: Path, impa
 
 def test_enter_opens_the_frame_that_is_shown_and_escape_goes_back(impatient_seat: None):
     async def run() -> None:
-        app = ConsoleApp(lambda: FakeWire(SAMPLE), session=SAMPLE)
+        app = ConsoleApp(lambda: FakeWire(SCHEMA_1), session=SCHEMA_1)
         async with app.run_test(size=(80, 24)) as pilot:
             await until(pilot, lambda: app.live.picture is not None)
             await pilot.press("enter")
@@ -409,7 +411,7 @@ def test_enter_sets_an_end_while_a_mark_is_made(wire: FakeWire):
 
 @pytest.mark.parametrize("key", ["x", "ctrl+x"])
 def test_stop_works_over_a_frame_and_shows_what_came_of_it(impatient_seat: None, key: str):
-    wire = FakeWire(SAMPLE)
+    wire = FakeWire(SCHEMA_1)
 
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         await pilot.press(key)
@@ -529,7 +531,7 @@ def test_a_click_puts_the_cross_there(impatient_seat: None):
 
 
 def test_kitty_is_sent_the_frame_with_what_is_seen_now(tmp_path: Path):
-    folder = Path(shutil.copytree(SAMPLE, tmp_path / "night"))
+    folder = Path(shutil.copytree(SCHEMA_1, tmp_path / "night"))
     # The newest frame, which the console shows, gets the pixels and records of the kept one.
     _keep_as_newest(folder)
     command = [sys.executable, "-c", "from rsoconsole.cli import main; main()", "console"]

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from tests.browser_lab import environment_of
+from tests.samples import SAMPLE, SESSIONS
 
-SESSIONS = Path(__file__).parent.parent / "sessions"
 NOTEBOOK = SESSIONS / "review.ipynb"
 MOST_BYTES = 1_500_000
 FIGURES = 7
@@ -53,8 +53,8 @@ def executed(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     copy.mkdir()
     for name in ("review.ipynb", "execute_review.py"):
         shutil.copy(SESSIONS / name, copy)
-    shutil.copytree(SESSIONS / "intelsat-14", copy / "intelsat-14")
-    before = {p: p.stat().st_mtime_ns for p in (copy / "intelsat-14").rglob("*")}
+    shutil.copytree(SAMPLE, copy / SAMPLE.name)
+    before = {p: p.stat().st_mtime_ns for p in (copy / SAMPLE.name).rglob("*")}
     run = subprocess.run(
         [sys.executable, str(copy / "execute_review.py"), "--out", str(folder / "done.ipynb")],
         env=environment_of(folder / "home", PYTHONWARNINGS=""),
@@ -64,7 +64,7 @@ def executed(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
         check=False,
     )
     assert run.returncode == 0, run.stderr[-3000:]
-    assert {p: p.stat().st_mtime_ns for p in (copy / "intelsat-14").rglob("*")} == before
+    assert {p: p.stat().st_mtime_ns for p in (copy / SAMPLE.name).rglob("*")} == before
     return read(folder / "done.ipynb")
 
 
@@ -89,12 +89,16 @@ def test_what_it_says_of_the_night_is_so(executed):
     said = "\n".join(text for cell in executed for text in words(cell))
     for figure in (
         "after 4 frames",
-        "14.987 arcsec / s over 9.5 min",
-        "(3520, 4656) uint16",
-        "no detection",
-        "1.776″",
-        "2.087″",
-        "19 icrs arcsec2",
+        "36, 2 kept in full",
+        "5 of 32 frames with a track",
+        "14.985 arcsec / s over 16.0 min",
+        "(1760, 2328) uint16",
+        "cloud: 3 stars where 400 were; no detection",
+        "constrained by prior",
+        "INTELSAT 14",
+        "1.887″",
+        "2.191″",
+        "30 icrs arcsec2",
     ):
         assert figure in said
     (proof,) = (words(cell) for cell in executed if "is_alike" in "".join(cell["source"]))

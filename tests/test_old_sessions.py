@@ -7,10 +7,12 @@ from typing import Any
 import pytest
 
 from rsoconsole.export.night import read_night
+from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.retell import retell
 from rsoconsole.pipeline.tracks_taken import TracksTaken
 from rsoconsole.records import (
+    Detections,
     FollowedAgain,
     Measurement,
     NotFollowed,
@@ -20,9 +22,12 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.session.reader import SessionReader
+from rsoconsole.vision.confidence import ConfidenceCurve
+from rsoconsole.vision.detector import StreakDetector
+from rsoconsole.vision.network import Network
 from tests.old_nights import old_session
+from tests.samples import SCHEMA_1
 
-SAMPLE = Path(__file__).parents[1] / "sessions" / "intelsat-14"
 EXPORTED = {
     "sample": "bdb56fdc2414f35eb29f450c312bb7e5c0b351216b2e90b12dd67cba7f84abd9",
     "busy": "c44c9fea822a0d5a7f3564f1a5f84d05f17f9f85c99b4512c761ba802697e064",
@@ -33,7 +38,7 @@ EXPORTED = {
 @pytest.fixture(params=["sample", "busy", "ruled"])
 def old(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     if request.param == "sample":
-        return SAMPLE
+        return SCHEMA_1
     return old_session(tmp_path / request.param, request.param)
 
 
@@ -59,7 +64,7 @@ def test_told_again_with_nothing_tried_it_is_the_log_itself(old: Path) -> None:
 
 @pytest.mark.parametrize("name", EXPORTED)
 def test_what_it_exports_is_what_it_exported_before(name: str, tmp_path: Path) -> None:
-    folder = SAMPLE if name == "sample" else old_session(tmp_path / name, name)
+    folder = SCHEMA_1 if name == "sample" else old_session(tmp_path / name, name)
     # Without what rows have for columns that are new since: none of these sessions has any.
     rows = repr(read_night(folder).rows).replace(", beside=()", "")
     assert hashlib.sha256(rows.encode()).hexdigest() == EXPORTED[name]
@@ -114,7 +119,7 @@ def test_what_was_taken_was_not_refused_in_the_same_breath(old: Path) -> None:
 
 
 def test_orders_and_orbits_name_the_track_they_are_of() -> None:
-    records = records_of(SAMPLE)
+    records = records_of(SCHEMA_1)
     followed = [r for r in records if isinstance(r, SlewCommand) and r.reason == "prediction"]
     assert followed
     assert {r.track_id for r in followed} == {1}
@@ -127,3 +132,27 @@ def test_one_frame_alone_is_read_under_the_same_ids(old: Path) -> None:
     assert [r for _, _, r in SessionReader(old).records(frame_id=12)] == whole
     only = [r for _, _, r in SessionReader(old).records(kinds=(TrackState,), frame_id=12)]
     assert only == [r for r in whole if isinstance(r, TrackState)]
+
+
+def test_the_kept_frame_of_schema_1_shows_what_was_recorded_of_it() -> None:
+    reader = SessionReader(SCHEMA_1)
+    kept = [n for n in range(1, 23) if reader.frame_path(n) is not None]
+    assert kept == [9]
+    path = reader.frame_path(9)
+    assert path is not None
+    (recorded,) = [r for r in records_of(SCHEMA_1) if isinstance(r, Detections) and r.frame_id == 9]
+    settings = reader.config().detector
+    network = Network.load(settings.model, settings.threads)
+    curve = ConfidenceCurve.from_card(network.card)
+    (found,) = StreakDetector(network, settings, curve).detect(read_frame(path, 9)).detections
+    (before,) = recorded.detections
+    assert (found.x_px, found.y_px) == pytest.approx((before.x_px, before.y_px), abs=0.01)
+
+
+def test_the_track_of_schema_1_is_followed_again_on_any_processor() -> None:
+    records = records_of(SCHEMA_1)
+    frames = list(replay(records, SessionReader(SCHEMA_1).config()))
+    assert len(frames) == 22
+    assert all(frame.is_alike for frame in frames)
+    assert frames[-1].after.state == "TRACK"
+    assert sum(isinstance(r, Measurement) for r in records) >= 18

@@ -5,7 +5,6 @@ import shutil
 import sqlite3
 import subprocess
 import sys
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -26,8 +25,8 @@ from rsoconsole.session import schema
 from rsoconsole.session.reader import SessionReader
 from tests import made_up_night as made
 from tests import orbit_night
+from tests.samples import SCHEMA_1
 
-SAMPLE = Path(__file__).parent.parent / "sessions" / "intelsat-14"
 PLOTS = {"confidence": 1, "track": 2, "about_line": 2, "residuals": 2, "nis": 1}
 """Figures by name, and their panels."""
 HEAVY = (
@@ -47,7 +46,7 @@ HEAVY = (
 
 @pytest.fixture(scope="module")
 def night() -> session_room.Session:
-    return open_session(SAMPLE)
+    return open_session(SCHEMA_1)
 
 
 # -- what is read, and when ------------------------------------------------------------------
@@ -115,7 +114,7 @@ def test_what_is_no_session_is_said(tmp_path):
 
 
 def test_the_database_itself_may_be_named(night):
-    assert open_session(SAMPLE / "session.db").path == night.path
+    assert open_session(SCHEMA_1 / "session.db").path == night.path
 
 
 def test_a_session_that_goes_on_is_read_further(tmp_path):
@@ -156,7 +155,7 @@ def says_the_same(value, told):
 @pytest.mark.parametrize("name", TABLES)
 def test_a_table_says_what_the_view_says(name, night, tmp_path):
     """SQL is the other implementation; it may round the last digit."""
-    reader = SessionReader(SAMPLE)
+    reader = SessionReader(SCHEMA_1)
     viewed = reader.view(name)
     columns, made_rows = night._rows(name)
     assert len(made_rows) == len(viewed)
@@ -267,7 +266,7 @@ def test_empty_tables_have_their_columns(night):
 
 def test_an_instant_that_is_missing_is_masked(tmp_path):
     folder = tmp_path / "night"
-    shutil.copytree(SAMPLE, folder)
+    shutil.copytree(SCHEMA_1, folder)
     with sqlite3.connect(folder / "session.db") as database:
         database.execute(
             "UPDATE log SET body = json_set(body, '$.t_start_utc_ns', NULL)"
@@ -367,7 +366,9 @@ def test_a_picture_comes_with_its_marks_in_pixels_of_the_frame(night):
 def test_pixels_are_there_for_frames_that_were_kept(night):
     pixels = night.pixels(9)
     assert (pixels.shape, pixels.dtype) == ((3520, 4656), np.uint16)
-    with pytest.raises(SessionError, match="frame 10 were not kept; kept: 9"):
+    with pytest.raises(
+        SessionError, match="frame 10 were not kept: left out of the sample; kept: 9"
+    ):
         night.pixels(10)
 
 
@@ -477,11 +478,11 @@ def test_a_setting_that_cannot_be_is_refused(night):
 
 def test_branches_are_sessions_by_name(tmp_path):
     folder = tmp_path / "night"
-    shutil.copytree(SAMPLE, folder)
+    shutil.copytree(SCHEMA_1, folder)
     (folder / "branches" / "figures").mkdir(parents=True)
     branch = folder / "branches" / "loose"
     branch.mkdir()
-    shutil.copy(SAMPLE / "session.db", branch)
+    shutil.copy(SCHEMA_1 / "session.db", branch)
     with sqlite3.connect(branch / "session.db") as database:
         values = {"branch_of": "../..", "tried": {"filter.q_arcsec2_s3": 1e-3}}
         for key, value in values.items():
@@ -496,7 +497,7 @@ def test_branches_are_sessions_by_name(tmp_path):
 
 def test_what_was_tried_is_kept_as_a_branch_that_reads_as_it_was(tmp_path):
     folder = tmp_path / "night"
-    shutil.copytree(SAMPLE, folder)
+    shutil.copytree(SCHEMA_1, folder)
     night = open_session(folder)
     tried = night.what_if(q=1e-3)
     assert tried.save("loose") == folder / "branches" / "loose"
@@ -514,7 +515,7 @@ def test_what_was_tried_is_kept_as_a_branch_that_reads_as_it_was(tmp_path):
 
 
 def test_a_night_is_exported_as_the_verb_does(tmp_path):
-    night = open_session(SAMPLE)
+    night = open_session(SCHEMA_1)
     for name in ("csv", "tdm", "html"):
         path = night.export(name, tmp_path / f"night.{name}")
         assert "315.93682958" in path.read_text(encoding="utf-8") or name == "html"

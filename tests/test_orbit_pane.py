@@ -32,11 +32,11 @@ from tests import orbit_night
 from tests.makers import NS
 from tests.orbit_night import BEST, FOLLOWED, NEXT, estimate_of, folded, identified_of, state, to
 from tests.review_rig import frame_shown, play_review, press
+from tests.samples import SCHEMA_1
 from tests.seat_rig import FakeWire, pane, play, until
 
 NOW = night.t_of(20)
 SITE = Config().site
-SAMPLE = Path(__file__).parent.parent / "sessions" / "intelsat-14"
 HINT = "perhaps INTELSAT 14 (36097) has the right motion, 900″ (60 s) ahead of its elements"
 WIDE = replace(BEST, name="実践衛星")
 SIZES = ((47, 15), (59, 8), (57, 12), (80, 30), (40, 11), (120, 20), (20, 4), (1, 1))
@@ -255,8 +255,8 @@ def test_the_last_orbit_of_a_lost_one_says_of_when_it_is() -> None:
 
 
 def test_an_old_session_has_its_orbit_reckoned_from_its_measurements() -> None:
-    reader = SessionReader(SAMPLE)
-    found = Night(SAMPLE, reader.about(), reader.config())
+    reader = SessionReader(SCHEMA_1)
+    found = Night(SCHEMA_1, reader.about(), reader.config())
     for seq, t, record in reader.records():
         found.take(t, record, seq)
         if len([row for row in found.view().rows if row.is_followed]) >= 12:

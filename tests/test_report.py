@@ -22,8 +22,8 @@ from rsoconsole.reasons import Told, done
 from rsoconsole.records import Event, OperatorAction, ParameterChange, StateChange
 from rsoconsole.session.reader import SessionReader
 from tests.export_nights import MISSED, T0, closed_night, written_night
+from tests.samples import SCHEMA_1
 
-SAMPLE = Path(__file__).parent.parent / "sessions" / "intelsat-14"
 MOST_BYTES = 8_000_000
 NASTY = '<script>alert("x")</script> & $x^{ <img src=http://e.vil/x> ${{7*7}} {{ 7*7 }}'
 VOID = {"meta", "br", "img", "link", "hr", "input"}
@@ -69,7 +69,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def sample_html() -> str:
-    return render_report(SAMPLE).html
+    return render_report(SCHEMA_1).html
 
 
 @pytest.fixture(scope="module")
@@ -156,8 +156,8 @@ def test_every_picture_says_in_words_what_it_shows(sample: Page):
 
 def test_it_says_what_the_record_says(sample: Page):
     text = sample.text
-    rows = read_rows(SAMPLE).rows
-    figures = figures_of(replay([r for _, _, r in SessionReader(SAMPLE).records()], _config()))
+    rows = read_rows(SCHEMA_1).rows
+    figures = figures_of(replay([r for _, _, r in SessionReader(SCHEMA_1).records()], _config()))
     assert "One object was followed from 05:31:05 to 05:40:35 UTC" in text
     assert f"measured {len(rows)} times in 22 exposures, with one miss" in text
     assert "It moves as a geostationary satellite does." in text
@@ -171,17 +171,17 @@ def test_it_says_what_the_record_says(sample: Page):
 
 
 def _config():
-    return SessionReader(SAMPLE).config()
+    return SessionReader(SCHEMA_1).config()
 
 
 def test_its_figures_are_those_that_a_replay_gives():
-    records = [record for _, _, record in SessionReader(SAMPLE).records()]
+    records = [record for _, _, record in SessionReader(SCHEMA_1).records()]
     replayed = figures_of(replay(records, _config()))
-    assert figures_on_record(SAMPLE, read_night(SAMPLE), replayed.state) == replayed
+    assert figures_on_record(SCHEMA_1, read_night(SCHEMA_1), replayed.state) == replayed
 
 
 def test_rings_lie_on_the_streaks(sample: Page):
-    rows = [row for row in read_rows(SAMPLE).rows if row.is_taken]
+    rows = [row for row in read_rows(SCHEMA_1).rows if row.is_taken]
     styles = [
         dict(part.split(":") for part in style.split(";"))
         for (tag, name, style), (_, _, kind) in zip(
@@ -247,7 +247,7 @@ def test_pictures_are_chosen_evenly(count):
 
 
 def test_the_same_session_gives_the_same_page(tmp_path: Path, sample_html: str):
-    path = write_report(SAMPLE, tmp_path / "a" / "report.html")
+    path = write_report(SCHEMA_1, tmp_path / "a" / "report.html")
     assert path.read_text(encoding="utf-8") == sample_html
 
 

@@ -26,8 +26,8 @@ from rsoconsole.session.frame_files import compress_frame
 from rsoconsole.session.reader import SessionReader
 from tests import made_up_night as night
 from tests.makers import straight_detection
+from tests.samples import SCHEMA_1
 
-SAMPLE = Path(__file__).parent.parent / "sessions" / "intelsat-14"
 KEPT, LEFT_OUT = 9, 8
 A_HUNDREDTH_ARCSEC = 0.01 / 3600
 SIGMA_OF_MIDPOINT_ARCSEC = 0.8
@@ -36,7 +36,7 @@ SIGMA_OF_MIDPOINT_ARCSEC = 0.8
 
 @pytest.fixture(scope="module")
 def recorded() -> RecordedFrame:
-    return recorded_frame(SessionReader(SAMPLE), KEPT)
+    return recorded_frame(SessionReader(SCHEMA_1), KEPT)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def processor(recorded: RecordedFrame, frame: Frame):
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
     """The sample, to be damaged."""
-    return Path(shutil.copytree(SAMPLE, tmp_path / "night"))
+    return Path(shutil.copytree(SCHEMA_1, tmp_path / "night"))
 
 
 # -- the pixels once more ----------------------------------------------------------------------
@@ -162,7 +162,7 @@ def test_nothing_is_written(copy: Path):
 
 
 def test_a_frame_that_was_not_kept_says_why():
-    recorded = recorded_frame(SessionReader(SAMPLE), LEFT_OUT)
+    recorded = recorded_frame(SessionReader(SCHEMA_1), LEFT_OUT)
     assert recorded.path is None
     assert recorded.seen.detections is not None
     with pytest.raises(FrameError, match="frame 8 was not kept: left out of the sample"):
@@ -179,7 +179,7 @@ def test_a_frame_that_is_not_written_yet_says_so(tmp_path: Path):
 
 def test_a_frame_that_never_was_is_no_frame():
     with pytest.raises(SessionError, match="holds no frame 999"):
-        recorded_frame(SessionReader(SAMPLE), 999)
+        recorded_frame(SessionReader(SCHEMA_1), 999)
 
 
 def test_a_truncated_file_is_named(copy: Path):

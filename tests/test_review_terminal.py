@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.samples import SCHEMA_1
 from tests.terminal import EVERY_S, Terminal
 
-SAMPLE = Path(__file__).parents[1] / "sessions" / "intelsat-14"
 COMMAND = [sys.executable, "-c", "from rsoconsole.cli import main; main()", "review"]
 PATIENCE_S = 60.0
 
@@ -38,7 +38,7 @@ def shown_after(terminal: Terminal, keys: str, *words: str) -> None:
 
 
 def test_the_sample_night_is_played_searched_compared_and_left(home: dict[str, str]):
-    with Terminal([*COMMAND, str(SAMPLE)], home, (120, 40)) as seat:
+    with Terminal([*COMMAND, str(SCHEMA_1)], home, (120, 40)) as seat:
         wait_for(lambda: seat.shows("frame 1 of 22", "frame 0001 · 10 s", "space Play"), "a screen")
         shown_after(seat, "]]]", "×300")
         shown_after(seat, " ", "space Pause", "frame 0022 · 10 s", "space Play")
@@ -57,7 +57,7 @@ def test_the_sample_night_is_played_searched_compared_and_left(home: dict[str, s
 
 
 def test_it_begins_where_it_is_told_to(home: dict[str, str]):
-    with Terminal([*COMMAND, str(SAMPLE), "--at", "05:36"], home, (80, 24)) as seat:
+    with Terminal([*COMMAND, str(SCHEMA_1), "--at", "05:36"], home, (80, 24)) as seat:
         wait_for(lambda: seat.shows("frame 12 of 22"), "the frame of that time")
 
 
@@ -65,12 +65,12 @@ def test_night_and_day_the_sample_is_not_written_to(home: dict[str, str]):
     def state() -> dict[str, tuple[int, int]]:
         return {
             str(path): (path.stat().st_mtime_ns, path.stat().st_size)
-            for path in sorted(SAMPLE.rglob("*"))
+            for path in sorted(SCHEMA_1.rglob("*"))
             if path.is_file()
         }
 
     before = state()
-    with Terminal([*COMMAND, str(SAMPLE), "--at", "5"], home, (120, 40)) as seat:
+    with Terminal([*COMMAND, str(SCHEMA_1), "--at", "5"], home, (120, 40)) as seat:
         wait_for(lambda: seat.shows("frame 5 of 22"), "a screen")
         seat.press("t")
         wait_for(lambda: seat.shows("40 frames to here"), "the tuning pane")
@@ -87,9 +87,9 @@ def run(home: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[st
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        ([str(SAMPLE)], 1, "'rsoconsole export' and 'rsoconsole figures' work without one"),
+        ([str(SCHEMA_1)], 1, "'rsoconsole export' and 'rsoconsole figures' work without one"),
         (["no-such-night"], 1, "does not exist"),
-        ([str(SAMPLE), "--at", "soon"], 2, "no frame and no UTC"),
+        ([str(SCHEMA_1), "--at", "soon"], 2, "no frame and no UTC"),
         (["--help"], 0, "Example: rsoconsole review"),
     ],
     ids=["no terminal", "no session", "no moment", "help"],

@@ -13,9 +13,8 @@ from rsoconsole.cli.app import app
 from rsoconsole.session.verify import verify_session
 from tests.json_page import expect_documented
 from tests.made_up_night import begin
+from tests.samples import SCHEMA_1
 from tests.session_rig import cut_off, flip, make
-
-SAMPLE = Path(__file__).parents[1] / "sessions" / "intelsat-14"
 
 
 @pytest.fixture
@@ -69,7 +68,7 @@ def test_an_empty_place_is_said_and_is_no_failure(tmp_path: Path) -> None:
 
 
 def test_verify_ends_with_1_where_anything_is_damaged_and_looks_at_all(night: Path) -> None:
-    assert "sound, closed" in run("verify", night, SAMPLE).stdout
+    assert "sound, closed" in run("verify", night, SCHEMA_1).stdout
     shutil.copytree(night, night.parent / "bad")
     flip(night.parent / "bad" / "frames" / "000001.fits.fz")
     cut_off(night)

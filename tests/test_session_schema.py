@@ -22,8 +22,8 @@ from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.schema import SCHEMA_VERSION, VIEWS
 from rsoconsole.session.writer import SessionWriter
 from tests.made_up_night import add_frames, add_previews, armed, begin
+from tests.samples import SCHEMA_1
 
-SAMPLE = Path(__file__).parents[1] / "sessions" / "intelsat-14"
 README = Path(__file__).parents[1] / "sessions" / "README.md"
 
 
@@ -41,7 +41,7 @@ def night(tmp_path: Path) -> Path:
 
 
 def test_the_sample_is_of_schema_1_and_is_read_with_every_column_of_today(tmp_path: Path) -> None:
-    old, new = SessionReader(SAMPLE), SessionReader(_empty(tmp_path))
+    old, new = SessionReader(SCHEMA_1), SessionReader(_empty(tmp_path))
     assert (old.schema_version, new.schema_version) == (1, SCHEMA_VERSION)
     for name in VIEWS:
         with closing(new.connect()) as connection:
@@ -54,7 +54,7 @@ def test_the_sample_is_of_schema_1_and_is_read_with_every_column_of_today(tmp_pa
 
 
 def test_sql_on_an_old_session_sees_the_files_with_a_hash_that_is_not_there() -> None:
-    with closing(SessionReader(SAMPLE).connect()) as connection:
+    with closing(SessionReader(SCHEMA_1).connect()) as connection:
         sql = "SELECT count(*), count(sha256) FROM files WHERE path IS NOT NULL"
         assert connection.execute(sql).fetchone() == (43, 0)
         with pytest.raises(sqlite3.OperationalError, match="readonly"):
@@ -63,7 +63,7 @@ def test_sql_on_an_old_session_sees_the_files_with_a_hash_that_is_not_there() ->
 
 def test_reading_an_old_session_changes_no_byte_of_it(tmp_path: Path) -> None:
     folder = tmp_path / "sample"
-    shutil.copytree(SAMPLE, folder)
+    shutil.copytree(SCHEMA_1, folder)
     before = {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     reader = SessionReader(folder)
     for name in VIEWS:

@@ -27,9 +27,8 @@ from rsoconsole.session.schema import SCHEMA_VERSION
 from rsoconsole.session.store import list_sessions
 from rsoconsole.session.verify import verify_session
 from rsoconsole.session.writer import SessionWriter
+from tests.samples import SCHEMA_1
 from tests.session_rig import NOW_UTC_NS, cut_off, damage, flip, make, run_sql
-
-SAMPLE = Path(__file__).parents[1] / "sessions" / "intelsat-14"
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +51,7 @@ def test_a_night_as_it_was_written_is_sound_to_the_last_byte(night: Path) -> Non
 
 
 def test_the_sample_of_schema_1_is_judged_by_its_contents() -> None:
-    found = verify_session(SAMPLE)
+    found = verify_session(SCHEMA_1)
     assert found.is_sound
     assert (found.schema, found.digest, found.files) == (1, "none", 43)
 
@@ -124,7 +123,7 @@ def test_each_damage_is_found_where_it_is_with_what_to_do(night: Path, fault: st
 
 def test_a_frame_of_schema_1_is_damaged_when_it_cannot_be_read(tmp_path: Path) -> None:
     folder = tmp_path / "sample"
-    shutil.copytree(SAMPLE, folder)
+    shutil.copytree(SCHEMA_1, folder)
     os.truncate(folder / "frames/000009.fits.fz", 4_000_000)
     flip(folder / "previews/000005.png", 20_000)
     os.truncate(folder / "previews/000006.png", 20_000)
@@ -215,7 +214,7 @@ def test_repair_closes_takes_in_what_is_whole_and_removes_what_is_half(night: Pa
 
 def test_a_session_of_schema_1_is_repaired_without_becoming_another(tmp_path: Path) -> None:
     folder = tmp_path / "sample"
-    shutil.copytree(SAMPLE, folder)
+    shutil.copytree(SCHEMA_1, folder)
     cut_off(folder)
     run_sql(folder, "DELETE FROM files WHERE frame_id = 9 AND role = 'frame'")
     done = repair_session(folder, NOW_UTC_NS)

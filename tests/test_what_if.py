@@ -37,10 +37,10 @@ from rsoconsole.session.reader import SessionReader
 from tests.json_page import expect_documented
 from tests.made_up_night import begin
 from tests.measured_night import record_night
+from tests.samples import SCHEMA_1
 from tests.test_cli_frames import objects, rsoconsole
 from tests.test_replay import CONFIG, Night, busy_night
 
-SAMPLE = Path(__file__).parent.parent / "sessions" / "intelsat-14"
 __all__ = ["busy_night"]  # a fixture that is asked for by name
 
 
@@ -72,7 +72,7 @@ def bytes_in(folder: Path) -> dict[str, bytes]:
 
 @pytest.mark.parametrize("name", ["sample", "sixty"])
 def test_with_the_recorded_settings_every_record_comes_again_bit_for_bit(session, name):
-    folder = SAMPLE if name == "sample" else session
+    folder = SCHEMA_1 if name == "sample" else session
     found = what_if_session(folder)
     assert found.is_reproduced
     assert found.what_if == found.recorded
@@ -349,11 +349,11 @@ def test_branches_are_listed_and_dropped(mine):
 def test_detector_and_solver_run_anew_over_what_was_kept_and_say_of_how_much(tmp_path):
     """The sample has kept one of its frames; with the recorded settings it shows the same."""
     seen: list[int] = []
-    found = what_if_session(SAMPLE, detector=True, solver=True, on_frame=lambda: seen.append(1))
+    found = what_if_session(SCHEMA_1, detector=True, solver=True, on_frame=lambda: seen.append(1))
     assert found.rerun is not None
     assert (found.rerun.rerun, found.rerun.not_kept, found.rerun.unreadable) == (1, 21, 0)
     assert len(seen) == 22
-    recorded = [r for _, r in log_of(SAMPLE) if isinstance(r, Measurement)]
+    recorded = [r for _, r in log_of(SCHEMA_1) if isinstance(r, Measurement)]
     anew = [r for _, r in found.log if isinstance(r, Measurement)]
     assert len(anew) == len(recorded)
     for one, other in zip(recorded, anew, strict=True):
@@ -365,7 +365,7 @@ def test_detector_and_solver_run_anew_over_what_was_kept_and_say_of_how_much(tmp
 
 def test_another_detector_is_tried_with_the_recorded_plate_where_the_solver_is_not():
     """Centroid box: the paper's midpoint, whose ends are not known."""
-    found = what_if_session(SAMPLE, {"detector.centroid": "box"}, detector=True)
+    found = what_if_session(SCHEMA_1, {"detector.centroid": "box"}, detector=True)
     assert found.rerun is not None
     assert found.rerun.rerun == 1
     ninth = next(frame for frame in found.frames if frame.taken.frame_id == 9)
@@ -373,8 +373,8 @@ def test_another_detector_is_tried_with_the_recorded_plate_where_the_solver_is_n
     (measured,) = ninth.shown.measurements
     assert measured.ends_icrs_deg is None
     assert eighth.shown.measurements[0].ends_icrs_deg is not None
-    records = [record for _, record in log_of(SAMPLE)]
-    as_it_was = replay(records, SessionReader(SAMPLE).config())
+    records = [record for _, record in log_of(SCHEMA_1)]
+    as_it_was = replay(records, SessionReader(SCHEMA_1).config())
     recorded = next(frame for frame in as_it_was if frame.taken.frame_id == 9)
     assert ninth.shown.solution == recorded.shown.solution
 

@@ -15,10 +15,10 @@ from rsoconsole.errors import ConfigError, RsoconsoleError, SessionError
 from rsoconsole.pipeline.what_if import what_if
 from rsoconsole.pipeline.what_if_process import Question, WhatIfProcess
 from rsoconsole.session.reader import SessionReader
+from tests.samples import SCHEMA_1
 from tests.whole_engine import wait_for
 
-SAMPLE = Path(__file__).parent.parent / "sessions" / "intelsat-14"
-CONFIG = SessionReader(SAMPLE).config()
+CONFIG = SessionReader(SCHEMA_1).config()
 WIDER = {"filter.r_multiplier": 2.0}
 
 
@@ -30,11 +30,11 @@ def process():
 
 
 def question(tried=WIDER, **more):
-    return Question(folder=SAMPLE, config=CONFIG, tried=tried, **more)
+    return Question(folder=SCHEMA_1, config=CONFIG, tried=tried, **more)
 
 
 def test_the_figures_are_those_computed_here(process):
-    log = [(seq, record) for seq, _, record in SessionReader(SAMPLE).records()]
+    log = [(seq, record) for seq, _, record in SessionReader(SCHEMA_1).records()]
     half = log[len(log) // 2][0]
     for until, last in ((None, None), (half, None), (None, 5), (half, 5)):
         records = [record for seq, record in log if until is None or seq <= until]
@@ -48,7 +48,7 @@ def test_one_process_answers_all_and_what_cannot_be_tried_is_said(process):
     with pytest.raises(ConfigError, match="greater than 0"):
         process.ask(question({"filter.q_multiplier": -1.0}))
     with pytest.raises(SessionError, match="holds no session"):
-        process.ask(Question(folder=SAMPLE.parent, config=CONFIG, tried=WIDER))
+        process.ask(Question(folder=SCHEMA_1.parent, config=CONFIG, tried=WIDER))
     process.ask(question())
     assert process.pid == pid
 
@@ -77,7 +77,7 @@ def test_one_that_is_started_ahead_answers_and_ends_like_any_other():
 
 def test_what_breaks_there_is_in_the_log_here_and_the_operator_hears_one_line(process, caplog):
     with pytest.raises(SessionError, match="the effect cannot be computed") as caught:
-        process.ask(Question(folder=SAMPLE, config=cast(Config, None), tried=WIDER))
+        process.ask(Question(folder=SCHEMA_1, config=cast(Config, None), tried=WIDER))
     assert "Traceback" not in str(caught.value)
     assert "Traceback" in caplog.text
     process.ask(question())
@@ -141,7 +141,7 @@ def test_the_console_reads_what_was_recorded_without_the_filters_libraries():
         "import sys; from pathlib import Path; import rsoconsole.console.live\n"
         "from rsoconsole.session.reader import SessionReader\n"
         "from rsoconsole.pipeline.what_if import as_recorded\n"
-        f"log = SessionReader(Path({str(SAMPLE)!r})).records()\n"
+        f"log = SessionReader(Path({str(SCHEMA_1)!r})).records()\n"
         "assert as_recorded(r for _, _, r in log).updates > 10\n"
         "print(sorted({'scipy', 'filterpy', 'astropy', 'cv2'} & set(sys.modules)))"
     )

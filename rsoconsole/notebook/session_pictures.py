@@ -10,6 +10,7 @@ from rsoconsole.notebook.pictures import Picture, draw_streak
 from rsoconsole.notebook.rows import Logged
 from rsoconsole.records import Detections, PixelArray
 from rsoconsole.session.reader import SessionReader
+from rsoconsole.session.upkeep import pruned_on, read_notes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -50,8 +51,10 @@ class SessionPictures:
 
         path = self._reader.frame_path(frame_id)
         if path is None:
+            why = self._reader.not_kept_because(frame_id)
             raise SessionError(
-                f"the pixels of frame {frame_id} were not kept; {self._kept_words()}"
+                f"the pixels of frame {frame_id} were not kept{f': {why}' if why else ''};"
+                f" {self._kept_words()}"
             )
         return read_frame(path, frame_id).pixels
 
@@ -103,7 +106,10 @@ class SessionPictures:
         return list(dict.fromkeys(frames))
 
     def _kept(self) -> list[int]:
-        return [row["frame_id"] for row in self._reader.view("frames") if row["file"]]
+        """Frames whose pixels are there: written, and not pruned since."""
+        pruned = pruned_on(read_notes(self.path))
+        rows = self._reader.view("frames")
+        return [row["frame_id"] for row in rows if row["file"] and row["file"] not in pruned]
 
     def _kept_words(self) -> str:
         kept = self._kept()

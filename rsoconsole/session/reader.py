@@ -48,6 +48,7 @@ from rsoconsole.session.schema import (
     VIEWS,
     temporary_views,
 )
+from rsoconsole.session.upkeep import pruned_on, read_notes
 
 PAGE_RECORDS = 500
 MAX_BRANCH_DEPTH = 8
@@ -229,12 +230,19 @@ class SessionReader:
         return self._file(frame_id, "frame")
 
     def not_kept_because(self, frame_id: int) -> str | None:
-        """Why the frame's pixels were not kept; None when they were, or nothing is said of it."""
-        sql = "SELECT reason FROM files WHERE frame_id = ? AND role = 'frame'"
+        """Why the frame's pixels are not there; None when they are, or nothing is said of it.
+
+        Those that were pruned later were kept once: when they went stands in ``upkeep.jsonl``.
+        """
+        sql = "SELECT reason, path FROM files WHERE frame_id = ? AND role = 'frame'"
         rows = self._fetch(sql, (frame_id,))
-        if not rows and self._origin is not None:
-            return self._origin.not_kept_because(frame_id)
-        return str(rows[0][0]) if rows and rows[0][0] else None
+        if not rows:
+            return None if self._origin is None else self._origin.not_kept_because(frame_id)
+        ((reason, path),) = rows
+        if reason or path is None or (self.folder / path).exists():
+            return str(reason) if reason else None
+        pruned = pruned_on(read_notes(self.folder)).get(path)
+        return None if pruned is None else f"pruned on {pruned}"
 
     def preview_path(self, frame_id: int) -> Path | None:
         """The frame's small picture; None when there is none."""

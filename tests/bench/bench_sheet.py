@@ -19,10 +19,10 @@ from typing import Any
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.frame_sheet import FrameSheet
+from tests.samples import SCHEMA_1
 from tests.seat_rig import FakeWire
 
 RESULTS = Path(__file__).parent / "results" / "sheet.json"
-SAMPLE = Path(__file__).parent.parent.parent / "sessions" / "intelsat-14"
 KEPT = 9
 SIZES = ((80, 24), (200, 60))
 REPEATS = 12
@@ -43,10 +43,10 @@ def _drawn_ms(sheet: FrameSheet, change: Any) -> float:
 
 
 async def _measure(size: tuple[int, int]) -> dict[str, float]:
-    app = ConsoleApp(lambda: FakeWire(SAMPLE), session=SAMPLE)
+    app = ConsoleApp(lambda: FakeWire(SCHEMA_1), session=SCHEMA_1)
     async with app.run_test(size=size):
         await _until(lambda: app.live.picture is not None)
-        sheet = FrameSheet(SAMPLE, KEPT)
+        sheet = FrameSheet(SCHEMA_1, KEPT)
         began = time.perf_counter()
         app.push_screen(sheet)
         await _until(lambda: sheet.sheet.pixels is not None)
