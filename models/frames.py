@@ -97,7 +97,7 @@ def draw(split: Split, kind: Kind, number: int, sensor: SensorModel | None = Non
     key = _SEED, _SPLITS[split], KINDS.index(kind), number
     rng = frame_rng(*key)
     sensor = replace(sensor or SensorModel(), seed=_SEED + _SPLITS[split])
-    content = _sky(split, kind, sensor, rng)
+    content = sky_field(split, kind, sensor, rng)
     trails: tuple[TrueTrail, ...] = ()
     if kind in {"satellites", "clouds"}:
         content, trails = _with_satellites(sensor, content, int(rng.integers(1, 4)), rng)
@@ -124,7 +124,9 @@ def draw(split: Split, kind: Kind, number: int, sensor: SensorModel | None = Non
     return TrueFrame(frame=frame, kind=kind, trails=trails, content=content, sensor=sensor)
 
 
-def _sky(split: Split, kind: Kind, sensor: SensorModel, rng: np.random.Generator) -> FieldContent:
+def sky_field(
+    split: Split, kind: Kind, sensor: SensorModel, rng: np.random.Generator
+) -> FieldContent:
     """Stars, sky and weather of a random place of the split's sky at night."""
     low, high = _BANDS_DEG[split]
     ra_deg = _BAND_STEP_DEG * int(rng.integers(12)) + float(rng.uniform(low, high))

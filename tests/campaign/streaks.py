@@ -1,0 +1,186 @@
+"""How many streaks are found in frames that are altered as ordinary nights alter them.
+
+    python -m tests.campaign.streaks all --count 300 --write
+    python -m tests.campaign.streaks blur drift --count 40 --jobs 1
+
+One frame a streak, half a second of a core each. Stop it when you like; the same command goes on
+(``--folder``). ``--write`` puts the table into README.md and the rows into ``results/streaks``.
+"""
+
+import argparse
+import json
+import math
+import os
+import statistics
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from models.intervals import rate_interval, share_interval
+from rsoconsole.config import DetectorConfig
+from rsoconsole.reasons import BelowTau
+from rsoconsole.records import Detection, Rejection
+from rsoconsole.sky.angles import turn_deg
+from rsoconsole.vision.confidence import ConfidenceCurve
+from rsoconsole.vision.detector import StreakDetector
+from rsoconsole.vision.network import Network
+from tests.campaign.families import FAMILIES, draw
+
+PAGE = Path(__file__).with_name("README.md")
+RESULTS = Path(__file__).with_name("results") / "streaks"
+BEGIN, END = "<!-- streaks: begin -->\n", "<!-- streaks: end -->"
+TAU = 0.10
+_ACROSS_PX, _ALONG_SHARE, _TURN_DEG = 6.0, 0.25, 4.0
+"""A detection is of the streak where its midpoint lies so near to it, and both run alike."""
+
+
+def row_of(name: str, number: int) -> dict[str, Any]:
+    """One frame through the detector that the engine has."""
+    frame, truth, others = draw(name, number)
+    found = _detector().detect(frame, tau=TAU)
+    middle = (0.5 * (truth.x_a_px + truth.x_b_px), 0.5 * (truth.y_a_px + truth.y_b_px))
+    trail = (truth.x_a_px, truth.y_a_px, truth.x_b_px, truth.y_b_px)
+    on_it = [d for d in found.detections if _is_on(d, trail)]
+    beside = [(s.x_px[0], s.y_px[0], s.x_px[-1], s.y_px[-1]) for s in others]
+    strangers = [
+        d for d in found.detections if d not in on_it and not any(_is_along(d, o) for o in beside)
+    ]
+    refused = [r for r in found.rejected if _is_on(r.detection, trail)]
+    best = max(on_it, key=lambda d: d.confidence, default=None)
+    return {
+        "number": number,
+        "severity": round(truth.severity, 4),
+        "snr": round(truth.snr, 2),
+        "length_px": round(math.hypot(trail[2] - trail[0], trail[3] - trail[1]), 2),
+        "confidence": round(best.confidence, 4) if best else 0.0,
+        "off_px": round(math.hypot(best.x_px - middle[0], best.y_px - middle[1]), 3)
+        if best
+        else None,
+        "lost": "" if best else (_kind(refused[0]) if refused else "not proposed"),
+        "false": len(strangers),
+        "false_confidence": round(max((d.confidence for d in strangers), default=0.0), 4),
+        "ms": round(sum(found.stage_ms.values()), 1),
+    }
+
+
+def _kind(refused: Rejection) -> str:
+    reason = refused.reason
+    return "below tau" if isinstance(reason, BelowTau) else reason.kind
+
+
+_detectors: list[StreakDetector] = []
+
+
+def _detector() -> StreakDetector:
+    """One a process."""
+    if not _detectors:
+        network = Network.load(None, 1)
+        curve = ConfidenceCurve.from_card(network.card)
+        _detectors.append(StreakDetector(network, DetectorConfig(threads=1), curve))
+    return _detectors[0]
+
+
+def _is_on(found: Detection, trail: Sequence[float]) -> bool:
+    """Whether a detection is of this streak: its midpoint near the true one, both alike in way."""
+    length_px = math.hypot(trail[2] - trail[0], trail[3] - trail[1])
+    along, _ = _off(found, trail)
+    return _is_along(found, trail) and abs(along) < max(_ALONG_SHARE * length_px, _ACROSS_PX)
+
+
+def _is_along(found: Detection, trail: Sequence[float]) -> bool:
+    length_px = math.hypot(trail[2] - trail[0], trail[3] - trail[1])
+    angle_deg = math.degrees(math.atan2(trail[3] - trail[1], trail[2] - trail[0]))
+    leeway_deg = _TURN_DEG + math.degrees(3.0 / max(length_px, 1.0))
+    is_alike = turn_deg(found.angle_deg, angle_deg % 180.0) < leeway_deg
+    return is_alike and abs(_off(found, trail)[1]) < _ACROSS_PX
+
+
+def _off(found: Detection, trail: Sequence[float]) -> tuple[float, float]:
+    """Along and across, px, of the midpoint from the trail's."""
+    x, y = 0.5 * (trail[0] + trail[2]), 0.5 * (trail[1] + trail[3])
+    angle = math.atan2(trail[3] - trail[1], trail[2] - trail[0])
+    dx, dy, c, s = found.x_px - x, found.y_px - y, math.cos(angle), math.sin(angle)
+    return dx * c + dy * s, dy * c - dx * s
+
+
+def read(path: Path) -> list[dict[str, Any]]:
+    """Rows that are known."""
+    if not path.exists():
+        return []
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def run(name: str, count: int, folder: Path, jobs: int) -> None:
+    """Every frame of a family that has no row yet."""
+    path = folder / f"{name}.jsonl"
+    known = {row["number"] for row in read(path)}
+    missing = [number for number in range(count) if number not in known]
+    folder.mkdir(parents=True, exist_ok=True)
+    with path.open("a", encoding="utf-8") as out, ProcessPoolExecutor(jobs) as pool:
+        for row in pool.map(partial(row_of, name), missing):
+            out.write(json.dumps(row) + "\n")
+            out.flush()
+
+
+def line_of(name: str, rows: Sequence[dict[str, Any]]) -> str:
+    """One line of the table."""
+    hits, tries = sum(row["confidence"] > TAU for row in rows), len(rows)
+    low, high = share_interval(hits, tries)
+    false = sum(row["false"] for row in rows)
+    off = [row["off_px"] for row in rows if row["off_px"] is not None]
+    family = FAMILIES[name]
+    span = "" if family.high == family.low else f" {family.low:g} to {family.high:g}"
+    cells = [
+        f"{family.title}{span}",
+        f"{hits} of {tries}",
+        f"{hits / tries:.2f} ({low:.2f}-{high:.2f})",
+        f"{statistics.median(off):.2f}" if off else "-",
+        f"{100.0 * false / tries:.1f} ({100.0 * rate_interval(false, tries)[1]:.1f})",
+        _commonest([row["lost"] for row in rows if row["lost"]]),
+    ]
+    return "| " + " | ".join(cells) + " |\n"
+
+
+def _commonest(words: Sequence[str]) -> str:
+    return max(set(words), key=words.count) if words else ""
+
+
+def table(folder: Path) -> str:
+    """Of all families that have rows."""
+    head = (
+        "| family | found | share, 95 % | midpoint px | false in 100 (at most) | mostly lost as |\n"
+        "|---|---|---|---|---|---|\n"
+    )
+    return head + "".join(
+        line_of(name, rows) for name in FAMILIES if (rows := read(folder / f"{name}.jsonl"))
+    )
+
+
+def main() -> None:
+    """Run what is missing, print the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("families", nargs="+", choices=[*FAMILIES, "all", "table"])
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--folder", type=Path, default=Path(".cache/campaign/streaks"))
+    parser.add_argument("--write", action="store_true")
+    chosen = parser.parse_args()
+    names = list(FAMILIES) if "all" in chosen.families else chosen.families
+    for name in (each for each in names if each in FAMILIES):
+        run(name, chosen.count, chosen.folder, chosen.jobs)
+        print(line_of(name, read(chosen.folder / f"{name}.jsonl")), end="", flush=True)
+    if chosen.write:
+        RESULTS.mkdir(parents=True, exist_ok=True)
+        for path in chosen.folder.glob("*.jsonl"):
+            (RESULTS / path.name).write_bytes(path.read_bytes())
+        page = PAGE.read_text(encoding="utf-8")
+        before, after = page.partition(BEGIN)[0], page.partition(END)[2]
+        PAGE.write_text(f"{before}{BEGIN}{table(chosen.folder)}{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

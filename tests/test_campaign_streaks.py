@@ -1,0 +1,103 @@
+"""The families of altered frames are what they say, and are judged by where things really are."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.campaign import streaks
+from tests.campaign.families import FAMILIES, LONG_PX, SNR, draw
+from tests.makers import straight_detection
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_frame_is_drawn_again_and_its_streak_is_where_the_truth_says(name):
+    frame, truth, _ = draw(name, 1)
+    assert np.array_equal(draw(name, 1)[0].pixels, frame.pixels)
+    assert not np.array_equal(draw(name, 2)[0].pixels, frame.pixels)
+    family = FAMILIES[name]
+    assert family.low <= truth.severity <= family.high
+    assert truth.snr == pytest.approx(np.clip(truth.snr, *SNR), rel=0.05)
+    # Light along the line, against light as far beside it: by the median, which no star lifts.
+    along = np.linspace(0.05, 0.95, 400)
+    x = truth.x_a_px + along * (truth.x_b_px - truth.x_a_px)
+    y = truth.y_a_px + along * (truth.y_b_px - truth.y_a_px)
+    angle = math.atan2(truth.y_b_px - truth.y_a_px, truth.x_b_px - truth.x_a_px)
+    away = {
+        far: _light(frame.pixels, x - far * math.sin(angle), y + far * math.cos(angle))
+        for far in (0.0, 40.0, -40.0)
+    }
+    assert away[0.0] > max(away[40.0], away[-40.0])
+
+
+def _light(pixels: np.ndarray, x: np.ndarray, y: np.ndarray) -> float:
+    rows = np.clip(np.rint(y).astype(int), 0, pixels.shape[0] - 1)
+    columns = np.clip(np.rint(x).astype(int), 0, pixels.shape[1] - 1)
+    near = [pixels[np.clip(rows + dy, 0, pixels.shape[0] - 1), columns] for dy in (-1, 0, 1)]
+    cut = np.percentile(near, 90.0)
+    return float(np.mean(np.minimum(near, cut)))
+
+
+def test_the_severity_is_in_the_pixels():
+    frame, truth, _ = draw("stripes", 3)
+    rows = np.median(frame.pixels.astype(float), axis=1)
+    steps = np.diff(frame.pixels[:, ::7].astype(float), axis=1)
+    noise = 1.4826 * np.median(np.abs(steps)) / math.sqrt(2.0)
+    # Columns differ too, by half as much: neighbours' difference holds both.
+    noise /= math.sqrt(1.0 + (0.5 * truth.severity) ** 2)
+    found = 1.4826 * np.median(np.abs(rows - np.median(rows)))
+    assert found / noise == pytest.approx(truth.severity, rel=0.1)
+
+
+def test_long_ones_are_long():
+    for number in range(3):
+        _, truth, _ = draw("long", number)
+        length = math.hypot(truth.x_b_px - truth.x_a_px, truth.y_b_px - truth.y_a_px)
+        assert LONG_PX[0] <= length <= LONG_PX[1]
+
+
+@pytest.mark.parametrize(
+    ("change", "is_on"),
+    [
+        ({}, True),
+        ({"x_px": 325.0}, True),
+        ({"x_px": 340.0}, False),
+        ({"y_px": 208.0}, False),
+        ({"angle_deg": 8.0}, False),
+    ],
+)
+def test_what_counts_as_found(change, is_on):
+    trail = (241.0, 200.0, 359.0, 200.0)
+    assert streaks._is_on(straight_detection(**change), trail) is is_on
+
+
+def test_what_is_known_is_not_looked_at_again(tmp_path, monkeypatch):
+    asked = []
+
+    def row(name, number):
+        asked.append(number)
+        return {"number": number, "confidence": 0.9, "off_px": 0.1, "false": 0, "lost": ""}
+
+    monkeypatch.setattr(streaks, "row_of", row)
+    monkeypatch.setattr(streaks, "ProcessPoolExecutor", _InThisProcess)
+    streaks.run("plain", 3, tmp_path, 1)
+    streaks.run("plain", 5, tmp_path, 1)
+    assert asked == [0, 1, 2, 3, 4]
+    assert "5 of 5" in streaks.table(tmp_path)
+
+
+class _InThisProcess:
+    def __init__(self, _jobs):
+        self.map = map
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return None
+
+
+def test_a_row_is_of_the_product_s_own_detector():
+    row = streaks.row_of("plain", 1)
+    assert row["confidence"] > 0.9
+    assert row["off_px"] < 2.0
