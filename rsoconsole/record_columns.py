@@ -3,7 +3,7 @@
 Declared once: the SQL of the views (``session/schema.py``), the notebook's tables, and the
 documentation (``python -m rsoconsole.record_columns sessions/README.md``; a test holds it to this)
 are made of it. Exported tables declare theirs in the same language (``export/rows.py``), and carry
-whatever column a measurement gets here beside.
+every other number, text or truth that a measurement gets here.
 
 A field of a record and its line here are all that a new column takes.
 

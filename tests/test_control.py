@@ -339,3 +339,13 @@ def test_a_fallback_folder_open_to_others_is_refused(
     folder.chmod(0o777)
     with pytest.raises(ControlError, match="not this user's own closed folder"):
         address_of(tmp_path / ("observatory" * 12) / "engine.sock")
+
+
+@pytest.mark.parametrize(
+    "odd", [{"arguments": None}, {"by": 7}, {"timeout_s": 0}, {"id": 1.5}, {"arguments": [1]}]
+)
+def test_nothing_odd_about_a_stop_stands_in_its_way(path: Path, odd: dict[str, object]):
+    with ControlServer(path, echo), raw_wire(path) as wire:
+        wire.sendall(json.dumps({"id": 1, "verb": "stop", **odd}).encode() + b"\n")
+        reply = one_reply(wire)
+    assert (reply["ok"], reply["message"]) == (True, "stop")

@@ -6,11 +6,13 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config
+from rsoconsole.control.commands import Seek
 from rsoconsole.engine.tunables import changed
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import MountReport, StopResult
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.reason_text import text
+from rsoconsole.reasons import CommandResult
 from rsoconsole.records import (
     Event,
     Frame,
@@ -368,3 +370,21 @@ def test_a_mount_that_points_wrong_is_corrected_by_what_the_frames_show():
     r.engine.run(frames=4)
     wanted = r.memory.of(SlewCommand)
     assert wanted[-1].dec_icrs_deg - r.mount.slews[-1][1] == pytest.approx(5.0 / 60.0, abs=1e-4)
+
+
+def test_a_fault_in_one_command_costs_none_of_those_behind_it(monkeypatch):
+    r = rig(set())
+    broken = r.engine.handlers[Seek]
+
+    def breaks(_command: Seek, _by: str) -> CommandResult:
+        raise RuntimeError("a fault of ours")
+
+    monkeypatch.setitem(r.engine.handlers, Seek, dataclasses.replace(broken, execute=breaks))
+    r.queue.put(asked("seek"))
+    r.queue.put(asked("set", arguments={"name": "detector.tau", "value": 0.25}))
+    with pytest.raises(RuntimeError, match="a fault of ours"):
+        r.engine._execute_commands()
+    (failed,) = r.memory.of(OperatorAction)
+    assert (failed.verb, failed.outcome.kind) == ("seek", "failed")
+    r.engine._execute_commands()
+    assert [each.verb for each in r.memory.of(OperatorAction)] == ["seek", "set"]

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from rsoconsole import records
 from rsoconsole.errors import SessionError
+from rsoconsole.reason_text import text
 from rsoconsole.reasons import DONE, Told
 from rsoconsole.records import (
     Event,
@@ -161,3 +162,25 @@ def test_an_absent_value_stays_absent() -> None:
     assert decode(*encode(frame)[::2]) == frame
     change = StateChange(frame_id=1, before="SEARCH", after="ACQUIRE", reason=Told(words=""))
     assert decode(*encode(change)[::2]) == change
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields"),
+    [
+        ("Miss", {"frame_id": 1, "reason": {"kind": "a later kind", "text": "dust"}}),
+        (
+            "StateChange",
+            {
+                "frame_id": 1,
+                "before": "TRACK",
+                "after": "LOST",
+                "reason": {"kind": "a later kind", "text": "dust", "value": 3.0},
+            },
+        ),
+    ],
+)
+def test_a_reason_of_a_later_version_is_told_in_its_words(kind, fields):
+    assert text(decode(kind, json.dumps(fields)).reason) == "dust"
+    fields["reason"].pop("text")
+    with pytest.raises(SessionError):
+        decode(kind, json.dumps(fields))

@@ -22,12 +22,13 @@ from rsoconsole.session import upkeep
 from rsoconsole.session.archive import archive_session
 from rsoconsole.session.pages import Pages
 from rsoconsole.session.reader import SessionReader
+from rsoconsole.session.recover import recover_session
 from rsoconsole.session.repair import repair_session
 from rsoconsole.session.schema import SCHEMA_VERSION
 from rsoconsole.session.store import list_sessions
 from rsoconsole.session.verify import verify_session
 from rsoconsole.session.writer import SessionWriter
-from tests.samples import SCHEMA_1
+from tests.samples import SAMPLE, SCHEMA_1
 from tests.session_rig import NOW_UTC_NS, cut_off, damage, flip, make, run_sql
 
 
@@ -315,3 +316,24 @@ def test_pages_say_the_same_rows_as_sqlite(rows, page_bytes: int) -> None:
     # Older images of a page stay in the log: what is found is what was put in, once or more.
     assert {(rowid, *fields) for rowid, fields in found if len(fields) == 4} == expected
     assert {fields for rowid, fields in found if rowid is None and len(fields) == 5} == keyed
+
+
+def test_an_old_session_that_lost_its_schema_is_saved_as_an_old_one(tmp_path: Path) -> None:
+    night = tmp_path / "night"
+    shutil.copytree(SCHEMA_1, night)
+    with closing(sqlite3.connect(night / "session.db")) as connection, connection:
+        connection.execute("DELETE FROM meta WHERE key = 'schema_version'")
+    saved = recover_session(night, 0)
+    before = [record for _, _, record in SessionReader(SCHEMA_1).records()]
+    assert [record for _, _, record in SessionReader(saved.folder).records()] == before
+
+
+def test_a_record_without_its_id_is_damage_in_a_session_of_today(tmp_path: Path) -> None:
+    night = tmp_path / "night"
+    shutil.copytree(SAMPLE, night)
+    with closing(sqlite3.connect(night / "session.db")) as connection, connection:
+        connection.execute(
+            "UPDATE log SET body = json_remove(body, '$.measurement_id')"
+            " WHERE seq = (SELECT min(seq) FROM log WHERE kind = 'Measurement')"
+        )
+    assert any("measurement_id" in fault.what for fault in verify_session(night).findings)

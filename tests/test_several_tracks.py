@@ -252,3 +252,12 @@ def test_a_miss_of_another_track_is_none_of_the_leads():
         for record in records:
             night.take(n, record)
     assert [row.miss for row in night.view().rows] == [None] * 5
+
+
+def test_what_the_operator_chose_for_the_lead_is_none_of_the_next_one_s():
+    """The fold hands over a copy of the measurement, with the ruling's own instant."""
+    shown = seen(3, lead(3))
+    shown = dataclasses.replace(shown, chosen=dataclasses.replace(lead(3)))
+    _, records = follow(begun(), shown, SETTINGS)
+    updated = [r for r in records if isinstance(r, TrackState) and r.kind == "updated"]
+    assert [r.track_id for r in updated] == [1]

@@ -123,3 +123,35 @@ def test_it_has_failed_only_when_every_way_has_said_no():
     assert news[-1] is ended
     assert (ended.phase, ended.path) == ("failed", "indi")
     assert ended.reason == "the engine gave no reason; no server"
+
+
+@pytest.mark.parametrize("fault", ["raises", "blocks"])
+def test_who_hears_the_news_keeps_no_stop_waiting(fault: str, monkeypatch: pytest.MonkeyPatch):
+    """The way past the engine goes out though the screen that is told hangs or breaks."""
+    is_past, may_go_on = threading.Event(), threading.Event()
+
+    class Hung(Answering):
+        def send(self, command: Command, *, timeout_s: float = 5.0) -> Outcome:
+            may_go_on.wait(PATIENCE_S)
+            return super().send(command)
+
+    def told(_news: StopNews) -> None:
+        if fault == "raises":
+            raise RuntimeError("no such widget")
+        may_go_on.wait(PATIENCE_S)
+
+    def directly() -> tuple[bool, str]:
+        is_past.set()
+        return True, "indi"
+
+    stopping = Stopping(lambda: Hung(STOPPED), directly, told)
+    stopping.begin()
+    assert is_past.wait(PATIENCE_S / 4)
+    may_go_on.set()
+    assert stopping.wait().phase == "stopped"
+
+
+def test_an_engine_that_stopped_without_saying_how_is_believed():
+    stopping = Stopping(lambda: Answering({"stopped": True}), None)
+    stopping.begin()
+    assert stopping.wait().phase == "stopped"

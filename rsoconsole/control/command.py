@@ -120,6 +120,12 @@ def command_of(verb: str, arguments: Mapping[str, Any]) -> Command:
     return command
 
 
+def takes_anything(verb: str) -> bool:
+    """Whether nothing that is odd about a request may stand in the verb's way."""
+    known = COMMANDS.get(verb)
+    return known is not None and known.takes_anything
+
+
 def command_words(verb: str, arguments: Mapping[str, Any]) -> str:
     """What was wanted, of a record: any session's, so also what no command is today.
 

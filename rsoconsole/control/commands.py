@@ -29,7 +29,7 @@ _COMPASS = (
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stop(Command):
-    """End every motion and exposure, disarm: at once, whoever asks, whatever else goes on."""
+    """End every motion and exposure, disarm: at once, for anybody, whatever else goes on."""
 
     verb = "stop"
     is_immediate = True
@@ -421,7 +421,7 @@ class AnswerSeat(Command):
 
     gives: bool = False
     to: str | None = None
-    """Whom that answers; None: whoever asks."""
+    """Whom that answers; None: anybody who asks."""
 
 
 @register

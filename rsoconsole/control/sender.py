@@ -10,7 +10,7 @@ _CONSOLE = "console "
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sender:
-    """Whoever hands the engine a command."""
+    """Who hands the engine a command."""
 
     name: str = "operator"
     kind: SenderKind = "script"
@@ -30,7 +30,7 @@ class Sender:
 def sender_of(by: str, kind: Any = None) -> Sender:
     """The sender that a request names; ``kind``: None where it does not say what that is.
 
-    Whoever does not say it is a console where its name begins as a console's.
+    Where it does not, a name that begins as a console's is one's.
     """
     if kind == "script" or not by.startswith(_CONSOLE):
         return Sender(name=by, kind="console" if kind == "console" else "script")

@@ -58,6 +58,8 @@ class Stopping:
         self._directly = directly
         self._on_news = on_news
         self._lock = threading.RLock()
+        self._telling = threading.Lock()
+        """News go out one after the other; nothing that ends motion waits for them."""
         self._ways_open = 1
         self._has_gone_past = False
         self._is_over = False
@@ -96,8 +98,8 @@ class Stopping:
             log.exception("stop")
             self._failed(str(error) or type(error).__name__)
             return
-        path = outcome.data.get("path")
-        if outcome.ok and outcome.data.get("stopped") is True and isinstance(path, str):
+        path = str(outcome.data.get("path") or "engine")
+        if outcome.ok and outcome.data.get("stopped") is True:
             self._stopped(PATHS.get(path, "the engine"), path)
         else:
             self._failed(outcome.message or "the engine gave no reason")
@@ -106,9 +108,9 @@ class Stopping:
         if self._directly is None:
             self._say(StopNews(phase="late", text=f"NO ANSWER YET: {REMEDY}"))
         else:
+            self._go_past()
             text = f"NO ANSWER YET, going past the engine. If in doubt {REMEDY}"
             self._say(StopNews(phase="late", text=text))
-            self._go_past()
 
     def _go_past(self) -> None:
         with self._lock:
@@ -155,14 +157,19 @@ class Stopping:
         return (time.monotonic() - self._began_s) * 1e3
 
     def _say(self, news: StopNews) -> None:
+        is_end = news.phase != "late"
         with self._lock:
             if self._is_over:
                 return
-            if news.phase != "late":
+            if is_end:
                 self._is_over = True
                 self._ended = news
-            try:
-                self._on_news(news)
-            finally:
-                if self._is_over:
-                    self._end.set()
+        try:
+            with self._telling:
+                if is_end or not self._is_over:
+                    self._on_news(news)
+        except Exception:  # who only hears of a STOP may not end it
+            log.exception("news of a STOP")
+        finally:
+            if is_end:
+                self._end.set()

@@ -2,5 +2,5 @@
 
 
 def printable(text: str) -> str:
-    """The same without what would be a command to a terminal, whoever wrote it."""
+    """The same without what would be a command to a terminal, by any author."""
     return "".join(c if c.isprintable() or c == "\n" else " " for c in text)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rsoconsole.control.command import Command, command_of
+from rsoconsole.control.command import Command, command_of, takes_anything
 from rsoconsole.control.sender import Sender, sender_of
 from rsoconsole.control.text import printable
 from rsoconsole.errors import ControlError
@@ -139,6 +139,12 @@ def read_request(connection: Connection, line: bytes) -> WaitingRequest:
     request_id = message.get("id")
     if not isinstance(verb, str) or not verb:
         raise ControlError("a command needs a 'verb'")
+    if takes_anything(verb):
+        arguments = arguments if isinstance(arguments, dict) else {}
+        by = by if isinstance(by, str) else "operator"
+        request_id = request_id if isinstance(request_id, int | str | None) else None
+        is_good = isinstance(timeout_s, int | float) and 0 < timeout_s <= 3600
+        timeout_s = timeout_s if is_good else DEFAULT_TIMEOUT_S
     if not isinstance(arguments, dict):
         raise ControlError("'arguments' is a JSON object")
     if not isinstance(by, str) or not isinstance(request_id, int | str | None):

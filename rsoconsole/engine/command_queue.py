@@ -51,15 +51,17 @@ class CommandQueue:
         """What cut the loop short last."""
         self._is_shutdown = False
 
-    def put(self, request: Request) -> None:
+    def put(self, request: Request, on_taken: Callable[[], None] = lambda: None) -> None:
         """Queue a command for the loop (any thread).
 
-        Raises OvertakenError where STOP has come since it was given: with a stamp before it.
+        ``on_taken`` is called before the loop can see it. Raises OvertakenError where STOP has
+        come since it was given: with a stamp before it.
         """
         with self._lock:
             is_late = request.stamp is not None and request.stamp < self._stops
             if is_late and not request.command.survives_stop:
                 raise OvertakenError(text(OVERTAKEN))
+            on_taken()
             self._waiting.append(request)
 
     @property

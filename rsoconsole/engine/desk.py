@@ -116,13 +116,14 @@ class Desk:
             self._engine.chronicle.append(action_record(request, CommandResult.refused(error)))
             raise
         request = dataclasses.replace(request, command=accepted.command or command)
+        append = self._engine.chronicle.append
         try:
-            self._queue.put(request)
+            # On record before the loop may put down what came of it.
+            self._queue.put(request, lambda: append(action_record(request, ACCEPTED)))
         except OvertakenError:
-            self._engine.chronicle.append(action_record(request, OVERTAKEN))
+            append(action_record(request, OVERTAKEN))
             raise
         # What has been acknowledged is on record, unless the disk does not take it.
-        self._engine.chronicle.append(action_record(request, ACCEPTED))
         self._flush(FLUSH_S)
         if isinstance(command, Shutdown):
             self._queue.request_shutdown()

@@ -19,7 +19,7 @@ SOON = "in force from the next cycle"
 
 
 class Control(Protocol):
-    """What a handler may ask of whoever runs the loop: how things stand, and to change them."""
+    """What a handler may ask of the loop: how things stand, and to change them."""
 
     @property
     def config(self) -> Config:

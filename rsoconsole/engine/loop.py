@@ -443,13 +443,21 @@ class Engine:
                 outcome = CommandResult.refused(error)
                 self.chronicle.say("warning", f"{request.command.verb} refused: {error}")
             except Interrupted:
-                # Taken from the queue already: what is undone there is undone here too.
-                undone, result = self._queue.put_back(requests[number:])
-                for each in undone:
-                    self.chronicle.append(action_record(each, result))
+                self._put_back(requests[number:])
+                raise
+            except Exception as error:  # a fault of ours: it goes up, and no command with it
+                failed = CommandResult(kind="failed", detail=f"{type(error).__name__}: {error}")
+                self.chronicle.append(action_record(request, failed))
+                self._put_back(requests[number + 1 :])
                 raise
             self.chronicle.append(action_record(request, outcome))
         self._queue.finished()
+
+    def _put_back(self, requests: tuple[Request, ...]) -> None:
+        """Taken from the queue already: they wait again; what was undone there is undone here."""
+        undone, result = self._queue.put_back(requests)
+        for each in undone:
+            self.chronicle.append(action_record(each, result))
 
     def _execute(self, request: Request) -> CommandResult:
         """One command, by its handler. Raises as the handler does."""

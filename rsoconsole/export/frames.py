@@ -47,7 +47,7 @@ def frames_on_record(session: Path, rows: Iterable[MeasuredRow]) -> dict[int, Fr
                 frame.solution = record
             case FollowedAgain():
                 frame.predicted = None
-            case TrackState(kind="predicted"):
+            case TrackState(kind="predicted", is_lead=True):
                 frame.predicted = record
     for row in rows:
         if row.frame_id in frames and not row.is_superseded:

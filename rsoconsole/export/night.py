@@ -101,7 +101,7 @@ class _Followed:
     """By the id of the measurement that the track took."""
     lead_id: int | None = None
     refusals: dict[int, NotFollowed] = field(default_factory=dict)
-    """By the measurement's place in ``measured``."""
+    """By the measurement's place in ``measured``; the lead's, which come first."""
 
     def of(self, measurement: Measurement) -> tuple[TrackState | None, TrackState | None]:
         """Before and after, of the track that took it; before, of the lead, where none did."""
@@ -112,7 +112,7 @@ class _Followed:
     def refuse(self, record: NotFollowed) -> None:
         for place, each in enumerate(self.measured):
             if each == record.measurement:
-                self.refusals[place] = record
+                self.refusals.setdefault(place, record)
 
 
 @dataclass(slots=True, kw_only=True)

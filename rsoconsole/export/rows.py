@@ -131,13 +131,15 @@ _TOLD_OTHERWISE = frozenset(
         *("ends_icrs_deg", "measurement_id"),
     )
 )
-"""Columns of measurements on record that are in others here."""
+"""Columns of measurements on record that are in others here, or, as the id, in none."""
 _BESIDE: tuple[Column, ...] = tuple(
     column
     for column in TABLES["measurements"].own
     if column.name not in {*_TOLD_OTHERWISE, *(own.name for own in _OWN)}
+    and column.type != "json"
+    and not (column.shape or column.is_worded)
 )
-"""Whatever else a measurement has on record."""
+"""Whatever else a measurement has on record that a cell of a table holds."""
 COLUMNS: tuple[Column, ...] = (*_OWN, *_BESIDE)
 DERIVED = ("t_mid_utc",)
 """Columns for people: made of others, and not read back."""

@@ -34,7 +34,7 @@ from rsoconsole.records import (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FrameOnRecord:
+class RecordedFold:
     """One folded frame."""
 
     taken: FrameTaken
@@ -44,7 +44,7 @@ class FrameOnRecord:
     """After it."""
 
 
-def recorded_frames(records: Iterable[Record]) -> Iterator[FrameOnRecord]:
+def recorded_frames(records: Iterable[Record]) -> Iterator[RecordedFold]:
     """Every frame that the session folded, in order; one that was followed again comes again.
 
     ``records``: a session's log in its order, of all kinds.
@@ -61,9 +61,9 @@ class _Open:
     before: LoopState
     records: list[Record] = field(default_factory=list)
 
-    def closed(self) -> FrameOnRecord:
+    def closed(self) -> RecordedFold:
         changes = [each.after for each in self.records if isinstance(each, StateChange)]
-        return FrameOnRecord(
+        return RecordedFold(
             taken=self.taken,
             records=tuple(self.records),
             state=changes[-1] if changes else self.before,
@@ -83,7 +83,7 @@ class _Walk:
     """A ruling has come, and none of the frames that it has followed again."""
     is_first_again: bool = False
 
-    def hear(self, record: Record) -> Iterator[FrameOnRecord]:
+    def hear(self, record: Record) -> Iterator[RecordedFold]:
         """One record; gives the frame that it shows to be complete."""
         match record:
             case FrameTaken():
@@ -114,7 +114,7 @@ class _Walk:
             case _:
                 assert_never(record)
 
-    def close(self) -> Iterator[FrameOnRecord]:
+    def close(self) -> Iterator[RecordedFold]:
         """The open frame, if there is one that was followed."""
         done = self.open
         if done is None:

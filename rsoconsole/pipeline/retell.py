@@ -180,8 +180,8 @@ class _Telling:
         self._ruled = None
         if before == after:
             return
-        anew = Cause(kind="operator's word", detail="followed again by the operator's word")
-        reason = anew if recorded is None else recorded.reason
+        again = Cause(kind="operator's word", detail="followed again by the operator's word")
+        reason = again if recorded is None else recorded.reason
         change = StateChange(frame_id=ruling.frame_id, before=before, after=after, reason=reason)
         self.told.append((t_utc_ns, change))
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from rsoconsole.errors import SessionError
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Reason
+from rsoconsole.reasons import Reason, Told
 from rsoconsole.records import Record
 
 KINDS: Mapping[str, type] = types.MappingProxyType(
@@ -137,6 +137,8 @@ def _union_decoder(arguments: tuple[Any, ...]) -> _Decoder:
     takes_text = str in arguments
     hints = [a for a in arguments if a not in (str, type(None))]
     others = [(_required(a), _decoder(a)) for a in hints]
+    if Told in hints:
+        return _reason_decoder(others, is_optional=type(None) in arguments)
     is_optional = type(None) in arguments
     is_one, first = len(others) == 1, others[0][1] if others else _to_str
 
@@ -152,6 +154,27 @@ def _union_decoder(arguments: tuple[Any, ...]) -> _Decoder:
             if needed <= value.keys():
                 return each(value)
         return first(value)
+
+    return read
+
+
+def _reason_decoder(
+    others: list[tuple[frozenset[str], _Decoder]], *, is_optional: bool
+) -> _Decoder:
+    """A kind that only a later version knows is told in the words that stand beside it."""
+
+    def read(value: Any) -> Any:
+        if value is None and is_optional:
+            return None
+        if not isinstance(value, dict):
+            return others[0][1](value)
+        known = next((each for needed, each in others if needed <= value.keys()), others[0][1])
+        try:
+            return known(value)
+        except (ValueError, TypeError, KeyError):
+            if not isinstance(value.get("text"), str):
+                raise
+            return Told(words=value["text"])
 
     return read
 

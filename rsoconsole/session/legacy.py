@@ -6,6 +6,7 @@ measurement a track took is told by the track's own innovation, the two that beg
 slope; both were exact when they were written.
 """
 
+import json
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple, assert_never
@@ -80,6 +81,11 @@ _NO_ID: dict[str, dict[str, Any]] = {
 def decode_old(kind: str, body: str) -> Record:
     """As ``codec.decode``, for a record of any schema; those of old ones have no ids yet."""
     return decode(kind, body, _upgraded)
+
+
+def is_without_ids(kind: str, body: str) -> bool:
+    """Whether a record is one of schema 1 to 3: it has no id where today's has one."""
+    return not _NO_ID.get(kind, {}).keys() <= json.loads(body).keys()
 
 
 def decode_recorded(kind: str, body: str) -> Record:

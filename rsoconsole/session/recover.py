@@ -11,7 +11,7 @@ import shutil
 import sqlite3
 import struct
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +26,7 @@ from rsoconsole.session.digest import META_KEY as DIGEST_KEY
 from rsoconsole.session.digest import Row, mark_closed, sha256_of
 from rsoconsole.session.frame_files import PART, sync_folder
 from rsoconsole.session.holdings import FolderHoldings
-from rsoconsole.session.legacy import LAST_SCHEMA, decode_old
+from rsoconsole.session.legacy import LAST_SCHEMA, decode_old, is_without_ids
 from rsoconsole.session.pages import MAGIC, Fields, Pages
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.schema import (
@@ -136,7 +136,7 @@ def _save_log(folder: Path, target: Path) -> tuple[int, int]:
         files.update(part.files)
     if not log and not meta:
         raise OSError("no record and no fact can be read any more")
-    facts = {**_facts(meta, folder), "recovered_from": folder.name}
+    facts = {**_facts(meta, folder, log.values()), "recovered_from": folder.name}
     create_database(target / DATABASE, facts, version=facts["schema_version"])
     with closing(connect_to_write(target / DATABASE)) as connection:
         connection.execute("BEGIN IMMEDIATE")
@@ -263,7 +263,7 @@ def _is_json(value: object) -> bool:
     return True
 
 
-def _facts(meta: dict[str, str], folder: Path) -> dict[str, Any]:
+def _facts(meta: dict[str, str], folder: Path, log: Iterable[Row]) -> dict[str, Any]:
     """What the session said of itself; its configuration from the file beside where need be."""
     facts = {key: json.loads(value) for key, value in meta.items()}
     if not isinstance(facts.get("config"), dict):
@@ -273,9 +273,15 @@ def _facts(meta: dict[str, str], folder: Path) -> dict[str, Any]:
     if DIGEST_KEY in facts:
         facts["damaged_log_digest"] = facts.pop(DIGEST_KEY)
     # Its records are copied as they are: those of an old schema go on being read as such.
-    is_old = isinstance(version := facts.get("schema_version"), int) and version <= LAST_SCHEMA
+    version = facts.get("schema_version")
+    is_old = version <= LAST_SCHEMA if isinstance(version, int) else _is_without_ids(log)
     version = LAST_SCHEMA if is_old else SCHEMA_VERSION
     return {**facts, "schema_version": version, "is_closed": False}
+
+
+def _is_without_ids(log: Iterable[Row]) -> bool:
+    """Whether records lack what those of today's schema have: the fact that tells it is lost."""
+    return any(is_without_ids(kind, body) for _, _, kind, _, body in log)
 
 
 def _save_files(folder: Path, target: Path) -> int:

@@ -12,7 +12,7 @@ from rsoconsole.errors import SessionError
 from rsoconsole.session.codec import KINDS
 from rsoconsole.session.digest import ROWS, Digester, LogDigest
 from rsoconsole.session.holdings import Holdings, holdings_of
-from rsoconsole.session.legacy import decode_old
+from rsoconsole.session.legacy import LAST_SCHEMA, decode_old, decode_recorded
 from rsoconsole.session.reader import LaterSchemaError, SessionReader
 from rsoconsole.session.schema import DATABASE
 from rsoconsole.session.verification import REPAIR, Verification, state_of
@@ -87,6 +87,7 @@ def _verify_log(
     connection: sqlite3.Connection, found: Verification, recorded: LogDigest | None
 ) -> None:
     digester, unknown, expected = Digester(), 0, 1
+    decode_any = decode_old if (found.schema or 0) <= LAST_SCHEMA else decode_recorded
     gaps: list[tuple[int, int]] = []
     try:
         for row in connection.execute(ROWS):
@@ -100,7 +101,7 @@ def _verify_log(
                 unknown += 1
                 continue
             try:
-                decode_old(kind, body)
+                decode_any(kind, body)
             except SessionError as error:
                 found.damage(f"record {seq}", str(error))
     except sqlite3.Error as error:

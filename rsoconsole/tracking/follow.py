@@ -190,7 +190,7 @@ def _follow_tracks(
         if step.begins_with is not None:
             return before.without_track("ACQUIRE", (step.begins_with,)), records
         if step.is_measured and step.after is not None:
-            others = tuple(m for m in left.measurements if m is not step.after.taken)
+            others = tuple(m for m in left.measurements if m != step.after.taken)
             left = replace(left, measurements=others, chosen=None)
     return _led(before, tuple(steps)), records
 
@@ -304,7 +304,7 @@ def _beside(
     others = tuple(
         m
         for m in seen.measurements
-        if m is not taken and not m.is_clipped and disagreement(m, expected) is None
+        if m != taken and not m.is_clipped and disagreement(m, expected) is None
     )
     return remembered(before, taken, others)
 
