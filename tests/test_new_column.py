@@ -47,7 +47,7 @@ from rsoconsole.export import COLUMNS, read_night
 from rsoconsole.export.tables import read_csv, to_csv, to_ecsv, to_jsonl
 from rsoconsole.notebook.session import open_session
 from rsoconsole.record_columns import documented
-from rsoconsole.records import Measurement
+from rsoconsole.records import Measurement, Ruling
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.writer import SessionWriter
 
@@ -61,6 +61,10 @@ writer = SessionWriter.create(folder, old.config(), {})
 for _, t_utc_ns, record in old.records():
     if isinstance(record, Measurement):
         record = replace(record, position_angle_deg=91.25)
+    if isinstance(record, Ruling):
+        turned = [replace(m, position_angle_deg=91.25) for m in record.refused]
+        taken = record.taken and replace(record.taken, position_angle_deg=91.25)
+        record = replace(record, taken=taken, refused=tuple(turned))
     writer.append(record, t_utc_ns)
 writer.close()
 assert writer.faults == ()
