@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.instruments.frame_files import read_frame
+from rsoconsole.reason_text import text
 from rsoconsole.simulator.psf import add_points
 from rsoconsole.vision.background import local_background
 from rsoconsole.vision.stars import find_stars
@@ -169,7 +170,7 @@ def test_a_clipped_streak_is_known_across_alone() -> None:
 def reason_of(image: np.ndarray, box: tuple[float, float, float, float]) -> str:
     fit = fit_streak(image, local_background(image), box, psf_fwhm_px=2.3)
     assert isinstance(fit, NoStreak)
-    return fit.reason
+    return text(fit.reason)
 
 
 def test_plain_sky_and_faint_streaks_are_refused() -> None:
