@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 LABEL_COLUMNS = 9
 STAGES = {
+    "pattern": "pattern",
     "background": "sky",
     "map": "map",
     "network": "network",

@@ -31,6 +31,7 @@ SPARE_BYTES = 500_000_000
 """The disk is left alone below this."""
 STAGES: Mapping[str, str] = {
     "read": "FITS bytes to pixels",
+    "pattern": "offsets of rows and columns",
     "background": "sky and noise, and the bins of map and stars",
     "map": "what the network sees",
     "stars": "beside map and network where there is a second thread",

@@ -7,7 +7,7 @@ held possible is kept with the reason why it was not taken.
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
 
@@ -22,6 +22,7 @@ from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.cores import threads_for
 from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map, map_noise
 from rsoconsole.vision.network import NetworkBox
+from rsoconsole.vision.pattern import find_pattern
 from rsoconsole.vision.stars import STAR_BLOCK_PX, StarList, find_stars
 from rsoconsole.vision.workers import Workers
 
@@ -74,7 +75,12 @@ class StreakDetector:
         the stage ``stars`` then runs beside theirs.
         """
         threshold = self._settings.tau if tau is None else tau
-        watch, workers, pixels = _Stopwatch(), self._workers, frame.pixels
+        watch, workers = _Stopwatch(), self._workers
+        with watch.stage("pattern"):
+            pattern = find_pattern(frame.pixels)
+            if pattern is not None:
+                frame = replace(frame, pixels=pattern.removed(frame.pixels))
+        pixels = frame.pixels
         blocks = choose_blocks(
             frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
         )

@@ -1,0 +1,109 @@
+"""What the electronics add to whole rows and columns: found, and taken away where it is there.
+
+An offset of a row is told from the sky by its neighbours: the median along it of what each pixel
+has above the mean of those in the rows about it. Stars and streaks fill too little of a row to
+move a median; a streak along one row for more than half of the frame would be taken for noise.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import PixelArray
+
+Float32Array = npt.NDArray[np.float32]
+
+SEEN_SIGMA = 0.15
+"""From so much of a pixel's noise on, one sigma of the offsets, they are taken away."""
+_ABOUT = 65
+"""Lines whose mean is the sky of the one in their middle."""
+_BANDS, _BAND = 4, 64
+_GLANCE, _FULL = 160, 600
+"""Samples of a line, at least, for a first look and for its offset."""
+_NOISE_LINES = 32
+_MEDIAN_ERROR = 1.2533
+"""Standard error of a normal's median, of its sigma over the root of the number of samples."""
+_MAD_TO_SIGMA = 1.4826
+_COARSE_ADU = 5.0
+"""Where the noise is less, whole numbers would spoil what is left."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pattern:
+    """Offsets in ADU, about nothing on the whole."""
+
+    rows: Float32Array | None
+    """(height,); None where there are none to be seen."""
+    columns: Float32Array | None
+    """(width,)"""
+    noise_adu: float
+    """One sigma of a pixel without them."""
+
+    def removed(self, pixels: PixelArray) -> PixelArray:
+        """The frame without it: whole numbers as long as its noise is well above one."""
+        out = pixels.astype(np.float32)
+        if self.rows is not None:
+            out -= self.rows[:, None]
+        if self.columns is not None:
+            out -= self.columns
+        if pixels.dtype != np.uint16 or self.noise_adu < _COARSE_ADU:
+            return out
+        np.rint(out, out=out)
+        np.clip(out, 0.0, 65535.0, out=out)
+        return out.astype(np.uint16)
+
+
+def find_pattern(pixels: PixelArray) -> Pattern | None:
+    """The row and column offsets of ``pixels`` (height, width), uint16 or finite float32.
+
+    None where there are none of ``SEEN_SIGMA``: a first look at some bands of lines tells, within
+    2 ms for 4656 x 3520.
+    """
+    noise = _noise(pixels)
+    if noise <= 0.0:
+        return None
+    has_rows, has_columns = _is_striped(pixels, noise), _is_striped(pixels.T, noise)
+    if not (has_rows or has_columns):
+        return None
+    columns = _offsets(pixels.T) if has_columns else None
+    rows = _offsets(pixels, columns) if has_rows else None
+    return Pattern(rows=rows, columns=columns, noise_adu=noise)
+
+
+def _noise(pixels: PixelArray) -> float:
+    """One sigma of a pixel: by differences of differences, in which no line's offset is left."""
+    step = max(3, pixels.shape[0] // _NOISE_LINES)
+    lines, below = (pixels[first::step, ::2].astype(np.float32) for first in (0, 2))
+    steps = lines[: len(below)] - below
+    return float(np.median(np.abs(steps[:, 1:] - steps[:, :-1]))) * _MAD_TO_SIGMA / 2.0
+
+
+def _is_striped(pixels: PixelArray, noise: float) -> bool:
+    """Whether lines (axis 0) differ from their neighbours by more than their noise."""
+    height, width = pixels.shape
+    step = max(1, width // _GLANCE) | 1
+    off = []
+    for number in range(_BANDS):
+        first = (2 * number + 1) * height // (2 * _BANDS) - _BAND // 2
+        band = pixels[max(first, 0) : first + _BAND, ::step].astype(np.float32)
+        # Against the next but one: no slope of the sky is in it, nor a mosaic's colours.
+        steps = np.median(band[2:] - band[:-2], axis=1)
+        off.append(steps - np.median(steps))
+    spread = _MAD_TO_SIGMA * float(np.median(np.abs(np.concatenate(off)))) / float(np.sqrt(2.0))
+    by_chance = _MEDIAN_ERROR * noise / float(np.sqrt(-(-width // step)))
+    return spread**2 - by_chance**2 > (SEEN_SIGMA * noise) ** 2
+
+
+def _offsets(pixels: PixelArray, across: Float32Array | None = None) -> Float32Array:
+    """Of each line (axis 0); ``across``: what is to be taken from the other axis before."""
+    import cv2
+
+    # An odd step: both colours of a mosaic's line.
+    step = max(1, pixels.shape[1] // _FULL) | 1
+    sample = pixels[:, ::step].astype(np.float32)
+    if across is not None:
+        sample -= across[::step]
+    # Each place against those above and below it: no slope of the sky is left along the line.
+    sample -= cv2.blur(sample, (1, _ABOUT), borderType=cv2.BORDER_REFLECT_101)
+    return np.asarray(np.median(sample, axis=1), dtype=np.float32)
