@@ -16,6 +16,7 @@ from rsoconsole.reasons import (
     Reason,
     RuledKind,
     Told,
+    TrackLost,
 )
 
 _NOT_A_STREAK: dict[NotAStreakKind, str] = {
@@ -84,7 +85,10 @@ def text(reason: Reason) -> str:  # noqa: PLR0911 -- one case a kind
             return _result(reason)
         case Missed():
             said = _MISSED[reason.kind].replace("{detail}", reason.detail)
-            return "; ".join(part for part in (reason.hidden_by, said, reason.lost) if part)
+            lost = "" if reason.lost is None else text(reason.lost)
+            return "; ".join(part for part in (reason.hidden_by, said, lost) if part)
+        case TrackLost():
+            return _track_lost(reason)
         case Cause():
             return _cause(reason)
         case _:
@@ -160,6 +164,19 @@ def _mismatch(found: MotionMismatch | None) -> str:
             return "frames are not in order of time"
         case _:
             assert_never(found.kind)
+
+
+def _track_lost(lost: TrackLost) -> str:
+    match lost.kind:
+        case "too wide":
+            return f"3 sigma of {lost.three_sigma_arcmin or 0.0:.0f} arcmin is too wide"
+        case "wider than the field":
+            wide = lost.three_sigma_arcmin or 0.0
+            return f"3 sigma of {wide:.0f} arcmin no longer fits the field"
+        case "coasted":
+            return f"coasted for {lost.coasted_min or 0.0:.0f} min"
+        case _:
+            assert_never(lost.kind)
 
 
 def _cause(reason: Cause) -> str:  # noqa: PLR0911, PLR0912 -- one case a kind

@@ -8,6 +8,13 @@ from typing import Literal, TypeAlias
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """A sentence of an old session that no kind says; only the decoder of old ones makes it."""
+
+    words: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BelowTau:
     """A candidate that passed every gate, and is not likely enough."""
 
@@ -124,6 +131,33 @@ def _tenths(value: float) -> float:
     return float(f"{value:.1f}")
 
 
+def _whole(value: float) -> float:
+    return float(f"{value:.0f}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackLost:
+    """What ended a track that no measurement updates any more; figures as they are told."""
+
+    kind: Literal["too wide", "wider than the field", "coasted"]
+    three_sigma_arcmin: float | None = None
+    """Of the first two, to the whole one."""
+    coasted_min: float | None = None
+    """Of "coasted", to the whole one."""
+
+    @classmethod
+    def by_bounds(cls, three_sigma_arcmin: float, *, fits_field: bool) -> "TrackLost":
+        """Its place is no longer known well enough."""
+        kind: Literal["too wide", "wider than the field"]
+        kind = "too wide" if fits_field else "wider than the field"
+        return cls(kind=kind, three_sigma_arcmin=_whole(three_sigma_arcmin))
+
+    @classmethod
+    def by_time(cls, coasted_s: float) -> "TrackLost":
+        """It has been without a measurement for too long."""
+        return cls(kind="coasted", coasted_min=_whole(coasted_s / 60.0))
+
+
 MissKind: TypeAlias = Literal[
     "no detection",
     "nothing fits",
@@ -145,8 +179,8 @@ class Missed:
     """Of kinds "not solved" and "instrument": what was said."""
     hidden_by: str = ""
     """What it is put down to: a refused slew, cloud, eclipse; most certain first."""
-    lost: str = ""
-    """Why the track ends with it; empty where it goes on."""
+    lost: TrackLost | Told | None = None
+    """Why the track ends with it; None where it goes on."""
 
 
 CauseKind: TypeAlias = Literal[
@@ -184,7 +218,7 @@ class Cause:
     """By how much the clock was set."""
     detections: int | None = None
     """How many wait for a second frame."""
-    missed: "Missed | Told | None" = None
+    missed: Missed | Told | None = None
 
 
 FROM_OUTSIDE: frozenset[CauseKind] = frozenset(("limit met", "looked for again", "clock set"))
@@ -232,11 +266,6 @@ def done(detail: str) -> CommandResult:
     return CommandResult(kind="done", detail=detail)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
-    """A sentence of an old session that no kind says; only the decoder of old ones makes it."""
-
-    words: str
-
-
-Reason: TypeAlias = BelowTau | NotAStreak | NotTaken | Missed | Cause | CommandResult | Told
+Reason: TypeAlias = (
+    BelowTau | NotAStreak | NotTaken | Missed | TrackLost | Cause | CommandResult | Told
+)

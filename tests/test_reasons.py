@@ -2,6 +2,7 @@
 
 import ast
 import itertools
+import json
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -27,10 +28,12 @@ from rsoconsole.reasons import (
     NotAStreakKind,
     NotTaken,
     Told,
+    TrackLost,
 )
 from rsoconsole.records import Event, Miss, NotFollowed, OperatorAction, StateChange
 from rsoconsole.session import old_reasons
 from rsoconsole.session.codec import decode, encode
+from rsoconsole.session.legacy import decode_recorded
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.writer import SessionWriter
 from tests.old_nights import CONFIG, old_session
@@ -238,6 +241,8 @@ def test_every_old_sentence_of_the_fold_is_understood(tmp_path: Path) -> None:
         ("cloud: 12 stars where 200 were; no detection", old_reasons.missed),
         ("slew refused: a; b; nothing fits the prediction; coasted for 5 min", old_reasons.missed),
         ("detected, but not solved: 7 stars; 8 needed", old_reasons.missed),
+        ("no detection; 3 sigma of 40 arcmin is too wide", old_reasons.missed),
+        ("coasted for 15 min", old_reasons.track_lost),
         ("confidence 0.05 below tau 0.10", old_reasons.rejected),
         ("limit met: altitude 14.9 deg, 15 at least", old_reasons.cause),
         ("looked for again by console a@b", old_reasons.cause),
@@ -253,6 +258,30 @@ def test_an_old_sentence_becomes_a_kind_that_says_the_same(words: str, read: Any
     reason = read(words)
     assert not isinstance(reason, Told)
     assert reason_text.text(reason) == words
+
+
+BEFORE = '{"frame_id":9,"reason":{"kind":"no detection","detail":"","hidden_by":"","lost":LOST}}'
+
+
+@pytest.mark.parametrize(
+    ("words", "kind", "figure"),
+    [
+        ("3 sigma of 40 arcmin is too wide", "too wide", 40.0),
+        ("3 sigma of 71 arcmin no longer fits the field", "wider than the field", 71.0),
+        ("coasted for 5 min", "coasted", 5.0),
+    ],
+)
+def test_what_ended_a_track_was_a_sentence_in_the_first_sessions_of_schema_4(
+    words: str, kind: str, figure: float
+) -> None:
+    miss = decode_recorded("Miss", BEFORE.replace("LOST", json.dumps(words)))
+    assert isinstance(miss, Miss)
+    assert isinstance(miss.reason, Missed)
+    assert isinstance(miss.reason.lost, TrackLost)
+    assert miss.reason.lost.kind == kind
+    assert figure in {miss.reason.lost.three_sigma_arcmin, miss.reason.lost.coasted_min}
+    assert reason_text.text(miss.reason) == f"no detection; {words}"
+    assert decode_recorded(*encode(miss)[::2]) == miss
 
 
 def test_what_no_version_has_written_stays_as_it_was() -> None:

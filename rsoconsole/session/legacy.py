@@ -106,9 +106,19 @@ def _with_kinds(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
         if fields.get("after") == "FAULT" and isinstance(reason, Told):
             reason = Cause(kind="instrument", detail=words)
         return {**fields, name: asdict(reason)}
-    if isinstance(words, dict) and isinstance(inner := words.get("missed"), str):
-        return {**fields, name: {**words, "missed": asdict(old_reasons.missed(inner))}}
-    return fields
+    return {**fields, name: _with_parts(words)} if isinstance(words, dict) else fields
+
+
+def _with_parts(reason: dict[str, Any]) -> dict[str, Any]:
+    """A kind with its figures, and what it is made of as kinds too."""
+    missed, lost = reason.get("missed"), reason.get("lost")
+    if isinstance(missed, str):
+        return {**reason, "missed": asdict(old_reasons.missed(missed))}
+    if isinstance(missed, dict):
+        return {**reason, "missed": _with_parts(missed)}
+    if isinstance(lost, str):
+        return {**reason, "lost": asdict(old_reasons.track_lost(lost)) if lost else None}
+    return reason
 
 
 def _upgraded(kind: str, fields: dict[str, Any]) -> dict[str, Any]:

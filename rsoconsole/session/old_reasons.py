@@ -24,6 +24,7 @@ from rsoconsole.reasons import (
     NotTakenKind,
     RuledKind,
     Told,
+    TrackLost,
     done,
 )
 from rsoconsole.records import Topic
@@ -46,8 +47,8 @@ _NOT_TAKEN: dict[str, NotTakenKind] = {
     "stands where a neighbour of the one followed was": "neighbour",
 }
 _LOST = re.compile(
-    r"; (?P<lost>3 sigma of \d+ arcmin (no longer fits the field|is too wide)"
-    r"|coasted for \d+ min)$"
+    r"3 sigma of (?P<arcmin>\d+) arcmin ((?P<field>no longer fits the field)|is too wide)"
+    r"|coasted for (?P<min>\d+) min"
 )
 _MISSED: dict[str, MissKind] = {
     "no detection": "no detection",
@@ -199,9 +200,10 @@ def _no_second(words: str) -> NotTaken | None:
 
 def missed(words: str) -> Missed | Told:
     """Why a frame had no measurement."""
-    found = _LOST.search(words)
-    lost = "" if found is None else found["lost"]
-    left = words if found is None else words[: found.start()]
+    left, _, last = words.rpartition("; ")
+    ended = track_lost(last)
+    lost = None if isinstance(ended, Told) else ended
+    left = words if lost is None else left
     if _NOT_SOLVED in left:
         hidden, _, detail = left.partition(_NOT_SOLVED)
         hidden_by = hidden.removesuffix("; ")
@@ -211,6 +213,16 @@ def missed(words: str) -> Missed | Told:
     if kind is None:
         return Told(words=words)
     return Missed(kind=kind, hidden_by=hidden_by, lost=lost)
+
+
+def track_lost(words: str) -> TrackLost | Told:
+    """What ended a track."""
+    found = _LOST.fullmatch(words)
+    if found is None:
+        return Told(words=words)
+    if found["min"] is not None:
+        return TrackLost(kind="coasted", coasted_min=float(found["min"]))
+    return TrackLost.by_bounds(float(found["arcmin"]), fits_field=found["field"] is None)
 
 
 def cause(words: str) -> Cause | Told:  # noqa: PLR0911 -- one case a kind
