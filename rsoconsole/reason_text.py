@@ -7,6 +7,7 @@ from rsoconsole.reasons import (
     Cause,
     CommandResult,
     DroppedBy,
+    HiddenBy,
     Missed,
     MissKind,
     MotionMismatch,
@@ -85,8 +86,10 @@ def text(reason: Reason) -> str:  # noqa: PLR0911 -- one case a kind
             return _result(reason)
         case Missed():
             said = _MISSED[reason.kind].replace("{detail}", reason.detail)
-            lost = "" if reason.lost is None else text(reason.lost)
-            return "; ".join(part for part in (reason.hidden_by, said, lost) if part)
+            lost = () if reason.lost is None else (text(reason.lost),)
+            return "; ".join(part for part in (*map(text, reason.hidden_by), said, *lost) if part)
+        case HiddenBy():
+            return _hidden_by(reason)
         case TrackLost():
             return _track_lost(reason)
         case Cause():
@@ -164,6 +167,24 @@ def _mismatch(found: MotionMismatch | None) -> str:
             return "frames are not in order of time"
         case _:
             assert_never(found.kind)
+
+
+def _hidden_by(hidden: HiddenBy) -> str:
+    match hidden.kind:
+        case "slew refused":
+            return f"slew refused: {hidden.refused}"
+        case "fewer stars":
+            return f"cloud: {hidden.stars} stars where {hidden.usual_stars} were"
+        case "fainter stars":
+            return f"cloud: the stars are {hidden.fainter_mag or 0.0:.1f} mag fainter"
+        case "few stars":
+            return f"only {hidden.stars} stars, cloud?"
+        case "shadow":
+            return "eclipse: in the Earth's shadow"
+        case "penumbra":
+            return f"eclipse: in the penumbra, {hidden.sun_percent or 0.0:.0f}% of the Sun left"
+        case _:
+            assert_never(hidden.kind)
 
 
 def _track_lost(lost: TrackLost) -> str:

@@ -135,6 +135,40 @@ def _whole(value: float) -> float:
     return float(f"{value:.0f}")
 
 
+HiddenKind: TypeAlias = Literal[
+    "slew refused", "fewer stars", "fainter stars", "few stars", "shadow", "penumbra"
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HiddenBy:
+    """What a frame without a measurement is put down to; figures as they are told."""
+
+    kind: HiddenKind
+    """Cloud is "fewer stars" and "fainter stars" than before, and, where nothing is known of
+    before, "few stars"; eclipse is "shadow" and "penumbra"."""
+    refused: str = ""
+    """Of "slew refused": why the slew to the track was."""
+    stars: int | None = None
+    """Of "fewer stars" and "few stars"."""
+    usual_stars: int | None = None
+    """Of "fewer stars": how many there were before."""
+    fainter_mag: float | None = None
+    """Of "fainter stars", to one decimal."""
+    sun_percent: float | None = None
+    """Of "penumbra": how much of the Sun is left, to the whole one."""
+
+    @classmethod
+    def by_faint_stars(cls, fainter_mag: float) -> "HiddenBy":
+        """Cloud that dims."""
+        return cls(kind="fainter stars", fainter_mag=_tenths(fainter_mag))
+
+    @classmethod
+    def by_penumbra(cls, lit: float) -> "HiddenBy":
+        """The Earth before some of the Sun, of which this share is left."""
+        return cls(kind="penumbra", sun_percent=_whole(100.0 * lit))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackLost:
     """What ended a track that no measurement updates any more; figures as they are told."""
@@ -177,7 +211,7 @@ class Missed:
     """"instrument": it failed, and there was nothing to fold."""
     detail: str = ""
     """Of kinds "not solved" and "instrument": what was said."""
-    hidden_by: str = ""
+    hidden_by: tuple[HiddenBy | Told, ...] = ()
     """What it is put down to: a refused slew, cloud, eclipse; most certain first."""
     lost: TrackLost | Told | None = None
     """Why the track ends with it; None where it goes on."""
@@ -267,5 +301,5 @@ def done(detail: str) -> CommandResult:
 
 
 Reason: TypeAlias = (
-    BelowTau | NotAStreak | NotTaken | Missed | TrackLost | Cause | CommandResult | Told
+    BelowTau | NotAStreak | NotTaken | Missed | HiddenBy | TrackLost | Cause | CommandResult | Told
 )

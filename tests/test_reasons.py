@@ -23,6 +23,8 @@ from rsoconsole.pipeline.what_if import what_if
 from rsoconsole.reasons import (
     Cause,
     CommandResult,
+    HiddenBy,
+    HiddenKind,
     Missed,
     NotAStreak,
     NotAStreakKind,
@@ -175,7 +177,8 @@ def garbled(record: Any) -> Any:
             return dataclasses.replace(record, outcome=other_way)
         case Miss(reason=Missed(kind="instrument") as missed):
             return dataclasses.replace(
-                record, reason=dataclasses.replace(missed, detail="uiop", hidden_by="jkl")
+                record,
+                reason=dataclasses.replace(missed, detail="uiop", hidden_by=(Told(words="jkl"),)),
             )
     return record
 
@@ -206,10 +209,12 @@ def test_a_night_of_today_comes_again_bit_for_bit(night: Path) -> None:
 
 def test_the_text_in_the_log_is_for_people_and_is_not_read_back() -> None:
     gate = NotTaken.by_gate(18.234, 11.83)
-    miss = Miss(frame_id=1, reason=Missed(kind="no detection", hidden_by="cloud"))
+    hidden_by = (HiddenBy(kind="few stars", stars=3), HiddenBy(kind="shadow"))
+    miss = Miss(frame_id=1, reason=Missed(kind="no detection", hidden_by=hidden_by))
     kind, _, body = encode(miss)
-    assert '"text":"cloud; no detection"' in body
-    assert decode(kind, body.replace("cloud; no detection", "asdf")) == miss
+    said = "only 3 stars, cloud?; eclipse: in the Earth's shadow; no detection"
+    assert f'"text":"{said}"' in body
+    assert decode(kind, body.replace(said, "asdf").replace("only 3 stars", "asdf")) == miss
     assert (gate.nis, gate.limit) == (18.2, 11.8)
 
 
@@ -260,7 +265,61 @@ def test_an_old_sentence_becomes_a_kind_that_says_the_same(words: str, read: Any
     assert reason_text.text(reason) == words
 
 
-BEFORE = '{"frame_id":9,"reason":{"kind":"no detection","detail":"","hidden_by":"","lost":LOST}}'
+BEFORE = '{"frame_id":9,"reason":{"kind":"no detection","detail":"","hidden_by":"","lost":""}}'
+"""A miss in the first sessions of schema 4."""
+
+
+def miss_of_before(member: str, words: str) -> Any:
+    body = BEFORE.replace(f'"{member}":""', f'"{member}":{json.dumps(words)}')
+    miss = decode_recorded("Miss", body)
+    assert isinstance(miss, Miss)
+    assert decode_recorded(*encode(miss)[::2]) == miss
+    return miss.reason
+
+
+@pytest.mark.parametrize(
+    ("words", "kinds"),
+    [
+        ("cloud: 12 stars where 200 were", ["fewer stars"]),
+        (
+            "cloud: 1 stars where 400 were; eclipse: in the Earth's shadow",
+            ["fewer stars", "shadow"],
+        ),
+        ("cloud: the stars are 0.9 mag fainter", ["fainter stars"]),
+        ("only 2 stars, cloud?", ["few stars"]),
+        ("eclipse: in the penumbra, 7% of the Sun left", ["penumbra"]),
+        ("slew refused: a; b; only 2 stars, cloud?", ["slew refused", "few stars"]),
+        ("slew refused: altitude 14.9 deg is 0.1 below the limit of 15.0", ["slew refused"]),
+    ],
+)
+def test_what_a_miss_was_put_down_to_is_told_again_in_the_same_words(
+    words: str, kinds: list[HiddenKind]
+) -> None:
+    reason = miss_of_before("hidden_by", words)
+    assert [each.kind for each in reason.hidden_by] == kinds
+    assert reason_text.text(reason) == f"{words}; no detection"
+    old = old_reasons.missed(f"{words}; no detection")
+    assert old == reason
+
+
+def test_what_no_version_put_a_miss_down_to_stays_as_it_was() -> None:
+    reason = miss_of_before("hidden_by", "fog; only 2 stars, cloud?")
+    assert reason.hidden_by == (Told(words="fog"), HiddenBy(kind="few stars", stars=2))
+    assert reason_text.text(reason) == "fog; only 2 stars, cloud?; no detection"
+
+
+def test_a_change_of_state_and_what_began_no_track_tell_it_again_too() -> None:
+    inner = f'"missed":{json.loads(BEFORE)["reason"]}'.replace("'", '"')
+    inner = inner.replace('"hidden_by": ""', '"hidden_by": "only 2 stars, cloud?"')
+    change = decode_recorded(
+        "StateChange",
+        f'{{"frame_id":9,"before":"TRACK","after":"COAST","reason":{{"kind":"missed",{inner}}}}}',
+    )
+    assert isinstance(change, StateChange)
+    assert reason_text.text(change.reason) == "only 2 stars, cloud?; no detection"
+    assert isinstance(change.reason, Cause)
+    assert isinstance(change.reason.missed, Missed)
+    assert change.reason.missed.hidden_by == (HiddenBy(kind="few stars", stars=2),)
 
 
 @pytest.mark.parametrize(
@@ -274,14 +333,11 @@ BEFORE = '{"frame_id":9,"reason":{"kind":"no detection","detail":"","hidden_by":
 def test_what_ended_a_track_was_a_sentence_in_the_first_sessions_of_schema_4(
     words: str, kind: str, figure: float
 ) -> None:
-    miss = decode_recorded("Miss", BEFORE.replace("LOST", json.dumps(words)))
-    assert isinstance(miss, Miss)
-    assert isinstance(miss.reason, Missed)
-    assert isinstance(miss.reason.lost, TrackLost)
-    assert miss.reason.lost.kind == kind
-    assert figure in {miss.reason.lost.three_sigma_arcmin, miss.reason.lost.coasted_min}
-    assert reason_text.text(miss.reason) == f"no detection; {words}"
-    assert decode_recorded(*encode(miss)[::2]) == miss
+    reason = miss_of_before("lost", words)
+    assert isinstance(reason.lost, TrackLost)
+    assert reason.lost.kind == kind
+    assert figure in {reason.lost.three_sigma_arcmin, reason.lost.coasted_min}
+    assert reason_text.text(reason) == f"no detection; {words}"
 
 
 def test_what_no_version_has_written_stays_as_it_was() -> None:

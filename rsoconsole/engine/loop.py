@@ -365,7 +365,7 @@ class Engine:
         if not self.charge.resumes_when_clear:
             self._clear_frames = 0
             return
-        self._clear_frames = 0 if self.cycle.cloud else self._clear_frames + 1
+        self._clear_frames = 0 if self.cycle.cloud is not None else self._clear_frames + 1
         if self._clear_frames >= CLEAR_FRAMES:
             self.chronicle.say("info", "the stars are back: slews again")
             self.happen(Resumed(by="the sky"))

@@ -8,10 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.absence import StarHistory, cloud_words, stars_of
+from rsoconsole.pipeline.absence import StarHistory, cloud_before, stars_of
 from rsoconsole.pipeline.fold import Shown, fold, looked_at, when
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.rulings import Fold, Folds, on_record_again
+from rsoconsole.reasons import HiddenBy
 from rsoconsole.records import Frame, FrameTaken, OrbitEstimate, Record, Ruling
 from rsoconsole.tracking.follow import Following
 
@@ -34,7 +35,7 @@ class Cycle:
         self._config = config
         self._stars = StarHistory()
         self._folds = Folds()
-        self._cloud: str | None = None
+        self._cloud: HiddenBy | None = None
 
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next frame."""
@@ -46,14 +47,14 @@ class Cycle:
         self._reducer.forget_plate()
 
     @property
-    def cloud(self) -> str | None:
+    def cloud(self) -> HiddenBy | None:
         """What the last frame's stars say of cloud; None for a clear sky."""
         return self._cloud
 
     def _look_at_clouds(self, shown: Shown) -> None:
         exposure_s = shown.taken.exposure_s
         if exposure_s is not None:
-            self._cloud = cloud_words(stars_of(shown.detections, exposure_s), self._stars)
+            self._cloud = cloud_before(stars_of(shown.detections, exposure_s), self._stars)
 
     @property
     def folds(self) -> Folds:

@@ -111,14 +111,16 @@ def _with_kinds(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
 
 def _with_parts(reason: dict[str, Any]) -> dict[str, Any]:
     """A kind with its figures, and what it is made of as kinds too."""
-    missed, lost = reason.get("missed"), reason.get("lost")
-    if isinstance(missed, str):
-        return {**reason, "missed": asdict(old_reasons.missed(missed))}
-    if isinstance(missed, dict):
-        return {**reason, "missed": _with_parts(missed)}
-    if isinstance(lost, str):
-        return {**reason, "lost": asdict(old_reasons.track_lost(lost)) if lost else None}
-    return reason
+    told: dict[str, Any] = {}
+    if isinstance(missed := reason.get("missed"), str):
+        told["missed"] = asdict(old_reasons.missed(missed))
+    elif isinstance(missed, dict):
+        told["missed"] = _with_parts(missed)
+    if isinstance(hidden := reason.get("hidden_by"), str):
+        told["hidden_by"] = [asdict(each) for each in old_reasons.hidden_by_all(hidden)]
+    if isinstance(lost := reason.get("lost"), str):
+        told["lost"] = asdict(old_reasons.track_lost(lost)) if lost else None
+    return {**reason, **told}
 
 
 def _upgraded(kind: str, fields: dict[str, Any]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from rsoconsole.reasons import (
     CauseKind,
     CommandResult,
     DroppedBy,
+    HiddenBy,
     Missed,
     MissKind,
     MotionMismatch,
@@ -46,6 +47,14 @@ _NOT_TAKEN: dict[str, NotTakenKind] = {
     "clipped by the frame: starts no track": "clipped at start",
     "stands where a neighbour of the one followed was": "neighbour",
 }
+_REFUSED = "slew refused: "
+_HIDDEN = re.compile(
+    r"cloud: (?P<stars>\d+) stars where (?P<usual>\d+) were"
+    r"|cloud: the stars are (?P<mag>[\d.]+) mag fainter"
+    r"|only (?P<few>\d+) stars, cloud\?"
+    r"|(?P<shadow>eclipse: in the Earth's shadow)"
+    r"|eclipse: in the penumbra, (?P<percent>\d+)% of the Sun left"
+)
 _LOST = re.compile(
     r"3 sigma of (?P<arcmin>\d+) arcmin ((?P<field>no longer fits the field)|is too wide)"
     r"|coasted for (?P<min>\d+) min"
@@ -206,13 +215,46 @@ def missed(words: str) -> Missed | Told:
     left = words if lost is None else left
     if _NOT_SOLVED in left:
         hidden, _, detail = left.partition(_NOT_SOLVED)
-        hidden_by = hidden.removesuffix("; ")
+        hidden_by = hidden_by_all(hidden.removesuffix("; "))
         return Missed(kind="not solved", detail=detail, hidden_by=hidden_by, lost=lost)
-    hidden_by, _, plain = left.rpartition("; ")
+    hidden, _, plain = left.rpartition("; ")
     kind = _MISSED.get(plain)
     if kind is None:
         return Told(words=words)
-    return Missed(kind=kind, hidden_by=hidden_by, lost=lost)
+    return Missed(kind=kind, hidden_by=hidden_by_all(hidden), lost=lost)
+
+
+def hidden_by_all(words: str) -> tuple[HiddenBy | Told, ...]:
+    """What a miss was put down to, as joined in one sentence; a refusal may hold semicolons."""
+    left, behind = words, list[HiddenBy | Told]()
+    while left:
+        before, _, last = left.rpartition("; ")
+        cause = _hidden_by(last)
+        if cause is None:
+            break
+        left, behind = before, [cause, *behind]
+    if left.startswith(_REFUSED):
+        behind.insert(0, HiddenBy(kind="slew refused", refused=left.removeprefix(_REFUSED)))
+    elif left:
+        behind.insert(0, Told(words=left))
+    return tuple(behind)
+
+
+def _hidden_by(words: str) -> HiddenBy | None:
+    """Cloud or eclipse."""
+    found = _HIDDEN.fullmatch(words)
+    if found is None:
+        return None
+    if found["usual"] is not None:
+        few, usual = int(found["stars"]), int(found["usual"])
+        return HiddenBy(kind="fewer stars", stars=few, usual_stars=usual)
+    if found["mag"] is not None:
+        return HiddenBy.by_faint_stars(float(found["mag"]))
+    if found["few"] is not None:
+        return HiddenBy(kind="few stars", stars=int(found["few"]))
+    if found["percent"] is not None:
+        return HiddenBy(kind="penumbra", sun_percent=float(found["percent"]))
+    return HiddenBy(kind="shadow")
 
 
 def track_lost(words: str) -> TrackLost | Told:
