@@ -135,6 +135,97 @@ def _whole(value: float) -> float:
     return float(f"{value:.0f}")
 
 
+SlewRefusalKind: TypeAlias = Literal[
+    "altitude",
+    "horizon",
+    "hour angle",
+    "pier",
+    "polar axis",
+    "Sun",
+    "past the Sun",
+    "nearer to the Sun",
+    "twilight",
+    "meridian policy",
+    "direction",
+    "clock",
+    "aimed before",
+    "aimed ahead",
+    "ends before",
+    "ends ahead",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlewRefusal:
+    """Why the telescope must not go or stay somewhere; figures as they are told."""
+
+    kind: SlewRefusalKind
+    """"Sun": there; "past the Sun" and "nearer to the Sun": on the way there."""
+    value_deg: float | None = None
+    """The angle that is held against a limit, to one decimal."""
+    bound_deg: float | None = None
+    by_deg: float | None = None
+    """How far beyond its bound it is: to one decimal, below 0.1 to three; 0 below 0.001."""
+    azimuth_deg: float | None = None
+    """Of "horizon", to the whole one."""
+    side: Literal["east", "west"] | None = None
+    """Of "pier": the side it is on; of "meridian policy": the one it would change to."""
+    later_s: float | None = None
+    """How far ahead that will be, to the whole one; None where it is now."""
+    ago_min: float | None = None
+    """Of "aimed before"."""
+    ahead_h: float | None = None
+    """Of "aimed ahead" and "ends ahead", to one decimal."""
+    detail: str = ""
+    """Of "direction" and "clock": what cannot be meant."""
+
+    @classmethod
+    def beyond(
+        cls,
+        kind: SlewRefusalKind,
+        value_deg: float,
+        bound_deg: float,
+        *,
+        azimuth_deg: float | None = None,
+        side: Literal["east", "west"] | None = None,
+        later_s: float = 0.0,
+    ) -> "SlewRefusal":
+        """An angle beyond its bound."""
+        return cls(
+            kind=kind,
+            value_deg=_tenths(value_deg),
+            bound_deg=_tenths(bound_deg),
+            by_deg=_as_told(abs(value_deg - bound_deg)),
+            azimuth_deg=None if azimuth_deg is None else _whole(azimuth_deg),
+            side=side,
+            later_s=_whole(later_s) if later_s >= 1.0 else None,
+        )
+
+    @classmethod
+    def by_policy(
+        cls, hour_angle_deg: float, side: Literal["east", "west"] | None
+    ) -> "SlewRefusal":
+        """The mount would change sides while a track is followed."""
+        return cls(kind="meridian policy", value_deg=_tenths(hour_angle_deg), side=side)
+
+    @classmethod
+    def by_instant(cls, kind: SlewRefusalKind, ahead_s: float = 0.0) -> "SlewRefusal":
+        """An instant too far from now."""
+        if kind == "aimed before":
+            return cls(kind=kind, ago_min=_whole(-ahead_s / 60.0))
+        return cls(kind=kind, ahead_h=_tenths(ahead_s / 3600.0))
+
+
+def _as_told(distance_deg: float) -> float:
+    """A distance from a bound with as many digits as it takes to show it."""
+    if distance_deg < 0.001:
+        return 0.0
+    if distance_deg >= 0.1:
+        return _tenths(distance_deg)
+    # What rounds up to 0.100 is still told to three decimals.
+    return min(float(f"{distance_deg:.3f}"), 0.0999)
+
+
 HiddenKind: TypeAlias = Literal[
     "slew refused", "fewer stars", "fainter stars", "few stars", "shadow", "penumbra"
 ]
@@ -147,7 +238,7 @@ class HiddenBy:
     kind: HiddenKind
     """Cloud is "fewer stars" and "fainter stars" than before, and, where nothing is known of
     before, "few stars"; eclipse is "shadow" and "penumbra"."""
-    refused: str = ""
+    refusal: SlewRefusal | Told | None = None
     """Of "slew refused": why the slew to the track was."""
     stars: int | None = None
     """Of "fewer stars" and "few stars"."""
@@ -301,5 +392,14 @@ def done(detail: str) -> CommandResult:
 
 
 Reason: TypeAlias = (
-    BelowTau | NotAStreak | NotTaken | Missed | HiddenBy | TrackLost | Cause | CommandResult | Told
+    BelowTau
+    | NotAStreak
+    | NotTaken
+    | Missed
+    | HiddenBy
+    | SlewRefusal
+    | TrackLost
+    | Cause
+    | CommandResult
+    | Told
 )

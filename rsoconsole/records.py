@@ -14,7 +14,16 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.reasons import BelowTau, Cause, CommandResult, Missed, NotAStreak, NotTaken, Told
+from rsoconsole.reasons import (
+    BelowTau,
+    Cause,
+    CommandResult,
+    Missed,
+    NotAStreak,
+    NotTaken,
+    SlewRefusal,
+    Told,
+)
 
 FloatArray = npt.NDArray[np.float64]
 PixelArray = npt.NDArray[np.uint16] | npt.NDArray[np.float32]
@@ -429,7 +438,7 @@ class FrameTaken:
     height_px: int
     pointing_ra_icrs_deg: float | None
     pointing_dec_icrs_deg: float | None
-    blocked: str | None = None
+    blocked: SlewRefusal | Told | None = None
     """Why the slew to what is followed was refused before it; None where nothing was."""
 
     @property

@@ -19,7 +19,7 @@ from rsoconsole.pipeline.absence import (
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Missed
+from rsoconsole.reasons import Missed, SlewRefusal
 from rsoconsole.records import (
     Detections,
     Frame,
@@ -127,8 +127,8 @@ TABLE = [
         200,
         CLEAR,
         DAY,
-        "altitude 14.9 deg is below the limit 15.0",
-        "slew refused: altitude 14.9 deg is below the limit 15.0; no detection",
+        SlewRefusal.beyond("altitude", 14.8, 15.0),
+        "slew refused: altitude 14.8 deg is 0.2 below the limit of 15.0; no detection",
     ),
 ]
 
@@ -159,7 +159,7 @@ def test_without_a_track_there_is_neither_eclipse_nor_refused_slew():
         track=None,
         site=DAYTONA,
         t_utc_ns=SHADOW,
-        blocked="the Sun",
+        blocked=SlewRefusal.beyond("Sun", 12.0, 40.0),
     )
     assert text(found) == "no detection"
 
@@ -262,7 +262,7 @@ def test_the_misses_of_a_night_are_named_and_a_second_run_says_the_same():
                 t_start_utc_ns=start_ns + number * 30 * NS + late_ns,
                 exposure_s=10.0,
             )
-            blocked = "hour angle 121.0 deg" if number == 5 else None
+            blocked = SlewRefusal.beyond("hour angle", 121.0, 120.0) if number == 5 else None
             # Bounds never end it here: only the words are looked at.
             lead = (Tracked(track=track(start_ns)),)
             following = dataclasses.replace(following, state="TRACK", tracks=lead)
@@ -276,7 +276,7 @@ def test_the_misses_of_a_night_are_named_and_a_second_run_says_the_same():
         "no detection",
         "no detection",
         "cloud: 5 stars where 200 were",
-        "slew refused: hour angle 121.0 deg",
+        "slew refused: hour angle 121.0 deg is 1.0 beyond the limit of 120.0",
         "eclipse: in the Earth's shadow",
     ]
     assert night() == first

@@ -1,6 +1,7 @@
 """Reasons are kinds with figures: what they are worded as decides nothing."""
 
 import ast
+import dataclasses
 import itertools
 import json
 import sqlite3
@@ -29,10 +30,12 @@ from rsoconsole.reasons import (
     NotAStreak,
     NotAStreakKind,
     NotTaken,
+    SlewRefusal,
+    SlewRefusalKind,
     Told,
     TrackLost,
 )
-from rsoconsole.records import Event, Miss, NotFollowed, OperatorAction, StateChange
+from rsoconsole.records import Event, FrameTaken, Miss, NotFollowed, OperatorAction, StateChange
 from rsoconsole.session import old_reasons
 from rsoconsole.session.codec import decode, encode
 from rsoconsole.session.legacy import decode_recorded
@@ -60,12 +63,24 @@ OF_FOLD = {"waiting", "two frames agree", "measured again", "missed"}
 """Causes that the fold itself finds: a replay finds them again, detail and all."""
 
 
-@pytest.fixture(params=["busy", "ruled"])
+REFUSAL = SlewRefusal(kind="clock", detail="1970-01-01")
+"""A refusal of which some is free words."""
+
+
+@pytest.fixture(params=["busy", "ruled", "busy, refused", "ruled, refused"])
 def night(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
-    """A session of today, with all that was recorded in an old one."""
-    old = SessionReader(old_session(tmp_path / "old", request.param))
+    """A session of today, with all that was recorded in an old one.
+
+    "refused": as it would have been with every slew to a track refused.
+    """
+    name, _, refused = request.param.partition(", ")
+    old = SessionReader(old_session(tmp_path / "old", name))
+    log = [(t_utc_ns, record) for _, t_utc_ns, record in old.records()]
+    if refused:
+        blocked = [(t_utc_ns, with_refusal(record, REFUSAL)) for t_utc_ns, record in log]
+        log = list(retell(blocked, CONFIG, tried={}).log)
     writer = SessionWriter.create(tmp_path / "night", CONFIG, {})
-    for _, t_utc_ns, record in old.records():
+    for t_utc_ns, record in log:
         writer.append(record, t_utc_ns)
     for outcome in OUTCOMES:
         action = OperatorAction(verb="goto", arguments={}, outcome=outcome, by="console a@b")
@@ -73,6 +88,12 @@ def night(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     writer.close()
     assert writer.faults == ()
     return tmp_path / "night"
+
+
+def with_refusal(record: Any, refusal: SlewRefusal | Told | None) -> Any:
+    return (
+        dataclasses.replace(record, blocked=refusal) if isinstance(record, FrameTaken) else record
+    )
 
 
 @pytest.fixture
@@ -160,11 +181,11 @@ def alarms(folder: Path, log: list[tuple[int, Any]]) -> list[tuple[int, str]]:
     return rung
 
 
-def garbled(record: Any) -> Any:
+def garbled(record: Any) -> Any:  # noqa: PLR0911 -- one case a kind
     """The record with other words wherever words are free."""
-    import dataclasses
-
     match record:
+        case FrameTaken(blocked=SlewRefusal() as refusal):
+            return with_refusal(record, dataclasses.replace(refusal, detail="zuio"))
         case Event():
             return dataclasses.replace(record, text="qwertz")
         case StateChange(reason=Cause() as cause) if cause.kind not in OF_FOLD:
@@ -180,7 +201,23 @@ def garbled(record: Any) -> Any:
                 record,
                 reason=dataclasses.replace(missed, detail="uiop", hidden_by=(Told(words="jkl"),)),
             )
+        case Miss(reason=Missed() as missed):
+            return dataclasses.replace(record, reason=garbled_miss(missed))
+        case StateChange(reason=Cause(missed=Missed() as missed) as cause):
+            cause = dataclasses.replace(cause, missed=garbled_miss(missed))
+            return dataclasses.replace(record, reason=cause)
     return record
+
+
+def garbled_miss(missed: Missed) -> Missed:
+    """As the fold finds it where the refusal before the frame was garbled."""
+    hidden_by = tuple(
+        dataclasses.replace(each, refusal=dataclasses.replace(each.refusal, detail="zuio"))
+        if isinstance(each, HiddenBy) and isinstance(each.refusal, SlewRefusal)
+        else each
+        for each in missed.hidden_by
+    )
+    return dataclasses.replace(missed, hidden_by=hidden_by)
 
 
 def test_other_words_change_no_replay_no_alarm_and_no_what_if(
@@ -205,6 +242,18 @@ def test_a_night_of_today_comes_again_bit_for_bit(night: Path) -> None:
     assert len(frames) > 20
     assert all(frame.is_as_recorded for frame in frames)
     assert any(rung for rung in decided(night)["alarms"])
+
+
+def test_the_nights_hold_the_reasons_that_are_worded_as_nonsense(tmp_path: Path) -> None:
+    """Else the tests above would show nothing of them."""
+    old = SessionReader(old_session(tmp_path / "old", "busy"))
+    log = [(t_utc_ns, with_refusal(r, REFUSAL)) for _, t_utc_ns, r in old.records()]
+    misses = [r.reason for _, r in retell(log, CONFIG, tried={}).log if isinstance(r, Miss)]
+    told = [each for each in misses if isinstance(each, Missed)]
+    assert any(each.lost == TrackLost(kind="coasted", coasted_min=2.0) for each in told)
+    hidden = [by for each in told for by in each.hidden_by]
+    assert HiddenBy(kind="slew refused", refusal=REFUSAL) in hidden
+    assert HiddenBy(kind="fewer stars", stars=12, usual_stars=207) in hidden
 
 
 def test_the_text_in_the_log_is_for_people_and_is_not_read_back() -> None:
@@ -300,6 +349,47 @@ def test_what_a_miss_was_put_down_to_is_told_again_in_the_same_words(
     assert reason_text.text(reason) == f"{words}; no detection"
     old = old_reasons.missed(f"{words}; no detection")
     assert old == reason
+
+
+FIGURES = {"value_deg": -0.0, "bound_deg": 15.0, "by_deg": 0.023, "ago_min": 7.0, "ahead_h": 2.5}
+OF_KIND: dict[str, dict[str, Any]] = {
+    "horizon": {"azimuth_deg": 271.0, "later_s": 40.0},
+    "pier": {"side": "east", "by_deg": 0.0},
+    "meridian policy": {"side": "west"},
+    "direction": {"detail": "RA nan Dec 91.0"},
+    "clock": {"detail": "1970-01-01T00:00:00Z"},
+}
+
+
+@pytest.mark.parametrize("kind", get_args(SlewRefusalKind))
+def test_why_a_slew_was_refused_is_told_again_in_the_same_words(kind: SlewRefusalKind) -> None:
+    words = reason_text.text(SlewRefusal(kind=kind, **(FIGURES | OF_KIND.get(kind, {}))))
+    refusal = old_reasons.slew_refusal(words)
+    assert isinstance(refusal, SlewRefusal)
+    assert (refusal.kind, reason_text.text(refusal)) == (kind, words)
+    taken = decode_recorded("FrameTaken", TAKEN_BEFORE.replace("BLOCKED", json.dumps(words)))
+    assert isinstance(taken, FrameTaken)
+    assert taken.blocked == refusal
+    assert decode_recorded(*encode(taken)[::2]) == taken
+
+
+TAKEN_BEFORE = (
+    '{"frame_id":1,"name":"a","t_start_utc_ns":1,"exposure_s":1.0,"width_px":1,"height_px":1,'
+    '"pointing_ra_icrs_deg":null,"pointing_dec_icrs_deg":null,"blocked":BLOCKED}'
+)
+
+
+@pytest.mark.parametrize(
+    ("excess_deg", "told"),
+    [(0.0004, "less than 0.001"), (0.0234, "0.023"), (0.0996, "0.100"), (0.14, "0.1")],
+)
+def test_a_distance_from_a_limit_is_told_with_the_digits_it_takes(
+    excess_deg: float, told: str
+) -> None:
+    refusal = SlewRefusal.beyond("altitude", 20.0 - excess_deg, 20.0)
+    words = reason_text.text(refusal)
+    assert f" is {told} below the limit of 20.0" in words
+    assert old_reasons.slew_refusal(words) == refusal
 
 
 def test_what_no_version_put_a_miss_down_to_stays_as_it_was() -> None:
@@ -432,7 +522,17 @@ def test_an_outcome_of_today_is_a_sentence_and_a_kind_in_sql(night: Path) -> Non
 
 READ_SENTENCES = {"session/legacy.py", "session/old_reasons.py"}
 """They decode what older versions wrote; whoever else reads a sentence decides by its words."""
-REASONS = {"reason", "outcome", "detail", "missed", "hidden_by", "lost", "refusal", "blocked"}
+REASONS = {
+    "reason",
+    "outcome",
+    "detail",
+    "missed",
+    "hidden_by",
+    "lost",
+    "refusal",
+    "blocked",
+    "refused",
+}
 BY_WORDS = {"startswith", "endswith", "removeprefix", "removesuffix", "partition", "find", "index"}
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsoconsole.reasons import HiddenBy, Missed
+from rsoconsole.reasons import HiddenBy, Missed, SlewRefusal, Told
 from rsoconsole.records import Detections, FloatArray, Site, Solution, TrackState
 from rsoconsole.sky.angles import separation_deg, wrap_360
 from rsoconsole.sky.belt import GEO_RADIUS_KM
@@ -94,7 +94,7 @@ def explain_absence(
     track: TrackState | None,
     site: Site,
     t_utc_ns: int,
-    blocked: str | None = None,
+    blocked: SlewRefusal | Told | None = None,
 ) -> Missed:
     """``plain`` with what it is put down to, most certain first; ``plain`` alone where unknown.
 
@@ -103,7 +103,7 @@ def explain_absence(
     """
     causes: list[HiddenBy | None] = []
     if blocked is not None and track is not None:
-        causes.append(HiddenBy(kind="slew refused", refused=blocked))
+        causes.append(HiddenBy(kind="slew refused", refusal=blocked))
     causes.append(cloud_before(stars, stars_before))
     if track is not None:
         causes.append(eclipse_of(track, site, t_utc_ns))

@@ -12,7 +12,7 @@ from rsoconsole.pipeline.absence import StarHistory, cloud_before, stars_of
 from rsoconsole.pipeline.fold import Shown, fold, looked_at, when
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.rulings import Fold, Folds, on_record_again
-from rsoconsole.reasons import HiddenBy
+from rsoconsole.reasons import HiddenBy, SlewRefusal
 from rsoconsole.records import Frame, FrameTaken, OrbitEstimate, Record, Ruling
 from rsoconsole.tracking.follow import Following
 
@@ -82,7 +82,7 @@ class Cycle:
         self,
         frame: Frame,
         before: Following,
-        blocked: str | None = None,
+        blocked: SlewRefusal | None = None,
         orbits: Mapping[int, OrbitEstimate] | None = None,
     ) -> CycleResult:
         """Reduce one frame and fold it. Raises FrameError for a frame without a time.
@@ -128,7 +128,7 @@ def _on_record(reduction: Reduction) -> tuple[Record, ...]:
     return (reduction.detections, *solution, *reduction.measurements)
 
 
-def taken_record(frame: Frame, blocked: str | None = None) -> FrameTaken:
+def taken_record(frame: Frame, blocked: SlewRefusal | None = None) -> FrameTaken:
     """What the session keeps of a frame beside its pixels; ``blocked`` as ``Cycle.run`` has it."""
     return FrameTaken(
         frame_id=frame.frame_id,

@@ -65,6 +65,7 @@ _SAME_PLACE_DEG = 1.0 / 3600.0
 _READ: dict[str, tuple[str, Callable[[str], Reason]]] = {
     "NotFollowed": ("reason", old_reasons.not_taken),
     "Miss": ("reason", old_reasons.missed),
+    "FrameTaken": ("blocked", old_reasons.slew_refusal),
     "StateChange": ("reason", old_reasons.cause),
     "OperatorAction": ("outcome", old_reasons.result),
 }

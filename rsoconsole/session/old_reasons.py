@@ -24,6 +24,8 @@ from rsoconsole.reasons import (
     NotTaken,
     NotTakenKind,
     RuledKind,
+    SlewRefusal,
+    SlewRefusalKind,
     Told,
     TrackLost,
     done,
@@ -47,6 +49,56 @@ _NOT_TAKEN: dict[str, NotTakenKind] = {
     "clipped by the frame: starts no track": "clipped at start",
     "stands where a neighbour of the one followed was": "neighbour",
 }
+_FIGURES = {
+    "value": r"(?P<value>[+-]?\d+\.\d)",
+    "bound": r"(?P<bound>-?\d+\.\d)",
+    "by": r"(?P<by>\d+\.\d|0\.\d{3}|less than 0\.001)",
+    "azimuth": r"(?P<azimuth>\d+)",
+    "side": "(?P<side>east|west|None)",
+    "later": r"(, (?P<later>\d+) s from now)?",
+    "ago": r"(?P<ago>\d+)",
+    "ahead": r"(?P<ahead>\d+\.\d)",
+    "detail": "(?P<detail>.*)",
+}
+_REFUSAL_WORDS: tuple[tuple[SlewRefusalKind, str], ...] = (
+    ("altitude", "altitude {value} deg is {by} below the limit of {bound}{later}"),
+    (
+        "horizon",
+        "altitude {value} deg is {by} below the horizon of {bound} at azimuth {azimuth}{later}",
+    ),
+    ("hour angle", "hour angle {value} deg is {by} beyond the limit of {bound}{later}"),
+    (
+        "pier",
+        "hour angle {value} deg {side} of the pier is {by} past the meridian's limit of"
+        " {bound}{later}",
+    ),
+    (
+        "polar axis",
+        "the polar axis stands {value} deg past the meridian, {by} beyond the limit of {bound}",
+    ),
+    ("Sun", "{value} deg from the Sun is {by} inside its cone of {bound}{later}"),
+    (
+        "past the Sun",
+        "the way there passes {value} deg from the Sun, {by} inside its cone of {bound}",
+    ),
+    (
+        "nearer to the Sun",
+        "the way there comes to {value} deg from the Sun, {by} nearer than {bound} before",
+    ),
+    ("twilight", "the Sun at altitude {value} deg is {by} above the limit of {bound}{later}"),
+    (
+        "meridian policy",
+        "hour angle {value} deg: the mount would change to the {side} side of its pier,"
+        r" and mount\.meridian is hold",
+    ),
+    ("direction", "{detail} is no direction"),
+    ("clock", "the clock says {detail}: set it"),
+    ("aimed before", "aimed for {ago} min ago, at most 5 are taken"),
+    ("aimed ahead", "aimed {ahead} h ahead, at most 2 are taken"),
+    ("ends before", "the exposure would end before it is aimed for or before now"),
+    ("ends ahead", "ends {ahead} h ahead, at most 4 are taken"),
+)
+_REFUSALS = tuple((kind, re.compile(said.format(**_FIGURES))) for kind, said in _REFUSAL_WORDS)
 _REFUSED = "slew refused: "
 _HIDDEN = re.compile(
     r"cloud: (?P<stars>\d+) stars where (?P<usual>\d+) were"
@@ -234,7 +286,8 @@ def hidden_by_all(words: str) -> tuple[HiddenBy | Told, ...]:
             break
         left, behind = before, [cause, *behind]
     if left.startswith(_REFUSED):
-        behind.insert(0, HiddenBy(kind="slew refused", refused=left.removeprefix(_REFUSED)))
+        refusal = slew_refusal(left.removeprefix(_REFUSED))
+        behind.insert(0, HiddenBy(kind="slew refused", refusal=refusal))
     elif left:
         behind.insert(0, Told(words=left))
     return tuple(behind)
@@ -255,6 +308,36 @@ def _hidden_by(words: str) -> HiddenBy | None:
     if found["percent"] is not None:
         return HiddenBy(kind="penumbra", sun_percent=float(found["percent"]))
     return HiddenBy(kind="shadow")
+
+
+def slew_refusal(words: str) -> SlewRefusal | Told:
+    """Why a slew was refused."""
+    for kind, pattern in _REFUSALS:
+        if (found := pattern.fullmatch(words)) is not None:
+            told = {name: said for name, said in found.groupdict().items() if said is not None}
+            return _refusal(kind, told)
+    return Told(words=words)
+
+
+def _refusal(kind: SlewRefusalKind, told: dict[str, str]) -> SlewRefusal:
+    def figure(name: str) -> float | None:
+        return float(told[name]) if name in told else None
+
+    by_deg = 0.0 if told.get("by") == "less than 0.001" else figure("by")
+    side = told.get("side")
+    return SlewRefusal(
+        kind=kind,
+        value_deg=figure("value"),
+        bound_deg=figure("bound"),
+        # What was told as 0.100 was less than 0.1, which is told with one decimal.
+        by_deg=0.0999 if told.get("by") == "0.100" else by_deg,
+        azimuth_deg=figure("azimuth"),
+        side="east" if side == "east" else "west" if side == "west" else None,
+        later_s=figure("later"),
+        ago_min=figure("ago"),
+        ahead_h=figure("ahead"),
+        detail=told.get("detail", ""),
+    )
 
 
 def track_lost(words: str) -> TrackLost | Told:
