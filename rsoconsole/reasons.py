@@ -301,7 +301,7 @@ class Missed:
     kind: MissKind
     """"instrument": it failed, and there was nothing to fold."""
     detail: str = ""
-    """Of kinds "not solved" and "instrument": what was said."""
+    """Of kinds "not solved" and "instrument": what was said, for people."""
     hidden_by: tuple[HiddenBy | Told, ...] = ()
     """What it is put down to: a refused slew, cloud, eclipse; most certain first."""
     lost: TrackLost | Told | None = None

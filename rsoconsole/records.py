@@ -201,6 +201,7 @@ class NotSolved:
 
     frame_id: int
     reason: str
+    """A description: nothing is decided by it."""
     ms: float
 
 
@@ -300,6 +301,7 @@ class SlewCommand:
     dec_icrs_deg: float
     t_aim_utc_ns: int
     reason: str
+    """A description; which track it leads to is told by ``track_id``."""
     track_id: int | None = None
     """The track that it leads to; None where it leads to none, as while searching."""
 
@@ -338,6 +340,7 @@ class OrbitEstimate:
     prior: str
     """By name; "none" for a free orbit."""
     reason: str
+    """A description, which adds figures to ``label``."""
     observations: int
     arc_s: float
     epoch_utc_ns: int
@@ -386,6 +389,7 @@ class Identified:
     track_id: int
     verdict: Literal["identified", "ambiguous", "unknown"]
     reason: str
+    """A description, which adds figures to ``verdict``."""
     hint: str
     """Of a manoeuvre; empty as a rule."""
     observations: int

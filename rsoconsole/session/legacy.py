@@ -1,7 +1,8 @@
 """Sessions of before in the language of today: the one place that knows how they were.
 
 Records of schema 1 to 3 carry no ids, and sentences for reasons; the first ones of schema 4 have
-sentences for what came of a command and for most of what spoke against a candidate. Which
+sentences for what came of a command, for most of what spoke against a candidate, for what a miss is
+put down to, for what ended a track and for why a slew was refused. Which
 measurement a track took is told by the track's own innovation, the two that began it by its first
 slope; both were exact when they were written.
 """

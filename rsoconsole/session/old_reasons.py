@@ -1,8 +1,8 @@
 """What reasons meant while they were sentences: the one place that reads prose.
 
-That were all of schema 1 to 3, and outcomes of commands and what spoke against a candidate in the
-first sessions of schema 4. What is not recognised is told as it was. Figures are those that the
-sentence told.
+That were all of schema 1 to 3, and in the first sessions of schema 4 outcomes of commands, what
+spoke against a candidate, what misses were put down to, what ended tracks and why slews were
+refused. What is not recognised is told as it was. Figures are those that the sentence told.
 """
 
 import re
