@@ -35,12 +35,22 @@ from rsoconsole.reasons import (
     Told,
     TrackLost,
 )
-from rsoconsole.records import Event, FrameTaken, Miss, NotFollowed, OperatorAction, StateChange
+from rsoconsole.records import (
+    Event,
+    FrameTaken,
+    Miss,
+    NotFollowed,
+    OperatorAction,
+    SlewCommand,
+    StateChange,
+    TrackState,
+)
 from rsoconsole.session import old_reasons
 from rsoconsole.session.codec import decode, encode
 from rsoconsole.session.legacy import decode_recorded
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.writer import SessionWriter
+from tests.engine_rig import rig
 from tests.old_nights import CONFIG, old_session
 
 PACKAGE = Path(reason_text.__file__).parent
@@ -226,6 +236,41 @@ def test_other_words_change_no_replay_no_alarm_and_no_what_if(
     with_nonsense = decided(night)
     request.getfixturevalue("monkeypatch").undo()
     assert with_nonsense == decided(night)
+
+
+WALL = SlewRefusal.beyond("altitude", 3.0, 15.0)
+
+
+def walled_night() -> list[Any]:
+    """What the engine puts on record where slews are refused from the seventh frame on."""
+    r = rig(set(range(1, 8)), CONFIG)
+    r.engine.arm()
+    r.engine.run(frames=6)
+    r.engine.slews.refusal = lambda *_, **__: WALL  # type: ignore[method-assign]
+    r.engine.run(frames=12)
+    return [decode(*encode(record)[::2]) for record in r.memory.records]
+
+
+def test_a_refused_slew_is_on_record_as_a_kind_and_replayed_bit_for_bit() -> None:
+    records = walled_night()
+    blocked = [r.blocked for r in records if isinstance(r, FrameTaken) and r.blocked is not None]
+    assert blocked == [WALL] * 5
+    hidden = [r.reason.hidden_by for r in records if isinstance(r, Miss)]  # type: ignore[union-attr]
+    assert hidden == [(HiddenBy(kind="slew refused", refusal=WALL),)] * 5
+    assert all(frame.is_as_recorded for frame in replay(records, CONFIG))
+
+
+def test_the_engine_does_the_same_whatever_a_refusal_is_worded_as(
+    nonsense: None, request: pytest.FixtureRequest
+) -> None:
+    with_nonsense = walled_night()
+    request.getfixturevalue("monkeypatch").undo()
+    plain = walled_night()
+    assert [type(record) for record in with_nonsense] == [type(record) for record in plain]
+    kept = Miss, FrameTaken, SlewCommand, StateChange, TrackState
+    assert [r for r in with_nonsense if isinstance(r, kept)] == [
+        r for r in plain if isinstance(r, kept)
+    ]
 
 
 def test_what_was_said_beside_the_kinds_changes_nothing_either(night: Path, tmp_path: Path) -> None:
