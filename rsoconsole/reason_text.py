@@ -7,6 +7,7 @@ from rsoconsole.reasons import (
     Cause,
     CommandResult,
     DroppedBy,
+    HiddenBy,
     Missed,
     MissKind,
     MotionMismatch,
@@ -15,7 +16,10 @@ from rsoconsole.reasons import (
     NotTaken,
     Reason,
     RuledKind,
+    SlewRefusal,
+    SlewRefusalKind,
     Told,
+    TrackLost,
 )
 
 _NOT_A_STREAK: dict[NotAStreakKind, str] = {
@@ -56,6 +60,41 @@ _DROPPED: dict[DroppedBy, str] = {
     "engine ended": "dropped: the engine ends",
 }
 
+_SLEW_REFUSED: dict[SlewRefusalKind, str] = {
+    "altitude": "altitude {value:.1f} deg is {by} below the limit of {bound:.1f}{later}",
+    "horizon": (
+        "altitude {value:.1f} deg is {by} below the horizon of {bound:.1f}"
+        " at azimuth {azimuth:.0f}{later}"
+    ),
+    "hour angle": "hour angle {value:.1f} deg is {by} beyond the limit of {bound:.1f}{later}",
+    "pier": (
+        "hour angle {value:.1f} deg {side} of the pier is {by} past the meridian's limit"
+        " of {bound:.1f}{later}"
+    ),
+    "polar axis": (
+        "the polar axis stands {value:.1f} deg past the meridian, {by} beyond the limit"
+        " of {bound:.1f}"
+    ),
+    "Sun": "{value:.1f} deg from the Sun is {by} inside its cone of {bound:.1f}{later}",
+    "past the Sun": (
+        "the way there passes {value:.1f} deg from the Sun, {by} inside its cone of {bound:.1f}"
+    ),
+    "nearer to the Sun": (
+        "the way there comes to {value:.1f} deg from the Sun, {by} nearer than {bound:.1f} before"
+    ),
+    "twilight": "the Sun at altitude {value:.1f} deg is {by} above the limit of {bound:.1f}{later}",
+    "meridian policy": (
+        "hour angle {value:+.1f} deg: the mount would change to the {side} side of its pier,"
+        " and mount.meridian is hold"
+    ),
+    "direction": "{detail} is no direction",
+    "clock": "the clock says {detail}: set it",
+    "aimed before": "aimed for {ago:.0f} min ago, at most 5 are taken",
+    "aimed ahead": "aimed {ahead:.1f} h ahead, at most 2 are taken",
+    "ends before": "the exposure would end before it is aimed for or before now",
+    "ends ahead": "ends {ahead:.1f} h ahead, at most 4 are taken",
+}
+
 _MISSED: dict[MissKind, str] = {
     "no detection": "no detection",
     "nothing fits": "nothing fits the prediction",
@@ -84,7 +123,14 @@ def text(reason: Reason) -> str:  # noqa: PLR0911 -- one case a kind
             return _result(reason)
         case Missed():
             said = _MISSED[reason.kind].replace("{detail}", reason.detail)
-            return "; ".join(part for part in (reason.hidden_by, said, reason.lost) if part)
+            lost = () if reason.lost is None else (text(reason.lost),)
+            return "; ".join(part for part in (*map(text, reason.hidden_by), said, *lost) if part)
+        case HiddenBy():
+            return _hidden_by(reason)
+        case SlewRefusal():
+            return _slew_refused(reason)
+        case TrackLost():
+            return _track_lost(reason)
         case Cause():
             return _cause(reason)
         case _:
@@ -160,6 +206,55 @@ def _mismatch(found: MotionMismatch | None) -> str:
             return "frames are not in order of time"
         case _:
             assert_never(found.kind)
+
+
+def _hidden_by(hidden: HiddenBy) -> str:
+    match hidden.kind:
+        case "slew refused":
+            return f"slew refused: {'' if hidden.refusal is None else text(hidden.refusal)}"
+        case "fewer stars":
+            return f"cloud: {hidden.stars} stars where {hidden.usual_stars} were"
+        case "fainter stars":
+            return f"cloud: the stars are {hidden.fainter_mag or 0.0:.1f} mag fainter"
+        case "few stars":
+            return f"only {hidden.stars} stars, cloud?"
+        case "shadow":
+            return "eclipse: in the Earth's shadow"
+        case "penumbra":
+            return f"eclipse: in the penumbra, {hidden.sun_percent or 0.0:.0f}% of the Sun left"
+        case _:
+            assert_never(hidden.kind)
+
+
+def _slew_refused(refusal: SlewRefusal) -> str:
+    by = 0.0 if refusal.by_deg is None else refusal.by_deg
+    told_by = f"{by:.1f}" if by >= 0.1 else f"{by:.3f}"
+    later = "" if refusal.later_s is None else f", {refusal.later_s:.0f} s from now"
+    return _SLEW_REFUSED[refusal.kind].format(
+        # An angle of -0.0 keeps its sign.
+        value=0.0 if refusal.value_deg is None else refusal.value_deg,
+        bound=0.0 if refusal.bound_deg is None else refusal.bound_deg,
+        by="less than 0.001" if by < 0.001 else told_by,
+        azimuth=0.0 if refusal.azimuth_deg is None else refusal.azimuth_deg,
+        side=refusal.side,
+        later=later,
+        ago=refusal.ago_min or 0.0,
+        ahead=refusal.ahead_h or 0.0,
+        detail=refusal.detail,
+    )
+
+
+def _track_lost(lost: TrackLost) -> str:
+    match lost.kind:
+        case "too wide":
+            return f"3 sigma of {lost.three_sigma_arcmin or 0.0:.0f} arcmin is too wide"
+        case "wider than the field":
+            wide = lost.three_sigma_arcmin or 0.0
+            return f"3 sigma of {wide:.0f} arcmin no longer fits the field"
+        case "coasted":
+            return f"coasted for {lost.coasted_min or 0.0:.0f} min"
+        case _:
+            assert_never(lost.kind)
 
 
 def _cause(reason: Cause) -> str:  # noqa: PLR0911, PLR0912 -- one case a kind

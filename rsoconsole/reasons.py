@@ -8,6 +8,13 @@ from typing import Literal, TypeAlias
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """A sentence of an old session that no kind says; only the decoder of old ones makes it."""
+
+    words: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BelowTau:
     """A candidate that passed every gate, and is not likely enough."""
 
@@ -124,6 +131,158 @@ def _tenths(value: float) -> float:
     return float(f"{value:.1f}")
 
 
+def _whole(value: float) -> float:
+    return float(f"{value:.0f}")
+
+
+SlewRefusalKind: TypeAlias = Literal[
+    "altitude",
+    "horizon",
+    "hour angle",
+    "pier",
+    "polar axis",
+    "Sun",
+    "past the Sun",
+    "nearer to the Sun",
+    "twilight",
+    "meridian policy",
+    "direction",
+    "clock",
+    "aimed before",
+    "aimed ahead",
+    "ends before",
+    "ends ahead",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlewRefusal:
+    """Why the telescope must not go or stay somewhere; figures as they are told."""
+
+    kind: SlewRefusalKind
+    """"Sun": there; "past the Sun" and "nearer to the Sun": on the way there."""
+    value_deg: float | None = None
+    """The angle that is held against a limit, to one decimal."""
+    bound_deg: float | None = None
+    by_deg: float | None = None
+    """How far beyond its bound it is: to one decimal, below 0.1 to three; 0 below 0.001."""
+    azimuth_deg: float | None = None
+    """Of "horizon", to the whole one."""
+    side: Literal["east", "west"] | None = None
+    """Of "pier": the side it is on; of "meridian policy": the one it would change to."""
+    later_s: float | None = None
+    """How far ahead that will be, to the whole one; None where it is now."""
+    ago_min: float | None = None
+    """Of "aimed before"."""
+    ahead_h: float | None = None
+    """Of "aimed ahead" and "ends ahead", to one decimal."""
+    detail: str = ""
+    """Of "direction" and "clock": what cannot be meant."""
+
+    @classmethod
+    def beyond(
+        cls,
+        kind: SlewRefusalKind,
+        value_deg: float,
+        bound_deg: float,
+        *,
+        azimuth_deg: float | None = None,
+        side: Literal["east", "west"] | None = None,
+        later_s: float = 0.0,
+    ) -> "SlewRefusal":
+        """An angle beyond its bound."""
+        return cls(
+            kind=kind,
+            value_deg=_tenths(value_deg),
+            bound_deg=_tenths(bound_deg),
+            by_deg=_as_told(abs(value_deg - bound_deg)),
+            azimuth_deg=None if azimuth_deg is None else _whole(azimuth_deg),
+            side=side,
+            later_s=_whole(later_s) if later_s >= 1.0 else None,
+        )
+
+    @classmethod
+    def by_policy(
+        cls, hour_angle_deg: float, side: Literal["east", "west"] | None
+    ) -> "SlewRefusal":
+        """The mount would change sides while a track is followed."""
+        return cls(kind="meridian policy", value_deg=_tenths(hour_angle_deg), side=side)
+
+    @classmethod
+    def by_instant(cls, kind: SlewRefusalKind, ahead_s: float = 0.0) -> "SlewRefusal":
+        """An instant too far from now."""
+        if kind == "aimed before":
+            return cls(kind=kind, ago_min=_whole(-ahead_s / 60.0))
+        return cls(kind=kind, ahead_h=_tenths(ahead_s / 3600.0))
+
+
+def _as_told(distance_deg: float) -> float:
+    """A distance from a bound with as many digits as it takes to show it."""
+    if distance_deg < 0.001:
+        return 0.0
+    if distance_deg >= 0.1:
+        return _tenths(distance_deg)
+    # What rounds up to 0.100 is still told to three decimals.
+    return min(float(f"{distance_deg:.3f}"), 0.0999)
+
+
+HiddenKind: TypeAlias = Literal[
+    "slew refused", "fewer stars", "fainter stars", "few stars", "shadow", "penumbra"
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HiddenBy:
+    """What a frame without a measurement is put down to; figures as they are told."""
+
+    kind: HiddenKind
+    """Cloud is "fewer stars" and "fainter stars" than before, and, where nothing is known of
+    before, "few stars"; eclipse is "shadow" and "penumbra"."""
+    refusal: SlewRefusal | Told | None = None
+    """Of "slew refused": why the slew to the track was."""
+    stars: int | None = None
+    """Of "fewer stars" and "few stars"."""
+    usual_stars: int | None = None
+    """Of "fewer stars": how many there were before."""
+    fainter_mag: float | None = None
+    """Of "fainter stars", to one decimal."""
+    sun_percent: float | None = None
+    """Of "penumbra": how much of the Sun is left, to the whole one."""
+
+    @classmethod
+    def by_faint_stars(cls, fainter_mag: float) -> "HiddenBy":
+        """Cloud that dims."""
+        return cls(kind="fainter stars", fainter_mag=_tenths(fainter_mag))
+
+    @classmethod
+    def by_penumbra(cls, lit: float) -> "HiddenBy":
+        """The Earth before some of the Sun, of which this share is left."""
+        return cls(kind="penumbra", sun_percent=_whole(100.0 * lit))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackLost:
+    """What ended a track that no measurement updates any more; figures as they are told."""
+
+    kind: Literal["too wide", "wider than the field", "coasted"]
+    three_sigma_arcmin: float | None = None
+    """Of the first two, to the whole one."""
+    coasted_min: float | None = None
+    """Of "coasted", to the whole one."""
+
+    @classmethod
+    def by_bounds(cls, three_sigma_arcmin: float, *, fits_field: bool) -> "TrackLost":
+        """Its place is no longer known well enough."""
+        kind: Literal["too wide", "wider than the field"]
+        kind = "too wide" if fits_field else "wider than the field"
+        return cls(kind=kind, three_sigma_arcmin=_whole(three_sigma_arcmin))
+
+    @classmethod
+    def by_time(cls, coasted_s: float) -> "TrackLost":
+        """It has been without a measurement for too long."""
+        return cls(kind="coasted", coasted_min=_whole(coasted_s / 60.0))
+
+
 MissKind: TypeAlias = Literal[
     "no detection",
     "nothing fits",
@@ -142,11 +301,11 @@ class Missed:
     kind: MissKind
     """"instrument": it failed, and there was nothing to fold."""
     detail: str = ""
-    """Of kinds "not solved" and "instrument": what was said."""
-    hidden_by: str = ""
+    """Of kinds "not solved" and "instrument": what was said, for people."""
+    hidden_by: tuple[HiddenBy | Told, ...] = ()
     """What it is put down to: a refused slew, cloud, eclipse; most certain first."""
-    lost: str = ""
-    """Why the track ends with it; empty where it goes on."""
+    lost: TrackLost | Told | None = None
+    """Why the track ends with it; None where it goes on."""
 
 
 CauseKind: TypeAlias = Literal[
@@ -184,7 +343,7 @@ class Cause:
     """By how much the clock was set."""
     detections: int | None = None
     """How many wait for a second frame."""
-    missed: "Missed | Told | None" = None
+    missed: Missed | Told | None = None
 
 
 FROM_OUTSIDE: frozenset[CauseKind] = frozenset(("limit met", "looked for again", "clock set"))
@@ -232,11 +391,15 @@ def done(detail: str) -> CommandResult:
     return CommandResult(kind="done", detail=detail)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
-    """A sentence of an old session that no kind says; only the decoder of old ones makes it."""
-
-    words: str
-
-
-Reason: TypeAlias = BelowTau | NotAStreak | NotTaken | Missed | Cause | CommandResult | Told
+Reason: TypeAlias = (
+    BelowTau
+    | NotAStreak
+    | NotTaken
+    | Missed
+    | HiddenBy
+    | SlewRefusal
+    | TrackLost
+    | Cause
+    | CommandResult
+    | Told
+)

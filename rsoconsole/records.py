@@ -14,7 +14,16 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.reasons import BelowTau, Cause, CommandResult, Missed, NotAStreak, NotTaken, Told
+from rsoconsole.reasons import (
+    BelowTau,
+    Cause,
+    CommandResult,
+    Missed,
+    NotAStreak,
+    NotTaken,
+    SlewRefusal,
+    Told,
+)
 
 FloatArray = npt.NDArray[np.float64]
 PixelArray = npt.NDArray[np.uint16] | npt.NDArray[np.float32]
@@ -192,6 +201,7 @@ class NotSolved:
 
     frame_id: int
     reason: str
+    """A description: nothing is decided by it."""
     ms: float
 
 
@@ -291,6 +301,7 @@ class SlewCommand:
     dec_icrs_deg: float
     t_aim_utc_ns: int
     reason: str
+    """A description; which track it leads to is told by ``track_id``."""
     track_id: int | None = None
     """The track that it leads to; None where it leads to none, as while searching."""
 
@@ -329,6 +340,7 @@ class OrbitEstimate:
     prior: str
     """By name; "none" for a free orbit."""
     reason: str
+    """A description, which adds figures to ``label``."""
     observations: int
     arc_s: float
     epoch_utc_ns: int
@@ -377,6 +389,7 @@ class Identified:
     track_id: int
     verdict: Literal["identified", "ambiguous", "unknown"]
     reason: str
+    """A description, which adds figures to ``verdict``."""
     hint: str
     """Of a manoeuvre; empty as a rule."""
     observations: int
@@ -429,7 +442,7 @@ class FrameTaken:
     height_px: int
     pointing_ra_icrs_deg: float | None
     pointing_dec_icrs_deg: float | None
-    blocked: str | None = None
+    blocked: SlewRefusal | Told | None = None
     """Why the slew to what is followed was refused before it; None where nothing was."""
 
     @property

@@ -11,15 +11,15 @@ from rsoconsole.pipeline.absence import (
     StarHistory,
     Stars,
     counted,
+    eclipse_of,
     explain_absence,
     is_geostationary_like,
     next_eclipse_utc_ns,
-    shadow_words,
 )
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Missed
+from rsoconsole.reasons import Missed, SlewRefusal
 from rsoconsole.records import (
     Detections,
     Frame,
@@ -127,8 +127,8 @@ TABLE = [
         200,
         CLEAR,
         DAY,
-        "altitude 14.9 deg is below the limit 15.0",
-        "slew refused: altitude 14.9 deg is below the limit 15.0; no detection",
+        SlewRefusal.beyond("altitude", 14.8, 15.0),
+        "slew refused: altitude 14.8 deg is 0.2 below the limit of 15.0; no detection",
     ),
 ]
 
@@ -159,7 +159,7 @@ def test_without_a_track_there_is_neither_eclipse_nor_refused_slew():
         track=None,
         site=DAYTONA,
         t_utc_ns=SHADOW,
-        blocked="the Sun",
+        blocked=SlewRefusal.beyond("Sun", 12.0, 40.0),
     )
     assert text(found) == "no detection"
 
@@ -167,22 +167,25 @@ def test_without_a_track_there_is_neither_eclipse_nor_refused_slew():
 def test_the_equinox_eclipse_is_as_long_as_published_and_lies_about_the_slots_midnight():
     """Up to ~70 min with the penumbra, ~67 of it dark, centred on the slot's solar midnight."""
     minutes = np.arange(-50, 50.5, 0.5)
-    words = [
-        shadow_words(track(at), DAYTONA, at)
+    found = [
+        eclipse_of(track(at), DAYTONA, at)
         for at in (SHADOW + round(m * MINUTE_NS) for m in minutes)
     ]
-    dark = np.array([bool(each) and "shadow" in each for each in words])
-    dimmed = np.array([each is not None for each in words])
+    dark = np.array([each is not None and each.kind == "shadow" for each in found])
+    dimmed = np.array([each is not None for each in found])
     assert np.sum(dark) * 0.5 == pytest.approx(67.0, abs=2.0)
     assert np.sum(dimmed) * 0.5 == pytest.approx(71.5, abs=2.0)
     assert np.mean(minutes[dark]) == pytest.approx(0.0, abs=1.5)
-    penumbra = [each for each in words if each and "penumbra" in each]
-    assert all(each.endswith("of the Sun left") for each in penumbra)
+    penumbra = [each for each in found if each and each.kind == "penumbra"]
+    assert all(text(each).endswith("% of the Sun left") for each in penumbra)
+    left = [each.sun_percent for each in penumbra]
+    assert left
+    assert all(percent is not None and 0.0 <= percent <= 100.0 for percent in left)
 
 
 def test_there_is_no_eclipse_at_midsummer():
     midnight_ns = iso_to_utc_ns("2023-06-21T03:02:00Z")
-    assert shadow_words(track(midnight_ns), DAYTONA, midnight_ns) is None
+    assert eclipse_of(track(midnight_ns), DAYTONA, midnight_ns) is None
     assert next_eclipse_utc_ns(direction(midnight_ns), DAYTONA, midnight_ns) is None
 
 
@@ -193,7 +196,7 @@ def test_there_is_no_eclipse_at_midsummer():
 def test_only_what_stays_over_the_ground_is_looked_for_in_the_shadow(rate_deg_s, is_geo):
     moving = track(SHADOW, rate_deg_s=rate_deg_s)
     assert is_geostationary_like(moving) is is_geo
-    assert (shadow_words(moving, DAYTONA, SHADOW) is not None) is is_geo
+    assert (eclipse_of(moving, DAYTONA, SHADOW) is not None) is is_geo
 
 
 @pytest.mark.parametrize("ahead_h", [1, 6, 20])
@@ -203,8 +206,8 @@ def test_the_next_eclipse_begins_when_the_penumbra_does(ahead_h):
     assert begins_ns is not None
     two_minutes = 2 * MINUTE_NS
     assert begins_ns == pytest.approx(SHADOW - 71.5 / 2 * MINUTE_NS, abs=two_minutes)
-    assert shadow_words(track(begins_ns), DAYTONA, begins_ns - 30 * NS) is None
-    assert shadow_words(track(begins_ns), DAYTONA, begins_ns + 30 * NS) is not None
+    assert eclipse_of(track(begins_ns), DAYTONA, begins_ns - 30 * NS) is None
+    assert eclipse_of(track(begins_ns), DAYTONA, begins_ns + 30 * NS) is not None
 
 
 def test_in_an_eclipse_the_next_one_is_now():
@@ -259,7 +262,7 @@ def test_the_misses_of_a_night_are_named_and_a_second_run_says_the_same():
                 t_start_utc_ns=start_ns + number * 30 * NS + late_ns,
                 exposure_s=10.0,
             )
-            blocked = "hour angle 121.0 deg" if number == 5 else None
+            blocked = SlewRefusal.beyond("hour angle", 121.0, 120.0) if number == 5 else None
             # Bounds never end it here: only the words are looked at.
             lead = (Tracked(track=track(start_ns)),)
             following = dataclasses.replace(following, state="TRACK", tracks=lead)
@@ -273,7 +276,7 @@ def test_the_misses_of_a_night_are_named_and_a_second_run_says_the_same():
         "no detection",
         "no detection",
         "cloud: 5 stars where 200 were",
-        "slew refused: hour angle 121.0 deg",
+        "slew refused: hour angle 121.0 deg is 1.0 beyond the limit of 120.0",
         "eclipse: in the Earth's shadow",
     ]
     assert night() == first

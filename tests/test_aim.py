@@ -15,6 +15,7 @@ from rsoconsole.pipeline.aim import (
     side_at_arrival,
     target_direction,
 )
+from rsoconsole.reason_text import text
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.belt import belt_declination_deg, slot_direction
@@ -187,5 +188,5 @@ def test_the_side_changes_past_the_meridian_and_its_hysteresis(
     assert (refused is not None) is (after != present)
     assert flip_refusal(DAYTONA, mount, direction, T_UTC_NS, present) is None
     if refused is not None:
-        assert f"{hour_angle_deg:+.1f} deg" in refused
-        assert f"{after} side" in refused
+        assert f"{hour_angle_deg:+.1f} deg" in text(refused)
+        assert f"{after} side" in text(refused)

@@ -10,7 +10,7 @@ from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.night import FrameRow, NightView
 from rsoconsole.pipeline.outlook import Outlook
 from rsoconsole.records import CycleTiming
-from rsoconsole.sky.refusals import Refusal
+from rsoconsole.sky.refusals import beyond
 from tests.makers import NS, T0_UTC_NS
 
 NOW = T0_UTC_NS
@@ -59,7 +59,7 @@ def test_what_the_telescope_does_now_has_a_countdown():
 
 
 def test_what_comes_is_told_the_soonest_first_with_clock_and_time_left():
-    refusal = Refusal(limit="altitude", value_deg=15.0, bound_deg=15.0, text="")
+    refusal = beyond("altitude", 15.0, 15.0)
     sky = dataclasses.replace(
         SKY, target_limit=(NOW + 3 * HOUR, refusal), eclipse_utc_ns=NOW + 42 * 60 * NS
     )

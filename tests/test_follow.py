@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Missed
+from rsoconsole.reasons import HiddenBy, Missed
 from rsoconsole.records import Measurement, Miss, NotFollowed, StateChange
 from rsoconsole.tracking.follow import Following, FollowSettings, Seen, follow
 from tests.makers import GEO_RATE_DEG_S, NS, T0_UTC_NS, geo_measurement
@@ -266,7 +266,7 @@ def test_of_two_near_neighbours_each_is_paired_with_itself():
 
 
 def test_what_a_miss_is_put_down_to_is_on_record():
-    cloud = Missed(kind="no detection", hidden_by="cloud: 3 stars where 200 were")
+    cloud = Missed(kind="no detection", hidden_by=(HiddenBy(kind="few stars", stars=3),))
     sight = dataclasses.replace(seen(5), absence=cloud)
     _, records = follow(locked(), sight, SETTINGS)
     assert [r.reason for r in records if isinstance(r, Miss)] == [sight.absence]

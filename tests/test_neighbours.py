@@ -7,7 +7,7 @@ import pytest
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Missed
+from rsoconsole.reasons import HiddenBy, Missed
 from rsoconsole.records import Miss, NotFollowed, TrackState
 from rsoconsole.sky.wcs import tan_wcs
 from rsoconsole.tracking.follow import CANNOT_TELL, Following, FollowSettings, follow
@@ -129,7 +129,7 @@ def test_what_a_miss_without_a_known_identity_is_put_down_to():
     beside = (Neighbour(east_arcsec=216.0, north_arcsec=0.0, t_utc_ns=T0_UTC_NS),)
     lead = dataclasses.replace(following.tracks[0], neighbours=beside)
     following = dataclasses.replace(following, tracks=(lead,))
-    absence = Missed(kind="nothing fits", hidden_by="cloud: the stars are 0.9 mag fainter")
+    absence = Missed(kind="nothing fits", hidden_by=(HiddenBy.by_faint_stars(0.9),))
     _, records = follow(
         following, dataclasses.replace(seen(LONG, sight), absence=absence), SETTINGS
     )

@@ -9,6 +9,7 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.engine.plan import Plan, Planner
 from rsoconsole.instruments.ports import MountReport
+from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Frame, SlewCommand
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
@@ -71,14 +72,18 @@ class Loop:
         ]
 
 
+def behind_a_tree(hour_angle_deg: float) -> SlewRefusal:
+    return SlewRefusal(kind="hour angle", value_deg=round(hour_angle_deg), bound_deg=1.0)
+
+
 def refuses(*hour_angles_deg: float) -> Any:
     """Limits that forbid these hour angles; notes every question."""
 
-    def is_refused(slew: SlewCommand, until_utc_ns: int) -> str | None:
+    def is_refused(slew: SlewCommand, until_utc_ns: int) -> SlewRefusal | None:
         angle = hour_angle_icrs_deg(SITE, slew.ra_icrs_deg, slew.dec_icrs_deg, slew.t_aim_utc_ns)
         assert until_utc_ns == slew.t_aim_utc_ns + 5 * NS
         if any(abs(angle - each) < 0.1 for each in hour_angles_deg):
-            return f"hour angle {angle:.0f} deg is behind a tree"
+            return behind_a_tree(angle)
         return None
 
     return is_refused
@@ -105,7 +110,7 @@ def test_a_refused_place_is_told_once_until_it_was_allowed_again():
         plan = loop.planner.plan(SEARCHING, loop.now_ns, limits)
         told += [why for _, why in plan.refused]
         loop.expose(plan, SEARCHING, SEARCHING)
-    assert told == ["hour angle -30 deg is behind a tree"] * 2
+    assert told == [behind_a_tree(-30.0)] * 2
 
 
 def test_where_nothing_is_left_to_search_every_refusal_is_told_each_time():
@@ -171,11 +176,11 @@ def test_a_lost_satellite_is_looked_for_where_it_was_lost_before_the_list_goes_o
 
 def test_a_refused_track_keeps_the_telescope_where_it_is_and_says_why_at_every_frame():
     loop = Loop({"search": {"recentre": "every"}})
-    following = locked()
-    first = loop.planner.plan(following, T0_UTC_NS + 120 * NS, lambda *_: "behind a tree")
-    again = loop.planner.plan(following, T0_UTC_NS + 120 * NS, lambda *_: "behind a tree")
+    following, tree = locked(), behind_a_tree(3.0)
+    first = loop.planner.plan(following, T0_UTC_NS + 120 * NS, lambda *_: tree)
+    again = loop.planner.plan(following, T0_UTC_NS + 120 * NS, lambda *_: tree)
     assert (first.slew, again.slew) == (None, None)
-    assert (first.blocked, again.blocked) == ("behind a tree", "behind a tree")
+    assert (first.blocked, again.blocked) == (tree, tree)
     assert [len(plan.refused) for plan in (first, again)] == [1, 0]
     free = loop.planner.plan(following, T0_UTC_NS + 120 * NS, lambda *_: None)
     assert (free.blocked, free.refused) == (None, ())
@@ -195,11 +200,13 @@ def test_the_meridian_policy_holds_while_a_track_is_followed(meridian, is_search
     ra_deg, dec_deg = icrs_of_hour_angle(SITE, 5.0, -5.0, now_ns)
     x = (ra_deg, following.track.x[1], dec_deg, 0.0)
     track = dataclasses.replace(following.track, x=x, t_utc_ns=now_ns)
-    following = dataclasses.replace(following, track=track)
+    lead = dataclasses.replace(following.tracks[0], track=track)
+    following = dataclasses.replace(following, tracks=(lead,))
     plan = loop.planner.plan(SEARCHING if is_searching else following, now_ns, refuses(-30))
     assert (plan.blocked is not None) is is_blocked
     if is_blocked:
-        assert "hold" in (plan.blocked or "")
+        assert plan.blocked is not None
+        assert plan.blocked.kind == "meridian policy"
     assert loop.hour_angle(plan) == pytest.approx(5.0, abs=0.3) or is_blocked
 
 

@@ -1,7 +1,9 @@
 """Reasons are kinds with figures: what they are worded as decides nothing."""
 
 import ast
+import dataclasses
 import itertools
+import json
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -22,17 +24,33 @@ from rsoconsole.pipeline.what_if import what_if
 from rsoconsole.reasons import (
     Cause,
     CommandResult,
+    HiddenBy,
+    HiddenKind,
     Missed,
     NotAStreak,
     NotAStreakKind,
     NotTaken,
+    SlewRefusal,
+    SlewRefusalKind,
     Told,
+    TrackLost,
 )
-from rsoconsole.records import Event, Miss, NotFollowed, OperatorAction, StateChange
+from rsoconsole.records import (
+    Event,
+    FrameTaken,
+    Miss,
+    NotFollowed,
+    OperatorAction,
+    SlewCommand,
+    StateChange,
+    TrackState,
+)
 from rsoconsole.session import old_reasons
 from rsoconsole.session.codec import decode, encode
+from rsoconsole.session.legacy import decode_recorded
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.writer import SessionWriter
+from tests.engine_rig import rig
 from tests.old_nights import CONFIG, old_session
 
 PACKAGE = Path(reason_text.__file__).parent
@@ -55,12 +73,24 @@ OF_FOLD = {"waiting", "two frames agree", "measured again", "missed"}
 """Causes that the fold itself finds: a replay finds them again, detail and all."""
 
 
-@pytest.fixture(params=["busy", "ruled"])
+REFUSAL = SlewRefusal(kind="clock", detail="1970-01-01")
+"""A refusal of which some is free words."""
+
+
+@pytest.fixture(params=["busy", "ruled", "busy, refused", "ruled, refused"])
 def night(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
-    """A session of today, with all that was recorded in an old one."""
-    old = SessionReader(old_session(tmp_path / "old", request.param))
+    """A session of today, with all that was recorded in an old one.
+
+    "refused": as it would have been with every slew to a track refused.
+    """
+    name, _, refused = request.param.partition(", ")
+    old = SessionReader(old_session(tmp_path / "old", name))
+    log = [(t_utc_ns, record) for _, t_utc_ns, record in old.records()]
+    if refused:
+        blocked = [(t_utc_ns, with_refusal(record, REFUSAL)) for t_utc_ns, record in log]
+        log = list(retell(blocked, CONFIG, tried={}).log)
     writer = SessionWriter.create(tmp_path / "night", CONFIG, {})
-    for _, t_utc_ns, record in old.records():
+    for t_utc_ns, record in log:
         writer.append(record, t_utc_ns)
     for outcome in OUTCOMES:
         action = OperatorAction(verb="goto", arguments={}, outcome=outcome, by="console a@b")
@@ -68,6 +98,12 @@ def night(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     writer.close()
     assert writer.faults == ()
     return tmp_path / "night"
+
+
+def with_refusal(record: Any, refusal: SlewRefusal | Told | None) -> Any:
+    return (
+        dataclasses.replace(record, blocked=refusal) if isinstance(record, FrameTaken) else record
+    )
 
 
 @pytest.fixture
@@ -155,11 +191,11 @@ def alarms(folder: Path, log: list[tuple[int, Any]]) -> list[tuple[int, str]]:
     return rung
 
 
-def garbled(record: Any) -> Any:
+def garbled(record: Any) -> Any:  # noqa: PLR0911 -- one case a kind
     """The record with other words wherever words are free."""
-    import dataclasses
-
     match record:
+        case FrameTaken(blocked=SlewRefusal() as refusal):
+            return with_refusal(record, dataclasses.replace(refusal, detail="zuio"))
         case Event():
             return dataclasses.replace(record, text="qwertz")
         case StateChange(reason=Cause() as cause) if cause.kind not in OF_FOLD:
@@ -172,9 +208,26 @@ def garbled(record: Any) -> Any:
             return dataclasses.replace(record, outcome=other_way)
         case Miss(reason=Missed(kind="instrument") as missed):
             return dataclasses.replace(
-                record, reason=dataclasses.replace(missed, detail="uiop", hidden_by="jkl")
+                record,
+                reason=dataclasses.replace(missed, detail="uiop", hidden_by=(Told(words="jkl"),)),
             )
+        case Miss(reason=Missed() as missed):
+            return dataclasses.replace(record, reason=garbled_miss(missed))
+        case StateChange(reason=Cause(missed=Missed() as missed) as cause):
+            cause = dataclasses.replace(cause, missed=garbled_miss(missed))
+            return dataclasses.replace(record, reason=cause)
     return record
+
+
+def garbled_miss(missed: Missed) -> Missed:
+    """As the fold finds it where the refusal before the frame was garbled."""
+    hidden_by = tuple(
+        dataclasses.replace(each, refusal=dataclasses.replace(each.refusal, detail="zuio"))
+        if isinstance(each, HiddenBy) and isinstance(each.refusal, SlewRefusal)
+        else each
+        for each in missed.hidden_by
+    )
+    return dataclasses.replace(missed, hidden_by=hidden_by)
 
 
 def test_other_words_change_no_replay_no_alarm_and_no_what_if(
@@ -183,6 +236,41 @@ def test_other_words_change_no_replay_no_alarm_and_no_what_if(
     with_nonsense = decided(night)
     request.getfixturevalue("monkeypatch").undo()
     assert with_nonsense == decided(night)
+
+
+WALL = SlewRefusal.beyond("altitude", 3.0, 15.0)
+
+
+def walled_night() -> list[Any]:
+    """What the engine puts on record where slews are refused from the seventh frame on."""
+    r = rig(set(range(1, 8)), CONFIG)
+    r.engine.arm()
+    r.engine.run(frames=6)
+    r.engine.slews.refusal = lambda *_, **__: WALL  # type: ignore[method-assign]
+    r.engine.run(frames=12)
+    return [decode(*encode(record)[::2]) for record in r.memory.records]
+
+
+def test_a_refused_slew_is_on_record_as_a_kind_and_replayed_bit_for_bit() -> None:
+    records = walled_night()
+    blocked = [r.blocked for r in records if isinstance(r, FrameTaken) and r.blocked is not None]
+    assert blocked == [WALL] * 5
+    hidden = [r.reason.hidden_by for r in records if isinstance(r, Miss)]  # type: ignore[union-attr]
+    assert hidden == [(HiddenBy(kind="slew refused", refusal=WALL),)] * 5
+    assert all(frame.is_as_recorded for frame in replay(records, CONFIG))
+
+
+def test_the_engine_does_the_same_whatever_a_refusal_is_worded_as(
+    nonsense: None, request: pytest.FixtureRequest
+) -> None:
+    with_nonsense = walled_night()
+    request.getfixturevalue("monkeypatch").undo()
+    plain = walled_night()
+    assert [type(record) for record in with_nonsense] == [type(record) for record in plain]
+    kept = Miss, FrameTaken, SlewCommand, StateChange, TrackState
+    assert [r for r in with_nonsense if isinstance(r, kept)] == [
+        r for r in plain if isinstance(r, kept)
+    ]
 
 
 def test_what_was_said_beside_the_kinds_changes_nothing_either(night: Path, tmp_path: Path) -> None:
@@ -201,12 +289,26 @@ def test_a_night_of_today_comes_again_bit_for_bit(night: Path) -> None:
     assert any(rung for rung in decided(night)["alarms"])
 
 
+def test_the_nights_hold_the_reasons_that_are_worded_as_nonsense(tmp_path: Path) -> None:
+    """Else the tests above would show nothing of them."""
+    old = SessionReader(old_session(tmp_path / "old", "busy"))
+    log = [(t_utc_ns, with_refusal(r, REFUSAL)) for _, t_utc_ns, r in old.records()]
+    misses = [r.reason for _, r in retell(log, CONFIG, tried={}).log if isinstance(r, Miss)]
+    told = [each for each in misses if isinstance(each, Missed)]
+    assert any(each.lost == TrackLost(kind="coasted", coasted_min=2.0) for each in told)
+    hidden = [by for each in told for by in each.hidden_by]
+    assert HiddenBy(kind="slew refused", refusal=REFUSAL) in hidden
+    assert HiddenBy(kind="fewer stars", stars=12, usual_stars=207) in hidden
+
+
 def test_the_text_in_the_log_is_for_people_and_is_not_read_back() -> None:
     gate = NotTaken.by_gate(18.234, 11.83)
-    miss = Miss(frame_id=1, reason=Missed(kind="no detection", hidden_by="cloud"))
+    hidden_by = (HiddenBy(kind="few stars", stars=3), HiddenBy(kind="shadow"))
+    miss = Miss(frame_id=1, reason=Missed(kind="no detection", hidden_by=hidden_by))
     kind, _, body = encode(miss)
-    assert '"text":"cloud; no detection"' in body
-    assert decode(kind, body.replace("cloud; no detection", "asdf")) == miss
+    said = "only 3 stars, cloud?; eclipse: in the Earth's shadow; no detection"
+    assert f'"text":"{said}"' in body
+    assert decode(kind, body.replace(said, "asdf").replace("only 3 stars", "asdf")) == miss
     assert (gate.nis, gate.limit) == (18.2, 11.8)
 
 
@@ -238,6 +340,8 @@ def test_every_old_sentence_of_the_fold_is_understood(tmp_path: Path) -> None:
         ("cloud: 12 stars where 200 were; no detection", old_reasons.missed),
         ("slew refused: a; b; nothing fits the prediction; coasted for 5 min", old_reasons.missed),
         ("detected, but not solved: 7 stars; 8 needed", old_reasons.missed),
+        ("no detection; 3 sigma of 40 arcmin is too wide", old_reasons.missed),
+        ("coasted for 15 min", old_reasons.track_lost),
         ("confidence 0.05 below tau 0.10", old_reasons.rejected),
         ("limit met: altitude 14.9 deg, 15 at least", old_reasons.cause),
         ("looked for again by console a@b", old_reasons.cause),
@@ -253,6 +357,122 @@ def test_an_old_sentence_becomes_a_kind_that_says_the_same(words: str, read: Any
     reason = read(words)
     assert not isinstance(reason, Told)
     assert reason_text.text(reason) == words
+
+
+BEFORE = '{"frame_id":9,"reason":{"kind":"no detection","detail":"","hidden_by":"","lost":""}}'
+"""A miss in the first sessions of schema 4."""
+
+
+def miss_of_before(member: str, words: str) -> Any:
+    body = BEFORE.replace(f'"{member}":""', f'"{member}":{json.dumps(words)}')
+    miss = decode_recorded("Miss", body)
+    assert isinstance(miss, Miss)
+    assert decode_recorded(*encode(miss)[::2]) == miss
+    return miss.reason
+
+
+@pytest.mark.parametrize(
+    ("words", "kinds"),
+    [
+        ("cloud: 12 stars where 200 were", ["fewer stars"]),
+        (
+            "cloud: 1 stars where 400 were; eclipse: in the Earth's shadow",
+            ["fewer stars", "shadow"],
+        ),
+        ("cloud: the stars are 0.9 mag fainter", ["fainter stars"]),
+        ("only 2 stars, cloud?", ["few stars"]),
+        ("eclipse: in the penumbra, 7% of the Sun left", ["penumbra"]),
+        ("slew refused: a; b; only 2 stars, cloud?", ["slew refused", "few stars"]),
+        ("slew refused: altitude 14.9 deg is 0.1 below the limit of 15.0", ["slew refused"]),
+    ],
+)
+def test_what_a_miss_was_put_down_to_is_told_again_in_the_same_words(
+    words: str, kinds: list[HiddenKind]
+) -> None:
+    reason = miss_of_before("hidden_by", words)
+    assert [each.kind for each in reason.hidden_by] == kinds
+    assert reason_text.text(reason) == f"{words}; no detection"
+    old = old_reasons.missed(f"{words}; no detection")
+    assert old == reason
+
+
+FIGURES = {"value_deg": -0.0, "bound_deg": 15.0, "by_deg": 0.023, "ago_min": 7.0, "ahead_h": 2.5}
+OF_KIND: dict[str, dict[str, Any]] = {
+    "horizon": {"azimuth_deg": 271.0, "later_s": 40.0},
+    "pier": {"side": "east", "by_deg": 0.0},
+    "meridian policy": {"side": "west"},
+    "direction": {"detail": "RA nan Dec 91.0"},
+    "clock": {"detail": "1970-01-01T00:00:00Z"},
+}
+
+
+@pytest.mark.parametrize("kind", get_args(SlewRefusalKind))
+def test_why_a_slew_was_refused_is_told_again_in_the_same_words(kind: SlewRefusalKind) -> None:
+    words = reason_text.text(SlewRefusal(kind=kind, **(FIGURES | OF_KIND.get(kind, {}))))
+    refusal = old_reasons.slew_refusal(words)
+    assert isinstance(refusal, SlewRefusal)
+    assert (refusal.kind, reason_text.text(refusal)) == (kind, words)
+    taken = decode_recorded("FrameTaken", TAKEN_BEFORE.replace("BLOCKED", json.dumps(words)))
+    assert isinstance(taken, FrameTaken)
+    assert taken.blocked == refusal
+    assert decode_recorded(*encode(taken)[::2]) == taken
+
+
+TAKEN_BEFORE = (
+    '{"frame_id":1,"name":"a","t_start_utc_ns":1,"exposure_s":1.0,"width_px":1,"height_px":1,'
+    '"pointing_ra_icrs_deg":null,"pointing_dec_icrs_deg":null,"blocked":BLOCKED}'
+)
+
+
+@pytest.mark.parametrize(
+    ("excess_deg", "told"),
+    [(0.0004, "less than 0.001"), (0.0234, "0.023"), (0.0996, "0.100"), (0.14, "0.1")],
+)
+def test_a_distance_from_a_limit_is_told_with_the_digits_it_takes(
+    excess_deg: float, told: str
+) -> None:
+    refusal = SlewRefusal.beyond("altitude", 20.0 - excess_deg, 20.0)
+    words = reason_text.text(refusal)
+    assert f" is {told} below the limit of 20.0" in words
+    assert old_reasons.slew_refusal(words) == refusal
+
+
+def test_what_no_version_put_a_miss_down_to_stays_as_it_was() -> None:
+    reason = miss_of_before("hidden_by", "fog; only 2 stars, cloud?")
+    assert reason.hidden_by == (Told(words="fog"), HiddenBy(kind="few stars", stars=2))
+    assert reason_text.text(reason) == "fog; only 2 stars, cloud?; no detection"
+
+
+def test_a_change_of_state_and_what_began_no_track_tell_it_again_too() -> None:
+    inner = f'"missed":{json.loads(BEFORE)["reason"]}'.replace("'", '"')
+    inner = inner.replace('"hidden_by": ""', '"hidden_by": "only 2 stars, cloud?"')
+    change = decode_recorded(
+        "StateChange",
+        f'{{"frame_id":9,"before":"TRACK","after":"COAST","reason":{{"kind":"missed",{inner}}}}}',
+    )
+    assert isinstance(change, StateChange)
+    assert reason_text.text(change.reason) == "only 2 stars, cloud?; no detection"
+    assert isinstance(change.reason, Cause)
+    assert isinstance(change.reason.missed, Missed)
+    assert change.reason.missed.hidden_by == (HiddenBy(kind="few stars", stars=2),)
+
+
+@pytest.mark.parametrize(
+    ("words", "kind", "figure"),
+    [
+        ("3 sigma of 40 arcmin is too wide", "too wide", 40.0),
+        ("3 sigma of 71 arcmin no longer fits the field", "wider than the field", 71.0),
+        ("coasted for 5 min", "coasted", 5.0),
+    ],
+)
+def test_what_ended_a_track_was_a_sentence_in_the_first_sessions_of_schema_4(
+    words: str, kind: str, figure: float
+) -> None:
+    reason = miss_of_before("lost", words)
+    assert isinstance(reason.lost, TrackLost)
+    assert reason.lost.kind == kind
+    assert figure in {reason.lost.three_sigma_arcmin, reason.lost.coasted_min}
+    assert reason_text.text(reason) == f"no detection; {words}"
 
 
 def test_what_no_version_has_written_stays_as_it_was() -> None:
@@ -347,7 +567,17 @@ def test_an_outcome_of_today_is_a_sentence_and_a_kind_in_sql(night: Path) -> Non
 
 READ_SENTENCES = {"session/legacy.py", "session/old_reasons.py"}
 """They decode what older versions wrote; whoever else reads a sentence decides by its words."""
-REASONS = {"reason", "outcome", "detail", "missed", "hidden_by", "lost", "refusal", "blocked"}
+REASONS = {
+    "reason",
+    "outcome",
+    "detail",
+    "missed",
+    "hidden_by",
+    "lost",
+    "refusal",
+    "blocked",
+    "refused",
+}
 BY_WORDS = {"startswith", "endswith", "removeprefix", "removesuffix", "partition", "find", "index"}
 
 

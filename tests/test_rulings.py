@@ -16,7 +16,7 @@ from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.rulings import KEPT
 from rsoconsole.pipeline.what_if import as_recorded, figures_of
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import BelowTau, NotTaken
+from rsoconsole.reasons import BelowTau, NotTaken, SlewRefusal
 from rsoconsole.records import (
     Event,
     FollowedAgain,
@@ -393,10 +393,10 @@ def test_nothing_is_looked_for_while_held_nor_where_it_must_not_be_looked():
     assert "resume first" in say(r, "seek").message
     assert r.engine.following.state == "TRACK"
     say(r, "resume")
-    r.engine.slews.refusal = lambda *_, **__: "altitude 3 deg, 15 at least"
+    r.engine.slews.refusal = lambda *_, **__: SlewRefusal.beyond("altitude", 3.0, 15.0)
     refused = say(r, "seek")
     assert not refused.ok
-    assert "altitude 3 deg" in refused.message
+    assert "altitude 3.0 deg" in refused.message
     assert r.engine.following.state == "TRACK"
 
 
@@ -405,7 +405,8 @@ def test_a_spiral_without_a_place_left_goes_home_and_ends_nothing():
     r.engine.run(frames=6)
     assert say(r, "seek").ok
     plain, spiral = r.engine.slews.refusal, r.engine.planner._search
-    r.engine.slews.refusal = lambda *a, **k: "a wall" if spiral.is_spiral else plain(*a, **k)
+    wall = SlewRefusal.beyond("altitude", 3.0, 15.0)
+    r.engine.slews.refusal = lambda *a, **k: wall if spiral.is_spiral else plain(*a, **k)
     r.engine.run(frames=9)
     assert r.engine.charge.state == "SEARCH"
     assert any("nothing left to look at" in event.text for event in r.memory.of(Event))

@@ -15,6 +15,7 @@ from rsoconsole.engine.hands import Interrupted
 from rsoconsole.engine.states import LimitMet
 from rsoconsole.instruments.ports import MountReport
 from rsoconsole.reason_text import text
+from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import OperatorAction
 from tests.engine_rig import START_DEG, Rig, asked, desk_of, rig
 
@@ -39,7 +40,7 @@ def heed(r: Rig) -> None:
 def test_a_move_that_is_being_reckoned_when_stop_comes_is_dropped(armed: Rig):
     desk, plain = desk_of(armed), armed.engine.slews.refusal
 
-    def refusal(*arguments: Any, **named: Any) -> str | None:
+    def refusal(*arguments: Any, **named: Any) -> SlewRefusal | None:
         assert desk.handle(asked("stop", by="console b")).ok
         return plain(*arguments, **named)
 

@@ -15,6 +15,7 @@ from rsoconsole.engine.states import Taken
 from rsoconsole.engine.tunables import changed
 from rsoconsole.engine.watch import LIFTS, Watch
 from rsoconsole.pipeline.aim import follow_direction, slew_to
+from rsoconsole.reason_text import text
 from rsoconsole.reasons import DONE, CommandResult, done
 from rsoconsole.sky.angles import separation_deg, wrap_360
 from rsoconsole.sky.frames import icrs_to_altaz, icrs_to_jnow
@@ -176,7 +177,8 @@ class ByHand:
         exposure = self._control.config.exposure
         until_ns = now_ns + round((exposure.cadence_s + exposure.exposure_s) * NS)
         lifted = frozenset(LIFTS[name] for name in override if name in LIFTS)
-        return self._slews.refusal(self._command(direction), now_ns, until_ns, lifted)
+        refusal = self._slews.refusal(self._command(direction), now_ns, until_ns, lifted)
+        return None if refusal is None else text(refusal)
 
     def _looks_at(self) -> Direction:
         """Where the telescope looks; on its way: where it will look, so that nudges add up."""

@@ -54,7 +54,7 @@ from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.orbits import Orbits
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
-from rsoconsole.reasons import DONE, Cause, CommandResult, Missed
+from rsoconsole.reasons import DONE, Cause, CommandResult, Missed, SlewRefusal
 from rsoconsole.records import (
     CycleTiming,
     Frame,
@@ -365,12 +365,14 @@ class Engine:
         if not self.charge.resumes_when_clear:
             self._clear_frames = 0
             return
-        self._clear_frames = 0 if self.cycle.cloud else self._clear_frames + 1
+        self._clear_frames = 0 if self.cycle.cloud is not None else self._clear_frames + 1
         if self._clear_frames >= CLEAR_FRAMES:
             self.chronicle.say("info", "the stars are back: slews again")
             self.happen(Resumed(by="the sky"))
 
-    def _reduce_and_go_on(self, frame: Frame, read_ms: float, blocked: str | None) -> Reduction:
+    def _reduce_and_go_on(
+        self, frame: Frame, read_ms: float, blocked: SlewRefusal | None
+    ) -> Reduction:
         began_s = time.perf_counter()
         before = self.following
         result = self.cycle.run(frame, before, blocked, self.orbits.last)

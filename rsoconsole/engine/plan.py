@@ -15,13 +15,14 @@ from rsoconsole.pipeline.aim import (
     side_at_arrival,
     slew_to,
 )
+from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Frame, SlewCommand, Solution
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.frames import hour_angle_jnow_deg, icrs_to_jnow
 from rsoconsole.tracking.follow import Following
 from rsoconsole.tracking.pointing import PointingModel, PointingOffset, command_for, observed
 
-IsRefused = Callable[[SlewCommand, int], str | None]
+IsRefused = Callable[[SlewCommand, int], SlewRefusal | None]
 """Why the limits forbid a slew, held there until an instant; None when they do not."""
 
 SLEW_OVERHEAD_S = 3.0
@@ -38,10 +39,10 @@ class Plan:
     t_start_utc_ns: int
     t_mid_utc_ns: int
     slew: SlewCommand | None
-    refused: tuple[tuple[SlewCommand, str], ...] = ()
+    refused: tuple[tuple[SlewCommand, SlewRefusal], ...] = ()
     """Slews that were wanted and why they are not done; each place is named once, but all of
     them where nothing is left to search."""
-    blocked: str | None = None
+    blocked: SlewRefusal | None = None
     """Why the telescope does not go where the track is; None when nothing keeps it."""
 
 
@@ -151,8 +152,8 @@ class Planner:
             return self._plan_track(following, now_utc_ns, is_refused)
         if (plan := self._plan_lost(following, now_utc_ns, is_refused)) is not None:
             return plan
-        refused: list[tuple[SlewCommand, str]] = []
-        news: list[tuple[SlewCommand, str]] = []
+        refused: list[tuple[SlewCommand, SlewRefusal]] = []
+        news: list[tuple[SlewCommand, SlewRefusal]] = []
         for number in self._search.numbers():
             plan = self._plan_at(following, number, now_utc_ns)
             assert plan.slew is not None, "a search goes somewhere"
@@ -208,8 +209,8 @@ class Planner:
     def _in_place(
         self,
         now_utc_ns: int,
-        refused: tuple[tuple[SlewCommand, str], ...],
-        blocked: str | None = None,
+        refused: tuple[tuple[SlewCommand, SlewRefusal], ...],
+        blocked: SlewRefusal | None = None,
     ) -> Plan:
         t_start_ns = self._earliest_ns(now_utc_ns)
         return Plan(

@@ -8,6 +8,7 @@ from rsoconsole.engine.plan import Planner
 from rsoconsole.engine.slews import Slews
 from rsoconsole.engine.states import Sought
 from rsoconsole.pipeline.absence import direction_at
+from rsoconsole.reason_text import text
 from rsoconsole.reasons import CommandResult, done
 
 
@@ -55,5 +56,5 @@ class Seeking:
         direction = self._guide.of_last(now_ns) or direction_at(track, now_ns)
         refused = self._slews.refuse_direction(direction, now_ns)
         if refused is not None:
-            raise ValueError(f"it cannot be looked for where it must be: {refused}")
+            raise ValueError(f"it cannot be looked for where it must be: {text(refused)}")
         return direction

@@ -9,6 +9,8 @@ from rsoconsole.engine.watch import Watch
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments.ports import MountReport
 from rsoconsole.pipeline.aim import slew_to
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import SlewCommand
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.limits import LimitName, Pose
@@ -37,10 +39,10 @@ class Slews:
         self._expect_mount_where_left(self._hands.mount_report())
         plan = self._planner.plan(following, self._hands.now_utc_ns(), self._refusal_of)
         for _, why in plan.refused:
-            self._chronicle.say("warning", f"slew refused: {why}")
+            self._chronicle.say("warning", f"slew refused: {text(why)}")
         if plan.slew is None:
             if plan.refused and following.track is None:
-                raise NowhereError(plan.refused[0][1])
+                raise NowhereError(text(plan.refused[0][1]))
             return plan
         if is_held:
             return replace(plan, slew=None)
@@ -79,7 +81,9 @@ class Slews:
         if off_deg > FAR_OFF_DEG:
             raise StoppedElsewhere(f"the mount stands {off_deg:.1f} deg from where it was left")
 
-    def refuse_direction(self, direction: tuple[float, float], now_utc_ns: int) -> str | None:
+    def refuse_direction(
+        self, direction: tuple[float, float], now_utc_ns: int
+    ) -> SlewRefusal | None:
         """Why the telescope must not look there now; None when it may."""
         command = self._planner.command(slew_to(0, direction, now_utc_ns, ""))
         return self.refusal(command, now_utc_ns, now_utc_ns)
@@ -90,7 +94,7 @@ class Slews:
         t_aim_utc_ns: int,
         t_until_utc_ns: int,
         lifted: frozenset[LimitName] = frozenset(),
-    ) -> str | None:
+    ) -> SlewRefusal | None:
         """Why the mount must not go there; the same limits for the loop and for the operator."""
         start = self._hands.mount_report()
         refusal = self._watch.limits.refuse_slew(
@@ -105,8 +109,8 @@ class Slews:
             t_until_utc_ns=t_until_utc_ns,
             lifted=self._watch.lifted_limits() | lifted,
         )
-        return None if refusal is None else refusal.text
+        return None if refusal is None else refusal.reason
 
-    def _refusal_of(self, slew: SlewCommand, t_until_utc_ns: int) -> str | None:
+    def _refusal_of(self, slew: SlewCommand, t_until_utc_ns: int) -> SlewRefusal | None:
         """Why the limits forbid a slew of the loop; None when they do not."""
         return self.refusal(self._planner.command(slew), slew.t_aim_utc_ns, t_until_utc_ns)

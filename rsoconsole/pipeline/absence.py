@@ -1,6 +1,6 @@
 """Why a frame does not show what is followed: cloud, the Earth's shadow, a refused slew. Pure.
 
-Everything is derived from what is on record of a session, so that a replay says the same words.
+Everything is derived from what is on record of a session, so that a replay finds the same.
 """
 
 import math
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsoconsole.reasons import Missed
+from rsoconsole.reasons import HiddenBy, Missed, SlewRefusal, Told
 from rsoconsole.records import Detections, FloatArray, Site, Solution, TrackState
 from rsoconsole.sky.angles import separation_deg, wrap_360
 from rsoconsole.sky.belt import GEO_RADIUS_KM
@@ -94,47 +94,47 @@ def explain_absence(
     track: TrackState | None,
     site: Site,
     t_utc_ns: int,
-    blocked: str | None = None,
+    blocked: SlewRefusal | Told | None = None,
 ) -> Missed:
     """``plain`` with what it is put down to, most certain first; ``plain`` alone where unknown.
 
     ``blocked``: why the slew to the track was refused. Without a track there is nothing to miss:
     only clouds are named then.
     """
-    causes: list[str] = []
+    causes: list[HiddenBy | None] = []
     if blocked is not None and track is not None:
-        causes.append(f"slew refused: {blocked}")
-    causes.extend(filter(None, (cloud_words(stars, stars_before),)))
+        causes.append(HiddenBy(kind="slew refused", refusal=blocked))
+    causes.append(cloud_before(stars, stars_before))
     if track is not None:
-        causes.extend(filter(None, (shadow_words(track, site, t_utc_ns),)))
-    return replace(plain, hidden_by="; ".join(causes))
+        causes.append(eclipse_of(track, site, t_utc_ns))
+    return replace(plain, hidden_by=tuple(cause for cause in causes if cause is not None))
 
 
-def cloud_words(stars: Stars | None, before: StarHistory) -> str | None:
+def cloud_before(stars: Stars | None, before: StarHistory) -> HiddenBy | None:
     """Cloud, where the stars are gone, far fewer or fainter than before; None for a clear sky."""
     if stars is None:
         return None
     usual_count, usual_flux = before.usual_count, before.usual_flux_adu_s
     if usual_count is not None and stars.count < CLOUD_SHARE * usual_count:
-        return f"cloud: {stars.count} stars where {usual_count} were"
+        return HiddenBy(kind="fewer stars", stars=stars.count, usual_stars=usual_count)
     if usual_flux and stars.flux_adu_s and stars.flux_adu_s > 0.0:
         lost_mag = 2.5 * math.log10(usual_flux / stars.flux_adu_s)
         if lost_mag > CLOUD_MAG:
-            return f"cloud: the stars are {lost_mag:.1f} mag fainter"
+            return HiddenBy.by_faint_stars(lost_mag)
     if usual_count is None and stars.count < FEW_STARS:
-        return f"only {stars.count} stars, cloud?"
+        return HiddenBy(kind="few stars", stars=stars.count)
     return None
 
 
-def shadow_words(track: TrackState, site: Site, t_utc_ns: int) -> str | None:
+def eclipse_of(track: TrackState, site: Site, t_utc_ns: int) -> HiddenBy | None:
     """Eclipse, where the track is geostationary-like and the Earth is before its Sun."""
     if not is_geostationary_like(track):
         return None
     lit = float(lit_fraction(_at_geo_km(direction_at(track, t_utc_ns), site, t_utc_ns), t_utc_ns))
     if lit <= 0.0:
-        return "eclipse: in the Earth's shadow"
+        return HiddenBy(kind="shadow")
     if lit < 1.0:
-        return f"eclipse: in the penumbra, {lit:.0%} of the Sun left"
+        return HiddenBy.by_penumbra(lit)
     return None
 
 

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from rsoconsole.config import AimConfig, FilterConfig, MountConfig, SearchConfig, TargetConfig
+from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Site, SlewCommand, TrackState
 from rsoconsole.sky.angles import separation_deg, wrap_360
 from rsoconsole.sky.belt import belt_declination_deg, slot_direction
@@ -194,16 +195,13 @@ def flip_refusal(
     direction_icrs_deg: tuple[float, float],
     t_utc_ns: int,
     present: PierSide | None,
-) -> str | None:
+) -> SlewRefusal | None:
     """Why the meridian policy forbids this slew while a track is followed; None when it may be."""
     after = side_at_arrival(site, mount, direction_icrs_deg, t_utc_ns, present)
     if mount.meridian != "hold" or after == present:
         return None
     hour_angle_deg = hour_angle_icrs_deg(site, *direction_icrs_deg, t_utc_ns)
-    return (
-        f"hour angle {hour_angle_deg:+.1f} deg: the mount would change to the {after} side of its"
-        " pier, and mount.meridian is hold"
-    )
+    return SlewRefusal.by_policy(hour_angle_deg, after)
 
 
 def follow_direction(

@@ -8,10 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.absence import StarHistory, cloud_words, stars_of
+from rsoconsole.pipeline.absence import StarHistory, cloud_before, stars_of
 from rsoconsole.pipeline.fold import Shown, fold, looked_at, when
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.rulings import Fold, Folds, on_record_again
+from rsoconsole.reasons import HiddenBy, SlewRefusal
 from rsoconsole.records import Frame, FrameTaken, OrbitEstimate, Record, Ruling
 from rsoconsole.tracking.follow import Following
 
@@ -34,7 +35,7 @@ class Cycle:
         self._config = config
         self._stars = StarHistory()
         self._folds = Folds()
-        self._cloud: str | None = None
+        self._cloud: HiddenBy | None = None
 
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next frame."""
@@ -46,14 +47,14 @@ class Cycle:
         self._reducer.forget_plate()
 
     @property
-    def cloud(self) -> str | None:
+    def cloud(self) -> HiddenBy | None:
         """What the last frame's stars say of cloud; None for a clear sky."""
         return self._cloud
 
     def _look_at_clouds(self, shown: Shown) -> None:
         exposure_s = shown.taken.exposure_s
         if exposure_s is not None:
-            self._cloud = cloud_words(stars_of(shown.detections, exposure_s), self._stars)
+            self._cloud = cloud_before(stars_of(shown.detections, exposure_s), self._stars)
 
     @property
     def folds(self) -> Folds:
@@ -81,7 +82,7 @@ class Cycle:
         self,
         frame: Frame,
         before: Following,
-        blocked: str | None = None,
+        blocked: SlewRefusal | None = None,
         orbits: Mapping[int, OrbitEstimate] | None = None,
     ) -> CycleResult:
         """Reduce one frame and fold it. Raises FrameError for a frame without a time.
@@ -127,7 +128,7 @@ def _on_record(reduction: Reduction) -> tuple[Record, ...]:
     return (reduction.detections, *solution, *reduction.measurements)
 
 
-def taken_record(frame: Frame, blocked: str | None = None) -> FrameTaken:
+def taken_record(frame: Frame, blocked: SlewRefusal | None = None) -> FrameTaken:
     """What the session keeps of a frame beside its pixels; ``blocked`` as ``Cycle.run`` has it."""
     return FrameTaken(
         frame_id=frame.frame_id,

@@ -1,7 +1,8 @@
 """Sessions of before in the language of today: the one place that knows how they were.
 
 Records of schema 1 to 3 carry no ids, and sentences for reasons; the first ones of schema 4 have
-sentences for what came of a command and for most of what spoke against a candidate. Which
+sentences for what came of a command, for most of what spoke against a candidate, for what a miss is
+put down to, for what ended a track and for why a slew was refused. Which
 measurement a track took is told by the track's own innovation, the two that began it by its first
 slope; both were exact when they were written.
 """
@@ -66,6 +67,7 @@ _SAME_PLACE_DEG = 1.0 / 3600.0
 _READ: dict[str, tuple[str, Callable[[str], Reason]]] = {
     "NotFollowed": ("reason", old_reasons.not_taken),
     "Miss": ("reason", old_reasons.missed),
+    "FrameTaken": ("blocked", old_reasons.slew_refusal),
     "StateChange": ("reason", old_reasons.cause),
     "OperatorAction": ("outcome", old_reasons.result),
 }
@@ -112,9 +114,21 @@ def _with_kinds(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
         if fields.get("after") == "FAULT" and isinstance(reason, Told):
             reason = Cause(kind="instrument", detail=words)
         return {**fields, name: asdict(reason)}
-    if isinstance(words, dict) and isinstance(inner := words.get("missed"), str):
-        return {**fields, name: {**words, "missed": asdict(old_reasons.missed(inner))}}
-    return fields
+    return {**fields, name: _with_parts(words)} if isinstance(words, dict) else fields
+
+
+def _with_parts(reason: dict[str, Any]) -> dict[str, Any]:
+    """A kind with its figures, and what it is made of as kinds too."""
+    told: dict[str, Any] = {}
+    if isinstance(missed := reason.get("missed"), str):
+        told["missed"] = asdict(old_reasons.missed(missed))
+    elif isinstance(missed, dict):
+        told["missed"] = _with_parts(missed)
+    if isinstance(hidden := reason.get("hidden_by"), str):
+        told["hidden_by"] = [asdict(each) for each in old_reasons.hidden_by_all(hidden)]
+    if isinstance(lost := reason.get("lost"), str):
+        told["lost"] = asdict(old_reasons.track_lost(lost)) if lost else None
+    return {**reason, **told}
 
 
 def _upgraded(kind: str, fields: dict[str, Any]) -> dict[str, Any]:

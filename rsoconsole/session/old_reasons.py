@@ -1,8 +1,8 @@
 """What reasons meant while they were sentences: the one place that reads prose.
 
-That were all of schema 1 to 3, and outcomes of commands and what spoke against a candidate in the
-first sessions of schema 4. What is not recognised is told as it was. Figures are those that the
-sentence told.
+That were all of schema 1 to 3, and in the first sessions of schema 4 outcomes of commands, what
+spoke against a candidate, what misses were put down to, what ended tracks and why slews were
+refused. What is not recognised is told as it was. Figures are those that the sentence told.
 """
 
 import re
@@ -15,6 +15,7 @@ from rsoconsole.reasons import (
     CauseKind,
     CommandResult,
     DroppedBy,
+    HiddenBy,
     Missed,
     MissKind,
     MotionMismatch,
@@ -23,7 +24,10 @@ from rsoconsole.reasons import (
     NotTaken,
     NotTakenKind,
     RuledKind,
+    SlewRefusal,
+    SlewRefusalKind,
     Told,
+    TrackLost,
     done,
 )
 from rsoconsole.records import Topic
@@ -45,9 +49,67 @@ _NOT_TAKEN: dict[str, NotTakenKind] = {
     "clipped by the frame: starts no track": "clipped at start",
     "stands where a neighbour of the one followed was": "neighbour",
 }
+_FIGURES = {
+    "value": r"(?P<value>[+-]?\d+\.\d)",
+    "bound": r"(?P<bound>-?\d+\.\d)",
+    "by": r"(?P<by>\d+\.\d|0\.\d{3}|less than 0\.001)",
+    "azimuth": r"(?P<azimuth>\d+)",
+    "side": "(?P<side>east|west|None)",
+    "later": r"(, (?P<later>\d+) s from now)?",
+    "ago": r"(?P<ago>\d+)",
+    "ahead": r"(?P<ahead>\d+\.\d)",
+    "detail": "(?P<detail>.*)",
+}
+_REFUSAL_WORDS: tuple[tuple[SlewRefusalKind, str], ...] = (
+    ("altitude", "altitude {value} deg is {by} below the limit of {bound}{later}"),
+    (
+        "horizon",
+        "altitude {value} deg is {by} below the horizon of {bound} at azimuth {azimuth}{later}",
+    ),
+    ("hour angle", "hour angle {value} deg is {by} beyond the limit of {bound}{later}"),
+    (
+        "pier",
+        "hour angle {value} deg {side} of the pier is {by} past the meridian's limit of"
+        " {bound}{later}",
+    ),
+    (
+        "polar axis",
+        "the polar axis stands {value} deg past the meridian, {by} beyond the limit of {bound}",
+    ),
+    ("Sun", "{value} deg from the Sun is {by} inside its cone of {bound}{later}"),
+    (
+        "past the Sun",
+        "the way there passes {value} deg from the Sun, {by} inside its cone of {bound}",
+    ),
+    (
+        "nearer to the Sun",
+        "the way there comes to {value} deg from the Sun, {by} nearer than {bound} before",
+    ),
+    ("twilight", "the Sun at altitude {value} deg is {by} above the limit of {bound}{later}"),
+    (
+        "meridian policy",
+        "hour angle {value} deg: the mount would change to the {side} side of its pier,"
+        r" and mount\.meridian is hold",
+    ),
+    ("direction", "{detail} is no direction"),
+    ("clock", "the clock says {detail}: set it"),
+    ("aimed before", "aimed for {ago} min ago, at most 5 are taken"),
+    ("aimed ahead", "aimed {ahead} h ahead, at most 2 are taken"),
+    ("ends before", "the exposure would end before it is aimed for or before now"),
+    ("ends ahead", "ends {ahead} h ahead, at most 4 are taken"),
+)
+_REFUSALS = tuple((kind, re.compile(said.format(**_FIGURES))) for kind, said in _REFUSAL_WORDS)
+_REFUSED = "slew refused: "
+_HIDDEN = re.compile(
+    r"cloud: (?P<stars>\d+) stars where (?P<usual>\d+) were"
+    r"|cloud: the stars are (?P<mag>[\d.]+) mag fainter"
+    r"|only (?P<few>\d+) stars, cloud\?"
+    r"|(?P<shadow>eclipse: in the Earth's shadow)"
+    r"|eclipse: in the penumbra, (?P<percent>\d+)% of the Sun left"
+)
 _LOST = re.compile(
-    r"; (?P<lost>3 sigma of \d+ arcmin (no longer fits the field|is too wide)"
-    r"|coasted for \d+ min)$"
+    r"3 sigma of (?P<arcmin>\d+) arcmin ((?P<field>no longer fits the field)|is too wide)"
+    r"|coasted for (?P<min>\d+) min"
 )
 _MISSED: dict[str, MissKind] = {
     "no detection": "no detection",
@@ -199,18 +261,93 @@ def _no_second(words: str) -> NotTaken | None:
 
 def missed(words: str) -> Missed | Told:
     """Why a frame had no measurement."""
-    found = _LOST.search(words)
-    lost = "" if found is None else found["lost"]
-    left = words if found is None else words[: found.start()]
+    left, _, last = words.rpartition("; ")
+    ended = track_lost(last)
+    lost = None if isinstance(ended, Told) else ended
+    left = words if lost is None else left
     if _NOT_SOLVED in left:
         hidden, _, detail = left.partition(_NOT_SOLVED)
-        hidden_by = hidden.removesuffix("; ")
+        hidden_by = hidden_by_all(hidden.removesuffix("; "))
         return Missed(kind="not solved", detail=detail, hidden_by=hidden_by, lost=lost)
-    hidden_by, _, plain = left.rpartition("; ")
+    hidden, _, plain = left.rpartition("; ")
     kind = _MISSED.get(plain)
     if kind is None:
         return Told(words=words)
-    return Missed(kind=kind, hidden_by=hidden_by, lost=lost)
+    return Missed(kind=kind, hidden_by=hidden_by_all(hidden), lost=lost)
+
+
+def hidden_by_all(words: str) -> tuple[HiddenBy | Told, ...]:
+    """What a miss was put down to, as joined in one sentence; a refusal may hold semicolons."""
+    left, behind = words, list[HiddenBy | Told]()
+    while left:
+        before, _, last = left.rpartition("; ")
+        cause = _hidden_by(last)
+        if cause is None:
+            break
+        left, behind = before, [cause, *behind]
+    if left.startswith(_REFUSED):
+        refusal = slew_refusal(left.removeprefix(_REFUSED))
+        behind.insert(0, HiddenBy(kind="slew refused", refusal=refusal))
+    elif left:
+        behind.insert(0, Told(words=left))
+    return tuple(behind)
+
+
+def _hidden_by(words: str) -> HiddenBy | None:
+    """Cloud or eclipse."""
+    found = _HIDDEN.fullmatch(words)
+    if found is None:
+        return None
+    if found["usual"] is not None:
+        few, usual = int(found["stars"]), int(found["usual"])
+        return HiddenBy(kind="fewer stars", stars=few, usual_stars=usual)
+    if found["mag"] is not None:
+        return HiddenBy.by_faint_stars(float(found["mag"]))
+    if found["few"] is not None:
+        return HiddenBy(kind="few stars", stars=int(found["few"]))
+    if found["percent"] is not None:
+        return HiddenBy(kind="penumbra", sun_percent=float(found["percent"]))
+    return HiddenBy(kind="shadow")
+
+
+def slew_refusal(words: str) -> SlewRefusal | Told:
+    """Why a slew was refused."""
+    for kind, pattern in _REFUSALS:
+        if (found := pattern.fullmatch(words)) is not None:
+            told = {name: said for name, said in found.groupdict().items() if said is not None}
+            return _refusal(kind, told)
+    return Told(words=words)
+
+
+def _refusal(kind: SlewRefusalKind, told: dict[str, str]) -> SlewRefusal:
+    def figure(name: str) -> float | None:
+        return float(told[name]) if name in told else None
+
+    by_deg = 0.0 if told.get("by") == "less than 0.001" else figure("by")
+    side = told.get("side")
+    return SlewRefusal(
+        kind=kind,
+        value_deg=figure("value"),
+        bound_deg=figure("bound"),
+        # What was told as 0.100 was less than 0.1, which is told with one decimal.
+        by_deg=0.0999 if told.get("by") == "0.100" else by_deg,
+        azimuth_deg=figure("azimuth"),
+        side="east" if side == "east" else "west" if side == "west" else None,
+        later_s=figure("later"),
+        ago_min=figure("ago"),
+        ahead_h=figure("ahead"),
+        detail=told.get("detail", ""),
+    )
+
+
+def track_lost(words: str) -> TrackLost | Told:
+    """What ended a track."""
+    found = _LOST.fullmatch(words)
+    if found is None:
+        return Told(words=words)
+    if found["min"] is not None:
+        return TrackLost(kind="coasted", coasted_min=float(found["min"]))
+    return TrackLost.by_bounds(float(found["arcmin"]), fits_field=found["field"] is None)
 
 
 def cause(words: str) -> Cause | Told:  # noqa: PLR0911 -- one case a kind

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.config import LimitsConfig, MountConfig
+from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import refusals
 from rsoconsole.sky.angles import wrap_180
@@ -13,7 +14,7 @@ from rsoconsole.sky.axes import is_pole, polar_deg
 from rsoconsole.sky.epoch import Epoch
 from rsoconsole.sky.frames import PierSide, altaz_of_hour_angle
 from rsoconsole.sky.horizon import horizon_altitude_deg
-from rsoconsole.sky.refusals import LimitName, Refusal
+from rsoconsole.sky.refusals import AngleLimit, LimitName, Refusal
 from rsoconsole.sky.sun_passage import from_sun_deg
 from rsoconsole.sky.times import IntArray
 
@@ -26,7 +27,7 @@ well swing through the place below the horizon where it is; also one that is par
 class Held:
     """One limit at N instants; an excess above 0 is a violation."""
 
-    limit: LimitName
+    limit: AngleLimit
     value_deg: FloatArray
     bound_deg: FloatArray
     excess_deg: FloatArray
@@ -40,10 +41,15 @@ class Held:
         value_deg, bound_deg = float(self.value_deg[index]), float(self.bound_deg[index])
         if self.is_axis:
             return refusals.axis_past_meridian(value_deg, bound_deg)
-        place = f"{self.side} of the pier" if self.side is not None else ""
-        if self.azimuth_deg is not None:
-            place = f"at azimuth {float(self.azimuth_deg[index]):.0f}"
-        return refusals.beyond(self.limit, value_deg, bound_deg, place=place, later_s=later_s)
+        reason = SlewRefusal.beyond(
+            self.limit,
+            value_deg,
+            bound_deg,
+            azimuth_deg=None if self.azimuth_deg is None else float(self.azimuth_deg[index]),
+            side=self.side,
+            later_s=later_s,
+        )
+        return Refusal(limit=self.limit, value_deg=value_deg, bound_deg=bound_deg, reason=reason)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,7 +163,7 @@ def _within_hours(limits: LimitsConfig, ha_deg: FloatArray) -> Held:
 
 
 def _at_least(
-    limit: LimitName,
+    limit: AngleLimit,
     value_deg: FloatArray,
     bound_deg: float | FloatArray,
     azimuth_deg: FloatArray | None = None,

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import LimitsConfig, MountConfig
+from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Site
 from rsoconsole.sky import refusals
 from rsoconsole.sky.axes import Way, side_after, ways
@@ -282,7 +283,7 @@ def _instant_fault(t_utc_ns: int) -> Refusal | None:
         said = utc_ns_to_iso(t_utc_ns, 0)
     except (ValueError, OverflowError, TypeError):
         said = f"{t_utc_ns} ns"
-    return refusals.wrong_time(f"the clock says {said}: set it")
+    return refusals.wrong_time(SlewRefusal(kind="clock", detail=said))
 
 
 def _slew_times_fault(now_ns: int, aim_ns: int, until_ns: int) -> Refusal | None:
@@ -292,11 +293,11 @@ def _slew_times_fault(now_ns: int, aim_ns: int, until_ns: int) -> Refusal | None
         return fault
     aim_s, until_s = (aim_ns - now_ns) / NS_PER_S, (until_ns - now_ns) / NS_PER_S
     if aim_s < -STALE_S:
-        return refusals.wrong_time(f"aimed for {-aim_s / 60.0:.0f} min ago, at most 5 are taken")
+        return refusals.wrong_time(SlewRefusal.by_instant("aimed before", aim_s))
     if aim_s > AHEAD_S:
-        return refusals.wrong_time(f"aimed {aim_s / 3600.0:.1f} h ahead, at most 2 are taken")
+        return refusals.wrong_time(SlewRefusal.by_instant("aimed ahead", aim_s))
     if until_s < 0.0 or until_ns < aim_ns:
-        return refusals.wrong_time("the exposure would end before it is aimed for or before now")
+        return refusals.wrong_time(SlewRefusal(kind="ends before"))
     if until_s > UNTIL_S:
-        return refusals.wrong_time(f"ends {until_s / 3600.0:.1f} h ahead, at most 4 are taken")
+        return refusals.wrong_time(SlewRefusal.by_instant("ends ahead", until_s))
     return None

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.reasons import Cause, Missed, NotTaken
+from rsoconsole.reasons import Cause, Missed, NotTaken, TrackLost
 from rsoconsole.records import (
     FoldRecord,
     LoopState,
@@ -476,15 +476,15 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     miss = Miss(frame_id=seen.frame_id, reason=reason)
     since_ns = predicted.t_utc_ns if before.taken is None else before.taken.t_mid_utc_ns
     coasted_s = (seen.t_mid_utc_ns - since_ns) / 1e9
-    lost: str | None = None
+    lost: TrackLost | None = None
     # The paper's bounds are wider than any field from the first prediction on and say nothing.
     bound_deg = three_sigma_deg(predicted)
     most_deg = settings.filter.max_3sigma_arcmin / 60.0
     if settings.filter.preset == "tuned" and bound_deg > min(settings.half_field_deg, most_deg):
-        limit = "no longer fits the field" if most_deg >= settings.half_field_deg else "is too wide"
-        lost = f"3 sigma of {bound_deg * 60:.0f} arcmin {limit}"
+        fits_field = most_deg < settings.half_field_deg
+        lost = TrackLost.by_bounds(bound_deg * 60, fits_field=fits_field)
     elif coasted_s > settings.filter.max_coast_s:
-        lost = f"coasted for {coasted_s / 60:.0f} min"
+        lost = TrackLost.by_time(coasted_s)
     if lost is not None:
         ended = replace(miss, reason=replace(reason, lost=lost))
         return _Step(records=(*records, ended), after=None)
