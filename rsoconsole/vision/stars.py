@@ -22,6 +22,7 @@ from rsoconsole.vision.bins import (
     block_maximum,
     mirrored,
 )
+from rsoconsole.vision.trailed_stars import Trail, Trailed, trailed_stars
 
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
@@ -46,6 +47,8 @@ _MAX_AXIS_RATIO = 1.5
 _SHARPEST, _WIDEST = 0.62, 2.5
 """Width relative to the median star beyond which it is none."""
 _SATURATED_SHARE = 0.95
+_FEWEST_TRAILS, _MAX_POINTS, _DRAWN_OUT = 12, 0.5, 1.35
+"""Bright pieces of light, share of them that are points, axis ratio: beyond it stars are trails."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,7 +64,9 @@ class StarList:
     snr: FloatArray
     is_saturated: BoolArray
     median_fwhm_px: float
-    """Of unsaturated stars; a guess of 2.5 where there are fewer than five."""
+    """Of unsaturated stars; a guess of 2.5 where there are fewer than five. Of trails: across."""
+    trail: Trail | None = None
+    """What drift has drawn every star out to; None where they are points."""
 
     def __len__(self) -> int:
         return int(self.x_px.size)
@@ -102,7 +107,12 @@ def find_stars(
         bins = bin_frame(pixels, (STAR_BLOCK_PX,))
     sky = background or local_background(pixels, bins=bins)
     x_px, y_px = _candidates(pixels, sky, bins, 2 * max_stars)
-    fwhm_px = _psf_fwhm(pixels, sky, x_px[:_PROBE_STARS], y_px[:_PROBE_STARS], saturation_adu)
+    probe = (x_px[:_PROBE_STARS], y_px[:_PROBE_STARS])
+    fwhm_px, is_drawn_out = _psf_fwhm(pixels, sky, *probe, saturation_adu)
+    if is_drawn_out:
+        trailed = trailed_stars(pixels, sky, x_px, y_px, saturation_adu)
+        if trailed is not None:
+            return _of_trails(trailed, sky, max_stars)
     sigma_px = fwhm_px / FWHM_PER_SIGMA
     half_px = max(5, int(np.ceil(4.0 * sigma_px)))
     found = _measure(pixels, sky, x_px, y_px, sigma_px=sigma_px, half_px=half_px)
@@ -191,14 +201,38 @@ def _spread(x_px: npt.ArrayLike, y_px: npt.ArrayLike, sky: Background, count: in
 
 def _psf_fwhm(
     pixels: PixelArray, sky: Background, x_px: IntArray, y_px: IntArray, saturation_adu: float
-) -> float:
-    """Median width of bright unsaturated stars, from a window wide enough for poor seeing."""
+) -> tuple[float, bool]:
+    """Median width of bright unsaturated stars, from a window wide enough for poor seeing.
+
+    And whether most of what is bright, and no hot pixel, is longer than it is wide.
+    """
     probe = _measure(pixels, sky, x_px, y_px, sigma_px=_PROBE_SIGMA_PX, half_px=_PROBE_HALF_PX)
     is_saturated = probe.peak_adu >= _SATURATED_SHARE * saturation_adu
     is_good = _is_point(probe, is_saturated) & ~is_saturated & (probe.snr > 2 * MIN_SNR)
-    if np.count_nonzero(is_good) < 5:
-        return _DEFAULT_FWHM_PX
-    return float(np.clip(np.median(probe.fwhm_px[is_good]), 1.2, 12.0))
+    is_light = ~is_saturated & (probe.snr > 2 * MIN_SNR) & (probe.peak_share < _MAX_PEAK_SHARE)
+    lit, good = np.count_nonzero(is_light), np.count_nonzero(is_good)
+    is_drawn_out = bool(
+        lit >= _FEWEST_TRAILS
+        and good < _MAX_POINTS * lit
+        and np.median(probe.axis_ratio[is_light]) > _DRAWN_OUT
+    )
+    if good < 5:
+        return _DEFAULT_FWHM_PX, is_drawn_out
+    return float(np.clip(np.median(probe.fwhm_px[is_good]), 1.2, 12.0)), is_drawn_out
+
+
+def _of_trails(found: Trailed, sky: Background, max_stars: int) -> StarList:
+    kept = _spread(found.x_px, found.y_px, sky, max_stars)
+    return StarList(
+        x_px=found.x_px[kept],
+        y_px=found.y_px[kept],
+        flux=found.flux[kept],
+        fwhm_px=np.full(kept.size, found.trail.fwhm_px),
+        snr=found.snr[kept],
+        is_saturated=np.zeros(kept.size, bool),
+        median_fwhm_px=found.trail.fwhm_px,
+        trail=found.trail,
+    )
 
 
 def _is_point(found: _Measured, is_saturated: BoolArray) -> BoolArray:

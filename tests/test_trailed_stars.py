@@ -1,0 +1,74 @@
+"""Trailed stars on frames that another program drew, drawn out here: measured where they stood."""
+
+import json
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from rsoconsole.instruments.frame_files import read_frame
+from rsoconsole.sky.angles import turn_deg
+from rsoconsole.vision.stars import find_stars
+
+DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+pytestmark = [
+    pytest.mark.shared_data,
+    pytest.mark.skipif(not DATA.exists(), reason=f"{DATA} is not here"),
+]
+
+
+def drawn_out(pixels: np.ndarray, length_px: float, angle_deg: float, seed: int) -> np.ndarray:
+    """The frame with every source drawn along a line, and the noise that it had before."""
+    half = math.ceil(length_px / 2.0) + 2
+    kernel = np.zeros((2 * half + 1, 2 * half + 1), np.float32)
+    places = 16 * math.ceil(length_px)
+    for along in (np.arange(places) + 0.5) / places - 0.5:
+        x = half + along * length_px * math.cos(math.radians(angle_deg))
+        y = half + along * length_px * math.sin(math.radians(angle_deg))
+        left, top = math.floor(x), math.floor(y)
+        for dy, dx in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            kernel[top + dy, left + dx] += abs(1 - dx - (x - left)) * abs(1 - dy - (y - top))
+    kernel /= kernel.sum()
+    steps = pixels[::20, 2:].astype(float) - pixels[::20, :-2]
+    sigma = 1.4826 * float(np.median(np.abs(steps))) / math.sqrt(2.0)
+    smeared = cv2.filter2D(pixels.astype(np.float32), -1, kernel[::-1, ::-1])
+    left_of_noise = float(np.sum(kernel**2))
+    noise = np.random.default_rng(seed).standard_normal(pixels.shape, np.float32)
+    smeared += noise * np.float32(sigma * math.sqrt(1.0 - left_of_noise))
+    return np.clip(np.rint(smeared), 0, 65535).astype(np.uint16)
+
+
+@pytest.fixture(scope="module")
+def plain() -> np.ndarray:
+    folder = DATA / "simulated" / "geo_single"
+    name = json.loads((folder / "truth.json").read_text())["frames"][0]["file"]
+    return read_frame(folder / name, 1).pixels
+
+
+@pytest.mark.parametrize(("length_px", "angle_deg"), [(9.0, 40.0), (14.0, 90.0), (30.0, 172.0)])
+def test_trailed_stars_are_where_the_points_were(plain, length_px, angle_deg):
+    points = find_stars(plain)
+    assert points.trail is None
+    found = find_stars(drawn_out(plain, length_px, angle_deg, 3))
+    assert found.trail is not None
+    assert found.trail.length_px == pytest.approx(length_px, rel=0.12)
+    assert turn_deg(found.trail.angle_deg, angle_deg) < 2.0
+    assert found.trail.fwhm_px == pytest.approx(points.median_fwhm_px, rel=0.35)
+    brightest = slice(0, 60)
+    away = np.hypot(
+        points.x_px[:, None] - found.x_px[brightest], points.y_px[:, None] - found.y_px[brightest]
+    ).min(axis=0)
+    assert np.median(away) < 0.15
+    assert np.mean(away < 0.5) > 0.8
+    assert len(found) > 60
+
+
+@pytest.mark.parametrize("pattern", ["simulated/*/*.bz2", "real/pocs_*", "real/tetra3_*"])
+def test_stars_that_are_points_are_told_to_be(pattern):
+    paths = sorted(DATA.glob(pattern))
+    assert paths
+    for path in paths:
+        frame = read_frame(path, 1, allow_8bit=True)
+        assert find_stars(frame.pixels, saturation_adu=frame.saturation_adu).trail is None, path
