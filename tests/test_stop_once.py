@@ -149,9 +149,3 @@ def test_who_hears_the_news_keeps_no_stop_waiting(fault: str, monkeypatch: pytes
     assert is_past.wait(PATIENCE_S / 4)
     may_go_on.set()
     assert stopping.wait().phase == "stopped"
-
-
-def test_an_engine_that_stopped_without_saying_how_is_believed():
-    stopping = Stopping(lambda: Answering({"stopped": True}), None)
-    stopping.begin()
-    assert stopping.wait().phase == "stopped"

@@ -98,8 +98,8 @@ class Stopping:
             log.exception("stop")
             self._failed(str(error) or type(error).__name__)
             return
-        path = str(outcome.data.get("path") or "engine")
-        if outcome.ok and outcome.data.get("stopped") is True:
+        path = outcome.data.get("path")
+        if outcome.ok and outcome.data.get("stopped") is True and isinstance(path, str):
             self._stopped(PATHS.get(path, "the engine"), path)
         else:
             self._failed(outcome.message or "the engine gave no reason")
