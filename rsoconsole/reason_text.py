@@ -28,6 +28,7 @@ _NOT_A_STREAK: dict[NotAStreakKind, str] = {
     "not measured": "not measured: {limit:.0f} more confident candidates in the frame",
     "no light": "no unbroken light along a line there",
     "below tau": "below tau {limit:.2f} however well a line fits",
+    "stars' trails": ("{value:.0f} px along the stars' own trails, of {limit:.0f} px each"),
     "trailed stars": (
         "one of {value:.0f} streaks of one length and direction: the stars are trailed"
     ),

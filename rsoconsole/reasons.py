@@ -29,6 +29,7 @@ NotAStreakKind: TypeAlias = Literal[
     "no light",
     "below tau",
     "trailed stars",
+    "stars' trails",
     "longer trail",
     "patchy",
     "dark in between",

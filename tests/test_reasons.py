@@ -524,7 +524,11 @@ def test_why_a_measurement_was_not_taken_is_told_again_in_the_same_words(words: 
     assert reason_text.text(reason) == words
 
 
-@pytest.mark.parametrize("kind", get_args(NotAStreakKind))
+NEVER_A_SENTENCE = {"stars' trails"}
+"""Kinds that came after records had kinds."""
+
+
+@pytest.mark.parametrize("kind", sorted({*get_args(NotAStreakKind)} - NEVER_A_SENTENCE))
 def test_what_spoke_against_a_candidate_is_told_again_in_the_same_words(kind: Any) -> None:
     told = reason_text.text(NotAStreak(kind=kind, value=0.37, limit=7.0))
     reason = old_reasons.rejected(told)

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from rsoconsole.instruments.frame_files import read_frame
+from rsoconsole.reason_text import text
 from rsoconsole.sky.angles import turn_deg
+from rsoconsole.vision.detector import not_along
 from rsoconsole.vision.stars import find_stars
+from rsoconsole.vision.trailed_stars import Trail
+from tests.makers import straight_detection
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
-pytestmark = [
-    pytest.mark.shared_data,
-    pytest.mark.skipif(not DATA.exists(), reason=f"{DATA} is not here"),
-]
+needs_data = pytest.mark.skipif(not DATA.exists(), reason=f"{DATA} is not here")
 
 
 def drawn_out(pixels: np.ndarray, length_px: float, angle_deg: float, seed: int) -> np.ndarray:
@@ -47,6 +48,8 @@ def plain() -> np.ndarray:
     return read_frame(folder / name, 1).pixels
 
 
+@needs_data
+@pytest.mark.shared_data
 @pytest.mark.parametrize(("length_px", "angle_deg"), [(9.0, 40.0), (14.0, 90.0), (30.0, 172.0)])
 def test_trailed_stars_are_where_the_points_were(plain, length_px, angle_deg):
     points = find_stars(plain)
@@ -65,6 +68,8 @@ def test_trailed_stars_are_where_the_points_were(plain, length_px, angle_deg):
     assert len(found) > 60
 
 
+@needs_data
+@pytest.mark.shared_data
 @pytest.mark.parametrize("pattern", ["simulated/*/*.bz2", "real/pocs_*", "real/tetra3_*"])
 def test_stars_that_are_points_are_told_to_be(pattern):
     paths = sorted(DATA.glob(pattern))
@@ -72,3 +77,23 @@ def test_stars_that_are_points_are_told_to_be(pattern):
     for path in paths:
         frame = read_frame(path, 1, allow_8bit=True)
         assert find_stars(frame.pixels, saturation_adu=frame.saturation_adu).trail is None, path
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "length_px", "confidence", "is_kept"),
+    [
+        (62.0, 40.0, 0.99, False),
+        (62.0, 150.0, 0.5, False),
+        (62.0, 150.0, 0.99, True),
+        (62.0, 400.0, 0.5, True),
+        (75.0, 40.0, 0.5, True),
+        (179.0, 40.0, 0.5, True),
+    ],
+)
+def test_some_trails_in_a_row_are_no_streak(angle_deg, length_px, confidence, is_kept):
+    trail = Trail(length_px=20.0, angle_deg=60.0, fwhm_px=3.0)
+    found = straight_detection(angle_deg=angle_deg, length_px=length_px, confidence=confidence)
+    kept, chains = not_along([found], trail)
+    assert (kept == [found], len(chains)) == (is_kept, 0 if is_kept else 1)
+    if chains:
+        assert "along the stars' own trails, of 20 px" in text(chains[0].reason)

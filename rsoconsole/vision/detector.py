@@ -24,6 +24,7 @@ from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map, map_noise
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.pattern import find_pattern
 from rsoconsole.vision.stars import STAR_BLOCK_PX, StarList, find_stars
+from rsoconsole.vision.trailed_stars import Trail
 from rsoconsole.vision.workers import Workers
 
 MOST_FITS = 20
@@ -31,6 +32,9 @@ MOST_WITNESSES = 12
 DARK = NotAStreak(kind="no light")
 TRAILED_STREAKS = 9
 """So many streaks of one length and direction are stars; no satellite cluster is as large."""
+_FEW_TRAILS, _MANY_TRAILS, _SURE = 3.0, 8.0, 0.9
+"""Trails of stars in a row that look like one streak: of what is sure, and of what is not."""
+_AS_TRAILS_DEG = 6.0
 _SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
 
 
@@ -109,6 +113,9 @@ class StreakDetector:
             taken, rejected = self._measure(frame, boxes, sky, stars, threshold)
             taken, trailed = _without_trailed_stars(taken)
             rejected += trailed
+            if stars.trail is not None:
+                taken, trailed = not_along(taken, stars.trail)
+                rejected += trailed
             if self._settings.centroid == "box":
                 taken = [at_box_centre(d) for d in taken]
             faint = [d for d in taken if d.confidence <= threshold]
@@ -195,6 +202,29 @@ def _without_trailed_stars(
             reason = NotAStreak(kind="trailed stars", value=alike)
             trailed.append(Rejection(detection=d, reason=reason))
     return kept, trailed
+
+
+def not_along(taken: list[Detection], trail: Trail) -> tuple[list[Detection], list[Rejection]]:
+    """Set aside what runs as the stars' own trails do and is as long as some of them in a row.
+
+    A long one in which there is no doubt stays: a satellite may go the same way.
+    """
+    one_px = trail.length_px + trail.fwhm_px
+    is_chain = [
+        turn_deg(d.angle_deg, trail.angle_deg) < _AS_TRAILS_DEG
+        and d.length_px < (_FEW_TRAILS if d.confidence > _SURE else _MANY_TRAILS) * one_px
+        for d in taken
+    ]
+    kept = [d for d, is_one in zip(taken, is_chain, strict=True) if not is_one]
+    chains = [
+        Rejection(
+            detection=d,
+            reason=NotAStreak(kind="stars' trails", value=d.length_px, limit=trail.length_px),
+        )
+        for d, is_one in zip(taken, is_chain, strict=True)
+        if is_one
+    ]
+    return kept, chains
 
 
 def _is_alike(one: Detection, other: Detection) -> bool:
