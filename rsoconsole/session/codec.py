@@ -119,7 +119,7 @@ def _container_decoder(hint: Any) -> _Decoder:
         return _union_decoder(arguments)
     if origin is tuple and arguments[1:] == (Ellipsis,):
         item = _decoder(arguments[0])
-        return lambda value: tuple(item(part) for part in value)
+        return lambda value: tuple(map(item, value))
     if origin is tuple:
         items = tuple(_decoder(argument) for argument in arguments)
         return lambda value: tuple(
@@ -199,23 +199,23 @@ def _literal_decoder(allowed: tuple[Any, ...]) -> _Decoder:
 
 def _record_decoder(record_type: Any) -> _Decoder:
     hints = get_type_hints(record_type)
-    members = {f.name: _decoder(hints[f.name]) for f in fields(record_type)}
+    pairs = tuple((f.name, _decoder(hints[f.name])) for f in fields(record_type))
     required = _required(record_type)
 
     def read(value: Any) -> Any:
         if not isinstance(value, dict):
             raise ValueError(f"{value!r} where text or a {record_type.__name__} belongs")
-        missing = required - value.keys()
-        if missing:
-            raise KeyError(f"no {', '.join(sorted(missing))}")
-        return record_type(
-            **{name: member(value[name]) for name, member in members.items() if name in value}
-        )
+        if not required <= value.keys():
+            raise KeyError(f"no {', '.join(sorted(required - value.keys()))}")
+        return record_type(**{name: member(value[name]) for name, member in pairs if name in value})
 
     return read
 
 
 def _to_float(value: Any) -> float:
+    # Most of a session's values: a finite one less itself is 0, NaN and infinity are not.
+    if type(value) is float and value - value == 0.0:
+        return value
     if not isinstance(value, (int, float)) or isinstance(value, bool) or not math.isfinite(value):
         raise ValueError(f"{value!r} where a number belongs")
     return float(value)

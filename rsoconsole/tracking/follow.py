@@ -189,7 +189,8 @@ def _follow_tracks(
         records += _of_track(told, each.track.track_id)
         if step.begins_with is not None:
             return before.without_track("ACQUIRE", (step.begins_with,)), records
-        if step.is_measured and step.after is not None:
+        is_last = number + 1 == len(before.tracks)
+        if step.is_measured and step.after is not None and not is_last:
             others = tuple(m for m in left.measurements if m != step.after.taken)
             left = replace(left, measurements=others, chosen=None)
     return _led(before, tuple(steps)), records

@@ -352,6 +352,6 @@ def _state(kind: Any, frame_id: int, t_utc_ns: int, x: Any, P: Any, **more: Any)
         frame_id=frame_id,
         t_utc_ns=t_utc_ns,
         x=(wrap_360(float(x[0])), float(x[1]), float(x[2]), float(x[3])),
-        P=tuple(tuple(float(value) for value in row) for row in (P + P.T) / 2.0),
+        P=tuple(map(tuple, ((P + P.T) / 2.0).tolist())),
         **more,
     )
