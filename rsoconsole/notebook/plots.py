@@ -1,5 +1,6 @@
 """The paper's figures by one call each, of one night or of two side by side."""
 
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 from rsoconsole.errors import SessionError
@@ -10,7 +11,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class NightPlots:
+class NightPlots(ABC):
     """What a session, a branch and a what-if have in common.
 
     Every method draws into ``figure`` (a matplotlib Figure or SubFigure of your own, empty) or
@@ -20,9 +21,9 @@ class NightPlots:
     Raises SessionError where there is no frame with a time, or no track to draw.
     """
 
+    @abstractmethod
     def nights(self) -> tuple[Night, ...]:
         """What is drawn, side by side."""
-        raise NotImplementedError
 
     def plot_confidence(self, figure: Any = None) -> "Figure":
         """Confidence of what the track took and of what it did not, and tau."""

@@ -143,9 +143,9 @@ class OnlineOrbit:
         count = len(target.taken)
         if not self._take(target, track) or target.seen is None:
             return None
-        foretold = None
+        predicted = None
         if len(target.taken) == count + 1 and target.orbit is not None:
-            foretold = self._foretold(target.orbit, target.taken[-1])
+            predicted = self._foretold(target.orbit, target.taken[-1])
         self._ask_earlier(target)
         seen, _ = together(target.parts)
         orbit = target.orbit = self._determined(target, seen)
@@ -154,9 +154,9 @@ class OnlineOrbit:
         was_guide = self._guides(target)
         if track.last.foretold_by == "orbit":
             target.rivals.filter_failed()
-        elif foretold is not None and (by_filter := self._by_filter(track)) is not None:
-            target.rivals.hear(foretold.short, by_filter)
-        estimate = self._estimate(target, track, orbit, seen, foretold)
+        elif predicted is not None and (by_filter := self._by_filter(track)) is not None:
+            target.rivals.hear(predicted.short, by_filter)
+        estimate = self._estimate(target, track, orbit, seen, predicted)
         words, target.words = [*target.words, *_news(target, estimate, was_guide=was_guide)], []
         return Refined(estimate=estimate, seen=target.seen, words=tuple(words))
 
@@ -285,7 +285,7 @@ class OnlineOrbit:
         track: Track,
         orbit: Orbit,
         seen: Sightings,
-        foretold: "_Told | None",
+        predicted: "_Told | None",
     ) -> OrbitEstimate:
         elements = elements_of(orbit.r_km, orbit.v_km_s)
         r, v = orbit.r_km, orbit.v_km_s
@@ -307,9 +307,9 @@ class OnlineOrbit:
             sigma_a_km=orbit.sigma_a_km,
             rms_arcsec=orbit.rms_arcsec,
             outliers=orbit.outliers,
-            nis=None if foretold is None else foretold.short.nis,
-            innovation_arcsec=None if foretold is None else foretold.innovation_arcsec,
-            sigma_innovation_arcsec=None if foretold is None else foretold.sigma_arcsec,
+            nis=None if predicted is None else predicted.short.nis,
+            innovation_arcsec=None if predicted is None else predicted.innovation_arcsec,
+            sigma_innovation_arcsec=None if predicted is None else predicted.sigma_arcsec,
             is_guide=self._guides(target),
         )
 

@@ -274,14 +274,12 @@ def _facts(meta: dict[str, str], folder: Path, log: Iterable[Row]) -> dict[str, 
         facts["damaged_log_digest"] = facts.pop(DIGEST_KEY)
     # Its records are copied as they are: those of an old schema go on being read as such.
     version = facts.get("schema_version")
-    is_old = version <= LAST_SCHEMA if isinstance(version, int) else _is_without_ids(log)
+    if isinstance(version, int):
+        is_old = version <= LAST_SCHEMA
+    else:  # that fact is lost: the records tell it
+        is_old = any(is_without_ids(kind, body) for _, _, kind, _, body in log)
     version = LAST_SCHEMA if is_old else SCHEMA_VERSION
     return {**facts, "schema_version": version, "is_closed": False}
-
-
-def _is_without_ids(log: Iterable[Row]) -> bool:
-    """Whether records lack what those of today's schema have: the fact that tells it is lost."""
-    return any(is_without_ids(kind, body) for _, _, kind, _, body in log)
 
 
 def _save_files(folder: Path, target: Path) -> int:

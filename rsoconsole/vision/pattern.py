@@ -58,7 +58,7 @@ def find_pattern(pixels: PixelArray) -> Pattern | None:
     """The row and column offsets of ``pixels`` (height, width), uint16 or finite float32.
 
     None where there are none of ``SEEN_SIGMA``: a first look at some bands of lines tells, within
-    2 ms for 4656 x 3520.
+    4 ms for 4656 x 3520.
     """
     noise = _noise(pixels)
     if noise <= 0.0:
