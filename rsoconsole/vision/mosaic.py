@@ -83,11 +83,11 @@ def even_out(
 
 def _sky_of(plane: npt.NDArray[Any]) -> tuple[float, float]:
     """Median and noise of a place's pixels, from differences of neighbours: no slope is in it."""
-    step = max(1, int(np.sqrt(plane.size / _SAMPLES)))
-    some = plane[::step, :].astype(np.float32)
-    differences = np.abs(np.diff(some, axis=1))
-    noise = float(np.median(differences)) * 1.4826 / np.sqrt(2.0)
-    # Of few steps the median difference is too coarse a yardstick.
+    some = plane[:: max(1, plane.size // _SAMPLES), :].astype(np.float32)
+    apart = np.abs(np.diff(some, axis=1))
+    # The mean, because the median of a few steps of the converter is too coarse; without stars.
+    apart = np.minimum(apart, 4.0 * max(float(np.median(apart)), 1.0))
+    noise = float(apart.mean(dtype=np.float64)) * np.sqrt(np.pi) / 2.0
     return float(np.median(some)), max(noise, 0.3)
 
 
@@ -128,16 +128,15 @@ def _gains_of_stars(
     brightest = np.argsort(-signal[y, x], kind="stable")[: 4 * _MOST_STARS]
     shares = []
     for row, column in zip(y[brightest], x[brightest], strict=True):
-        around = np.s_[row - 3 : row + 4, column - 3 : column + 4]
+        around = np.s_[row - 1 : row + 2, column - 1 : column + 2]
         boxes = np.stack([plane[around] for plane in planes]).astype(np.float64)
         if boxes.max() >= 0.9 * saturation_adu:
             continue
         light = (boxes - sky[:, None, None]).sum(axis=(1, 2))
-        core = (boxes - sky[:, None, None])[:, 2:5, 2:5].sum(axis=(1, 2))
         # A hot pixel lights one place alone; a star all four.
-        if core.max() > 0.7 * max(core.sum(), 1.0) or light.sum() <= 0.0 or core.min() <= 0.0:
+        if light.min() <= 0.0 or light.max() > 0.7 * light.sum():
             continue
-        shares.append(core / core.sum())
+        shares.append(light / light.sum())
         if len(shares) >= _MOST_STARS:
             break
     if len(shares) < _MIN_STARS:
