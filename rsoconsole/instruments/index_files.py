@@ -122,9 +122,8 @@ def needed_scales(field_deg: tuple[float, float]) -> tuple[int, ...]:
 
 def wanted_numbers(short_arcmin: float) -> tuple[int, ...]:
     """Numbers, of any series, whose quads are a third to the whole of a field's shorter side."""
-    return tuple(
-        n for n, arcmin in enumerate(QUAD_ARCMIN) if 0.35 * short_arcmin <= arcmin < short_arcmin
-    )
+    every = range(len(QUAD_ARCMIN) - 1)
+    return tuple(n for n in every if 0.35 * short_arcmin <= QUAD_ARCMIN[n] < short_arcmin)
 
 
 def series_name(number: int) -> str:

@@ -50,6 +50,7 @@ _MAX_STARS = 100
 _DEPTHS = (10, 15, 20, 30, 40, 60)
 _BLIND_SCALE_ARCSEC_PX = (0.1, 500.0)
 _INSTALL = "'rsoconsole index install' gets what is missing"
+_WIDEST_DEG = 60.0
 _KNOWN_SCALE = 3.0
 """Highest over lowest scale up to which the size of the field counts as known."""
 
@@ -276,6 +277,12 @@ class PlateSolver:
             return (
                 f"; fields below {arcmin / 0.7:.0f} arcmin want finer index files than {name},"
                 " the finest here: give the scale to see which"
+            )
+        longest_deg = max(width_px, height_px) * math.sqrt(low * high) / 3600.0
+        if longest_deg > _WIDEST_DEG:
+            return (
+                f"; a field {longest_deg:.0f} deg long is wider than the {_WIDEST_DEG:.0f} deg of a"
+                " flat plate: cut out its middle"
             )
         missing = self.missing_index(hint, width_px, height_px)
         if not missing:

@@ -31,7 +31,7 @@ def _scale_words(scale_arcsec_px: float | None) -> str:
     if scale_arcsec_px is None or _is_within(scale_arcsec_px, CALIBRATED_ARCSEC_PX):
         return ""
     low, high = CALIBRATED_ARCSEC_PX
-    here = f"{scale_arcsec_px:.4g} arcsec/px"
+    here = f"{scale_arcsec_px:.3g} arcsec/px"
     if is_usable_scale(scale_arcsec_px):
         return (
             f"{here}: confidence is calibrated for {low:g} to {high:g}; take it as an order of"
@@ -46,7 +46,7 @@ def _exposure_words(exposure_s: float | None) -> str:
         return ""
     low, high = EXPOSURE_S
     return (
-        f"exposure {exposure_s:.4g} s: made for {low:g} to {high:g} s; confidence is not calibrated"
+        f"exposure {exposure_s:.3g} s: made for {low:g} to {high:g} s; confidence is not calibrated"
     )
 
 
