@@ -21,6 +21,8 @@ _GRID = 8
 """The sky's levels are compared in this many pieces along each side."""
 _MIN_STARS, _MOST_STARS = 15, 200
 _STAR_SIGMAS = 10.0
+_STAR_FIELD_PX = 1500
+"""Stars are looked for in a middle of so many cells a side."""
 _SAMPLES = 200_000
 _MAX_GAIN = 8.0
 _FINE_STEPS = 2.0
@@ -115,6 +117,7 @@ def _gains_of_stars(
     """Each place's share of the light of bright stars, 1 in the mean; None with too few of them."""
     import cv2
 
+    planes = [_middle(plane) for plane in planes]
     signal = np.zeros(planes[0].shape, np.float32)
     for plane, level, sigma in zip(planes, sky, noise, strict=True):
         # Each place counts alike and a hot pixel alone little.
@@ -144,6 +147,12 @@ def _gains_of_stars(
     gains = np.median(np.array(shares), axis=0)
     gains /= gains.mean()
     return np.asarray(np.clip(gains, 1.0 / _MAX_GAIN, _MAX_GAIN))
+
+
+def _middle(plane: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """So much of a place's pixels as has stars enough."""
+    cut = [max(0, (side - _STAR_FIELD_PX) // 2) for side in plane.shape]
+    return plane[cut[0] : plane.shape[0] - cut[0], cut[1] : plane.shape[1] - cut[1]]
 
 
 def _levels(plane: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
