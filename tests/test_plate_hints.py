@@ -123,6 +123,22 @@ def test_a_field_that_matches_nothing_keeps_the_first_reason_and_the_deadline(so
     assert found.ms >= 0.0
 
 
+def test_a_wrong_focal_length_costs_one_search_not_one_a_frame(solver, stars):
+    finder = PlateFinder(solver, CONFIG)
+    expect_right(finder.solve(frame(2.0 * SCALE), stars))
+    finder.forget()
+    asked: list[SolveHint] = []
+    attempt = solver.solve
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            solver, "solve", lambda *a, **more: (asked.append(more["hint"]), attempt(*a, **more))[1]
+        )
+        expect_right(finder.solve(frame(2.0 * SCALE), stars))
+    (hint,) = asked
+    low, high = hint.scale_arcsec_px
+    assert low < SCALE < high
+
+
 class CountedSolver:
     """Solves nothing and remembers what it was asked."""
 

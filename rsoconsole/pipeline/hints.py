@@ -52,6 +52,17 @@ def overridden(
     return hint
 
 
+def rescaled(hint: SolveHint, factor: float) -> SolveHint:
+    """The hint with its scale that many times as large."""
+    if hint.scale_low_arcsec_px is None or hint.scale_high_arcsec_px is None:
+        return hint
+    return replace(
+        hint,
+        scale_low_arcsec_px=hint.scale_low_arcsec_px * factor,
+        scale_high_arcsec_px=hint.scale_high_arcsec_px * factor,
+    )
+
+
 def relaxed(hint: SolveHint) -> tuple[SolveHint, ...]:
     """The hint without the scale, without the position, and without both; what there is of them."""
     without_scale = replace(hint, scale_low_arcsec_px=None, scale_high_arcsec_px=None)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from rsoconsole.config import Config
 from rsoconsole.errors import SolverError
 from rsoconsole.instruments.solver import MIN_STARS, PlateSolver, SolveHint
-from rsoconsole.pipeline.hints import hint_of, relaxed
+from rsoconsole.pipeline.hints import hint_of, relaxed, rescaled
 from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.vision.stars import StarList
@@ -29,6 +29,8 @@ class PlateFinder:
         self._last_frame: Frame | None = None
         self._failures = 0
         """Frames in a row that were not solved."""
+        self._scale_factor = 1.0
+        """The stars' scale over the header's, where that was wrong."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -48,14 +50,22 @@ class PlateFinder:
         if solution is None:
             turn = self._failures + 1
             is_turn = turn & (turn - 1) == 0
-            hint = hint_of(frame, self._config)
+            hint = rescaled(hint_of(frame, self._config), self._scale_factor)
             solution = self.solve_in_full(frame, stars, hint, is_relaxed=is_turn)
         self._failures = self._failures + 1 if isinstance(solution, NotSolved) else 0
         if isinstance(solution, Solution):
+            self._scale_factor = self._factor_of(frame, solution)
             self._last = solution
             # Only the pointing and the size are kept: a frame holds 33 MB.
             self._last_frame = replace(frame, pixels=frame.pixels[:0].copy())
         return solution
+
+    def _factor_of(self, frame: Frame, solution: Solution) -> float:
+        """So that a wrong focal length costs one search, not one a frame."""
+        if frame.scale_arcsec_px is None:
+            return 1.0
+        factor = solution.scale_arcsec_px / frame.scale_arcsec_px
+        return 1.0 if abs(factor - 1.0) <= self._config.solver.scale_tolerance else factor
 
     def solve_in_full(
         self, frame: Frame, stars: StarList, hint: SolveHint, *, is_relaxed: bool = True
