@@ -1,6 +1,8 @@
 """What is unusual about a camera is told once a night, by whichever way its frames come."""
 
 import io
+import subprocess
+import sys
 from dataclasses import replace
 from typing import Any, cast
 
@@ -15,7 +17,8 @@ from rsoconsole.instruments.indi_child import Mouth
 from rsoconsole.pipeline.cautions import Caution, cautions
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
-from rsoconsole.records import Detections, Event, Frame
+from rsoconsole.records import Detections, Event, Frame, Solution
+from rsoconsole.session.reader import SessionReader
 from rsoconsole.vision.calibrated_range import range_cautions
 
 PIXELS = np.random.default_rng(3).integers(0, 255, (480, 640), dtype=np.uint8)
@@ -89,6 +92,31 @@ def test_a_night_is_told_once():
     assert [(event.level, event.text, event.frame_id) for event in events] == [
         ("warning", "scale of frame 1", 1)
     ]
+
+
+def test_an_engine_with_a_colour_camera_and_a_wrong_focal_length_solves_and_says_so(tmp_path):
+    """The simulated telescope is a tenth longer than its driver believes."""
+    world = tmp_path / "world.toml"
+    world.write_text("[optics]\nscale_error = 0.1\n[sensor]\nbayer = true\n", encoding="utf-8")
+    arguments = ["demo", "--headless", "--frames", "2", "--world", str(world)]
+    arguments += ["--session", str(tmp_path / "night")]
+    run = subprocess.run(
+        [sys.executable, "-c", "from rsoconsole.cli import main; main()", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=170,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    night = SessionReader(tmp_path / "night")
+    records = [record for _, _, record in night.records(kinds=(Event, Solution))]
+    solutions = [record for record in records if isinstance(record, Solution)]
+    assert len(solutions) == 2
+    for solution in solutions:
+        assert solution.scale_arcsec_px == pytest.approx(1.2642 / 1.1, rel=1e-3)
+    (warning,) = [r.text for r in records if isinstance(r, Event) and "is wrong" in r.text]
+    assert warning.startswith("the configured scale 1.264 arcsec/px is wrong: the stars say 1.149")
+    assert f"it should be {620 * 1.1:.0f}" in warning
 
 
 class Heard(Mouth):

@@ -1,6 +1,7 @@
 """Frames from disk: every kind that is promised, and a plain sentence for every broken one."""
 
 import bz2
+import contextlib
 import gzip
 import os
 from pathlib import Path
@@ -325,6 +326,20 @@ def test_damage_behind_the_first_image_does_not_cost_it(tmp_path: Path) -> None:
     assert np.array_equal(read_frame(tmp_path / "cut.fits", 1).pixels, sky_pixels())
     with pytest.raises(FrameError, match=r"truncated|no image"):
         read_frame(tmp_path / "cut.fits", 1, extension="SCI,2")
+
+
+def test_a_compressed_image_with_wrong_bytes_is_read_or_an_error_in_words(tmp_path: Path) -> None:
+    fz = tmp_path / "good.fits.fz"
+    fits.HDUList([fits.PrimaryHDU(), fits.CompImageHDU(sky_pixels(400, 400))]).writeto(fz)
+    content = bytearray(fz.read_bytes())
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        wrong = bytearray(content)
+        for place in rng.integers(9000, len(content), 40):
+            wrong[place] = int(rng.integers(256))
+        # Any other exception would be a traceback for the user.
+        with contextlib.suppress(FrameError):
+            read_frame(damaged(tmp_path, "wrong.fits.fz", bytes(wrong)), 1)
 
 
 @pytest.mark.shared_data

@@ -77,7 +77,7 @@ def image_by_astropy(
     """The same as ``fits_image``, whatever the file."""
     from astropy.io import fits
 
-    truncated = FrameError(f"{name} is truncated: copy it again or leave it out")
+    truncated = FrameError(f"{name} is truncated or damaged: copy it again or leave it out")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -103,7 +103,7 @@ def image_by_astropy(
             raise
         except fits.VerifyError as error:
             raise FrameError(f"{name} is not valid FITS: {error}; write it anew") from error
-        except _BROKEN as error:
+        except Exception as error:  # decoders have errors of their own for a damaged image
             raise truncated from error
 
 
