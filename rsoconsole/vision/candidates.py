@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -133,6 +133,8 @@ class Measurements:
     sky: Background
     stars: StarList
     focus: Focus
+    promise: Callable[[Candidate], bool] = lambda _: True
+    """Whether a candidate as it was traced is worth the time of a fit."""
     taken: list[Candidate] = field(default_factory=list)
     """With the network's confidence."""
     rejected: list[Rejection] = field(default_factory=list)
@@ -169,7 +171,9 @@ class Measurements:
                 self.refuse(box, reason or NotAStreak(kind="no line"))
                 return
         measured: StreakFit | None = None
-        if box.length_px <= LONGEST_FIT_PX:
+        traced = None if trace is None else self._from_trace(box, trace)
+        is_promising = traced is None or self.promise(traced)
+        if box.length_px <= LONGEST_FIT_PX and is_promising:
             fit = fit_streak(
                 self.frame.pixels,
                 self.sky,
@@ -179,19 +183,23 @@ class Measurements:
                 ends=_ends(box),
             )
             if isinstance(fit, StreakFit) and (trace is None or _agree(fit, trace)):
-                self._take(_from_fit(self.frame, box, fit), trace or self._traced(_ends_of(fit)))
+                light = _light_of(trace or self._traced(_ends_of(fit)))
+                self._take(Candidate(found=_from_fit(self.frame, box, fit), light=light))
                 return
             if not isinstance(fit, StreakFit):
                 reason, measured = reason or fit.reason, fit.fit
-        if trace is None:
+        if traced is None:
             self.refuse(box, reason or NotAStreak(kind="no line"), measured)
-            return
+        elif traced.found.unevenness > MOST_UNEVEN:
+            reason = NotAStreak(kind="patchy")
+            self.rejected.append(Rejection(detection=traced.found, reason=reason))
+        else:
+            self._take(traced)
+
+    def _from_trace(self, box: NetworkBox, trace: Trace) -> Candidate:
         found = _from_trace(self.frame, box, trace)
         found = replace(found, unevenness=self._unevenness(found, trace))
-        if found.unevenness > MOST_UNEVEN:
-            self.rejected.append(Rejection(detection=found, reason=NotAStreak(kind="patchy")))
-        else:
-            self._take(found, trace)
+        return Candidate(found=found, light=_light_of(trace))
 
     def _unevenness(self, found: Detection, trace: Trace) -> float:
         """Of a short one: of its path, and of its light where that follows no one period."""
@@ -230,19 +238,13 @@ class Measurements:
         most = max(self.focus.widest_px(_angle_deg(ends)), self.focus.fwhm_px)
         return min(max(trace.width_px, self.focus.fwhm_px), most)
 
-    def _take(self, found: Detection, trace: Trace | None) -> None:
+    def _take(self, candidate: Candidate) -> None:
+        found = candidate.found
         if any(is_same_streak(found, other.found) for other in self.taken):
             reason = NotAStreak(kind="same streak")
             self.rejected.append(Rejection(detection=found, reason=reason))
-            return
-        light = UNMEASURED
-        if trace is not None:
-            light = LineLight(
-                lower_quartile_snr=trace.lower_quartile_snr,
-                roughness=trace.roughness,
-                confusion=trace.confusion,
-            )
-        self.taken.append(Candidate(found=found, light=light))
+        else:
+            self.taken.append(candidate)
 
     def _fault(self, trace: Trace) -> NotAStreak | None:
         """The first gate that a trace does not pass; None where it passes all."""
@@ -360,6 +362,16 @@ def _agree(fit: StreakFit, trace: Trace) -> bool:
 
 def _ends_of(fit: StreakFit) -> Box:
     return fit.x_a_px, fit.y_a_px, fit.x_b_px, fit.y_b_px
+
+
+def _light_of(trace: Trace | None) -> LineLight:
+    if trace is None:
+        return UNMEASURED
+    return LineLight(
+        lower_quartile_snr=trace.lower_quartile_snr,
+        roughness=trace.roughness,
+        confusion=trace.confusion,
+    )
 
 
 def _from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:

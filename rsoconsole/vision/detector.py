@@ -42,6 +42,8 @@ MOST_WITNESSES = 12
 LEAST_BELIEVED = 1e-3
 """Whom the network believes less is measured only where the line filter sees something too."""
 _MOST_JOININGS = 2
+_PROMISING = 0.2
+"""Of tau: what a trace alone gives less confidence no fit lifts above it."""
 
 
 class Proposer(Protocol):
@@ -186,7 +188,12 @@ class StreakDetector:
         """
         frame, stars = working.frame, seen.stars
         ordered = sorted(seen.proposals, key=lambda each: (-each.is_line, -each.box.confidence))
-        measured = Measurements(frame, seen.sky, stars, focus)
+        curve = self._curve
+
+        def promises(candidate: Candidate) -> bool:
+            return curve is None or curve.confidence(candidate, focus) > _PROMISING * threshold
+
+        measured = Measurements(frame, seen.sky, stars, focus, promises)
         hopeful: list[Proposal] = []
         others: list[Proposal] = []
         for each in ordered:
