@@ -131,6 +131,8 @@ def _from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
         sigma_along_px=fit.sigma_along_px,
         sigma_across_px=fit.sigma_across_px,
         is_clipped=fit.is_clipped,
+        kind="crossing" if fit.is_crossing else "clipped" if fit.is_clipped else "streak",
+        sigma_angle_deg=fit.sigma_angle_deg,
         method="line",
         unevenness=fit.unevenness,
     )
