@@ -102,7 +102,7 @@ def test_threads_change_nothing_but_the_time() -> None:
 def test_every_stage_is_timed_and_the_background_is_handed_on() -> None:
     found = analyse(frame_with((A, B)), candidate(A, B, 0.8))
     assert set(found.detections.stage_ms) == {
-        *("pattern", "background", "stars", "map", "network", "fit")
+        *("pattern", "background", "stars", "map", "network", "fit", "class")
     }
     assert found.background.level.size > 0
     assert len(found.stars) == 0

@@ -24,6 +24,7 @@ STAGES = {
     "network": "network",
     "stars": "stars",
     "fit": "fit",
+    "class": "class",
     "solve": "plate",
 }
 

@@ -24,6 +24,7 @@ from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map, map_noise
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.pattern import find_pattern
 from rsoconsole.vision.stars import STAR_BLOCK_PX, StarList, find_stars
+from rsoconsole.vision.streak_names import named
 from rsoconsole.vision.trailed_stars import Trail
 from rsoconsole.vision.workers import Workers
 
@@ -123,6 +124,8 @@ class StreakDetector:
                 Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=threshold))
                 for d in faint
             ]
+        with watch.stage("class"):
+            taken, rejected = named(frame, sky, stars, taken, rejected)
         return FrameAnalysis(
             detections=Detections(
                 frame_id=frame.frame_id,
