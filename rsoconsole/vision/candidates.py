@@ -344,6 +344,8 @@ def _from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
         sigma_along_px=fit.sigma_along_px,
         sigma_across_px=fit.sigma_across_px,
         is_clipped=fit.is_clipped,
+        kind="crossing" if fit.is_crossing else "clipped" if fit.is_clipped else "streak",
+        sigma_angle_deg=fit.sigma_angle_deg,
         method="line",
         unevenness=fit.unevenness,
     )
@@ -394,6 +396,8 @@ def _from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:
         sigma_along_px=max(length_px, 100.0) if is_clipped else along,
         sigma_across_px=trace.sigma_across_px,
         is_clipped=is_clipped,
+        kind="crossing" if all(trace.is_open) else "clipped" if is_clipped else "streak",
+        sigma_angle_deg=trace.sigma_angle_deg,
         method="line",
     )
 

@@ -34,6 +34,7 @@ from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.pattern import find_pattern
 from rsoconsole.vision.set_aside import is_of_stars, set_aside
 from rsoconsole.vision.stars import STAR_BLOCK_PX, StarList, find_stars
+from rsoconsole.vision.streak_names import named
 from rsoconsole.vision.workers import Workers
 from rsoconsole.vision.working_frame import WorkingFrame, pixels_to_join
 
@@ -42,6 +43,7 @@ MOST_WITNESSES = 12
 LEAST_BELIEVED = 1e-3
 """Whom the network believes less is measured only where the line filter sees something too."""
 _MOST_JOININGS = 2
+_WORTH_A_NAME = 0.2
 _PROMISING = 0.2
 """Of tau: what a trace alone gives less confidence no fit lifts above it."""
 
@@ -121,13 +123,19 @@ class StreakDetector:
                 Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=threshold))
                 for d in faint
             ]
+        with watch.stage("class"):
+            told = [d for d in taken if d.confidence > threshold]
+            doubted = [r for r in rejected if r.detection.confidence > _WORTH_A_NAME * threshold]
+            others = [r for r in rejected if r.detection.confidence <= _WORTH_A_NAME * threshold]
+            told, doubted = named(working.frame, seen.sky, stars, told, doubted)
+            rejected = doubted + others
         rejected.sort(key=lambda r: -r.detection.confidence)
         return FrameAnalysis(
             detections=Detections(
                 frame_id=frame.frame_id,
                 width_px=frame.width_px,
                 height_px=frame.height_px,
-                detections=tuple(working.original(d) for d in taken if d.confidence > threshold),
+                detections=tuple(working.original(d) for d in told),
                 rejected=tuple(working.originally_rejected(each) for each in rejected),
                 stage_ms=watch.stage_ms,
             ),
