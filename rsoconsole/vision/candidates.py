@@ -90,6 +90,16 @@ def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Pr
     return found + [Proposal(box=box, is_line=False) for box in left]
 
 
+def in_order(found: Sequence[Proposal]) -> list[Proposal]:
+    """Most promising first: the line filter's best and the network's in turn."""
+    by_network = sorted(range(len(found)), key=lambda i: -found[i].box.confidence)
+    by_filter = [i for i in range(len(found)) if found[i].is_line]
+    place = {i: rank for rank, i in enumerate(by_network)}
+    for rank, i in enumerate(by_filter):
+        place[i] = min(place[i], rank)
+    return [found[i] for i in sorted(range(len(found)), key=lambda i: place[i])]
+
+
 def _of_one_streak(boxes: FloatArray, line: Box) -> BoolArray:
     """Which boxes (n, 4), from end to end, the line may be of: near it, alike in direction."""
     along = boxes[:, 2:] - boxes[:, :2]
@@ -202,9 +212,13 @@ class Measurements:
         return Candidate(found=found, light=_light_of(trace))
 
     def _unevenness(self, found: Detection, trace: Trace) -> float:
-        """Of a short one: of its path, and of its light where that follows no one period."""
+        """Of a short one: of its path, and of its light where that follows no one period.
+
+        Where stars are so wide that pixels were joined, no cosmic ray is as wide, and wind bends
+        whatever is in the frame.
+        """
         width_px = self.stars.median_fwhm_px
-        if found.length_px > AS_CHAINS_FWHM * width_px:
+        if found.length_px > AS_CHAINS_FWHM * width_px or self.focus.joined > 1:
             return 0.0
         ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
         box = min(ends[::2]), min(ends[1::2]), max(ends[::2]), max(ends[1::2])
