@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from models.altered import FAMILIES, LONG_PX, SNR, draw, draw_altered
 from tests.campaign import streaks
-from tests.campaign.families import FAMILIES, LONG_PX, SNR, draw
 from tests.makers import straight_detection
 
 
@@ -101,3 +101,22 @@ def test_a_row_is_of_the_product_s_own_detector():
     row = streaks.row_of("plain", 1)
     assert row["confidence"] > 0.9
     assert row["off_px"] < 2.0
+
+
+def test_what_the_curve_is_fitted_on_is_not_what_is_judged():
+    """Another sky, other streaks; its trails are all that are in the frame, as far as it goes."""
+    crossings = list(FAMILIES).index("crossings")
+    true = draw_altered("calibrate", crossings)
+    frame, truth, others = draw("crossings", crossings)
+    assert true.frame.pixels.shape == frame.pixels.shape
+    assert not np.array_equal(true.frame.pixels, frame.pixels)
+    own, *beside = true.trails
+    assert not own.is_cut
+    assert math.hypot(own.middle_px[0] - truth.x_a_px, own.middle_px[1] - truth.y_a_px) > 1.0
+    assert 1 <= len(beside) <= 3
+    assert all(trail.is_cut for trail in beside)
+    for trail in true.trails:
+        for x, y in ((trail.x_a_px, trail.y_a_px), (trail.x_b_px, trail.y_b_px)):
+            assert -1.0 <= x <= frame.width_px
+            assert -1.0 <= y <= frame.height_px
+    assert others
