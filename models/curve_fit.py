@@ -26,8 +26,9 @@ BoolArray = npt.NDArray[np.bool_]
 
 TAU = 0.10
 SHARES: Mapping[str, float] = {
-    "clear": 0.87,
+    "clear": 0.82,
     "clouds": 0.10,
+    "altered": 0.05,
     "aircraft": 0.01,
     "jitter": 0.01,
     "rays": 0.01,
@@ -38,8 +39,11 @@ FRAMES_PER_SATELLITE = (2, 3, 5, 10, 20, 30, 50, 100, 200, 300, 400, 500, 1000)
 FALSE_PER_ORDINARY, FALSE_PER_HARD = 0.5 / 1000.0, 1.3 / 100.0
 """Expected above tau: well below what is promised, since the rows of the fit foretell it."""
 ORDINARY: tuple[Kind, ...] = ("empty", "satellites")
+HARD_COUNTS = 0.3
+"""How much a false candidate of a hard frame counts in the weights: there are dozens a frame."""
 _AT_TAU = math.log(TAU / (1.0 - TAU))
-_FOR, _AGAINST = ("network", "log_snr"), FEATURES[3:]
+_FOR = ("network", "log_snr", "steady", "extent")
+_AGAINST = FEATURES[5:]
 _RIDGE, _HELD = 0.1, 1e-7
 
 
@@ -104,14 +108,20 @@ def population_weights(them: Candidates, frames_per_satellite: float) -> FloatAr
     return weights
 
 
-def fit_weights(features: FloatArray, is_true: BoolArray) -> FloatArray:
-    """Weights by maximum likelihood, a little held back to zero, each of the sign it must have."""
+def fit_weights(
+    features: FloatArray, is_true: BoolArray, counts: FloatArray | None = None
+) -> FloatArray:
+    """Weights by maximum likelihood, a little held back to zero, each of the sign it must have.
+
+    ``counts``: how much each row counts; alike unless told.
+    """
+    times = np.ones(len(is_true)) if counts is None else counts
     sign = np.where(is_true, 1.0, -1.0)
 
     def cost(weights: FloatArray) -> tuple[float, FloatArray]:
         margin = sign * (features @ weights)
-        loss = np.logaddexp(0.0, -margin).sum() + _RIDGE * (weights[1:] ** 2).sum()
-        gradient = -(features * (sign / (1.0 + np.exp(margin)))[:, None]).sum(axis=0)
+        loss = times @ np.logaddexp(0.0, -margin) + _RIDGE * (weights[1:] ** 2).sum()
+        gradient = -(features * (times * sign / (1.0 + np.exp(margin)))[:, None]).sum(axis=0)
         gradient[1:] += 2.0 * _RIDGE * weights[1:]
         return float(loss), gradient
 
@@ -173,7 +183,8 @@ def fit_curve(them: Candidates, frames_per_satellite: int | None = None) -> Fitt
     That is the first tried at which tau keeps ordinary and hard frames alike, or else the ordinary
     ones; where none does, the lowest.
     """
-    weights = fit_weights(them.features, them.is_true)
+    is_easy = them.is_true | ~them.of_kind(*HARD)
+    weights = fit_weights(them.features, them.is_true, np.where(is_easy, 1.0, HARD_COUNTS))
     z = them.features @ weights
     ordinary = lowest_for(them, z, ORDINARY, FALSE_PER_ORDINARY)
     hard = lowest_for(them, z, HARD, FALSE_PER_HARD)

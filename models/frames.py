@@ -33,8 +33,9 @@ from rsoconsole.sky.times import iso_to_utc_ns
 from rsoconsole.sky.wcs import tan_wcs
 
 Split = Literal["calibrate", "test"]
-Kind = Literal["empty", "satellites", "clouds", "aircraft", "jitter", "rays"]
+Kind = Literal["empty", "satellites", "clouds", "aircraft", "jitter", "rays", "altered"]
 KINDS: tuple[Kind, ...] = ("empty", "satellites", "clouds", "aircraft", "jitter", "rays")
+"""Those of the paper's telescope as it should be; ``models.altered`` draws the altered ones."""
 HARD: tuple[Kind, ...] = ("aircraft", "jitter", "rays")
 """Kinds without a satellite that hold what is easily taken for one."""
 EXPOSURE_S = 10.0

@@ -7,25 +7,23 @@ every trail without such a candidate where it was lost.
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import asdict, replace
-from typing import Any, TypedDict, cast
+from dataclasses import asdict
+from typing import Any, TypedDict
 
 from models.frames import Kind, TrueFrame, TrueTrail
 from rsoconsole.config import DetectorConfig
 from rsoconsole.reason_text import text
 from rsoconsole.records import Detection, Detections
 from rsoconsole.sky.angles import turn_deg
-from rsoconsole.vision.candidates import Measurements
+from rsoconsole.vision.candidate import Candidate, Focus, LineLight
 from rsoconsole.vision.confidence import ConfidenceCurve, confidence_features
-from rsoconsole.vision.detector import DARK, MOST_FITS, FrameAnalysis, StreakDetector
-from rsoconsole.vision.maps import FrameMap
+from rsoconsole.vision.detector import FrameAnalysis, StreakDetector
 from rsoconsole.vision.network import Network, NetworkBox
+from rsoconsole.vision.working_frame import WorkingFrame, to_original
 
 ON_TRAIL_PX = 5.0
 BOX_ON_TRAIL_PX = 16.0
-NOT_PROPOSED = "not proposed by the network"
-NOT_MEASURED = f"not measured: {MOST_FITS} more confident candidates in the frame"
+NOT_PROPOSED = "not proposed"
 
 
 class TrailRow(TypedDict):
@@ -44,7 +42,9 @@ class CandidateRow(TypedDict):
     """One candidate that the curve of confidence was asked about."""
 
     measured: dict[str, Any]
-    """The ``Detection``, with the network's own confidence."""
+    """The ``Detection`` in the pixels of the row's ``focus``, with the network's own confidence."""
+    light: dict[str, Any]
+    """Its ``LineLight``."""
     trail: int | None
     """Index of the trail it lies on; None: of none."""
     is_taken: bool
@@ -58,8 +58,8 @@ class FrameRow(TypedDict):
 
     kind: Kind
     number: int
-    psf_px: float
-    """Median width of its stars as the detector measured it."""
+    focus: dict[str, Any]
+    """The ``Focus`` as the detector measured it."""
     seeing_px: float
     sky_e: float
     stars: int
@@ -70,55 +70,23 @@ class FrameRow(TypedDict):
     stage_ms: dict[str, float]
 
 
-class _NotedNetwork:
-    """The network, and what it proposed last."""
-
-    def __init__(self, network: Network) -> None:
-        self._network = network
-        self.boxes: list[NetworkBox] = []
-
-    def run(self, frame_map: FrameMap) -> tuple[NetworkBox, ...]:
-        found = self._network.run(frame_map)
-        self.boxes += found
-        return found
-
-
-class _NotedCurve:
-    """Leaves every candidate the network's word, and notes whom it was asked about last."""
-
-    def __init__(self) -> None:
-        self.asked: list[Detection] = []
-
-    def judged(self, candidates: Sequence[Detection], _psf_fwhm_px: float) -> list[Detection]:
-        self.asked = list(candidates)
-        return list(candidates)
-
-    def highest(self, *_of: object) -> float:
-        """None is beyond hope: each is measured."""
-        return 1.0
-
-
 class Judge:
     """The product's detector with its network, watched. Not for use by two threads at once."""
 
     def __init__(self, network: Network | None = None) -> None:
         """``network`` None: the shipped one, on one thread."""
-        self._network = _NotedNetwork(network or Network.load(None, 1))
-        self._curve = _NotedCurve()
         self._detector = StreakDetector(
-            self._network, DetectorConfig(threads=1), cast(ConfidenceCurve, self._curve)
+            network or Network.load(None, 1), DetectorConfig(threads=1), curve=None
         )
 
     def row(self, true: TrueFrame) -> FrameRow:
         """Look at one frame."""
-        self._network.boxes = []
-        self._curve.asked = []
         analysis = self._detector.analyse(true.frame, tau=0.0)
-        found = analysis.detections
-        asked = self._curve.asked
-        met = [trail_of(each, true.trails) for each in asked]
+        found, working = analysis.detections, analysis.working
+        placed = [working.original(each.found) for each in analysis.candidates]
+        met = [trail_of(each, true.trails) for each in placed]
         taken = set(found.detections)
-        seen = {index for each, index in zip(asked, met, strict=True) if each in taken}
+        seen = {index for each, index in zip(placed, met, strict=True) if each in taken}
         trails = [
             TrailRow(
                 x_px=round(trail.middle_px[0], 3),
@@ -126,23 +94,24 @@ class Judge:
                 length_px=round(trail.length_px, 2),
                 peak_snr=round(trail.peak_snr, 4),
                 is_cut=trail.is_cut,
-                lost="" if index in seen else self._where_lost(true, trail, analysis),
+                lost="" if index in seen else _where_lost(trail, analysis),
             )
             for index, trail in enumerate(true.trails)
         ]
         candidates = [
             CandidateRow(
-                measured=_plain(each),
+                measured=_plain(each.found),
+                light=_plain(each.light),
                 trail=index,
-                is_taken=each in taken,
-                error_px=None if index is None else _error_px(each, true.trails[index]),
+                is_taken=place in taken,
+                error_px=None if index is None else _error_px(place, true.trails[index]),
             )
-            for each, index in zip(asked, met, strict=True)
+            for each, place, index in zip(analysis.candidates, placed, met, strict=True)
         ]
         return FrameRow(
             kind=true.kind,
             number=true.frame.frame_id,
-            psf_px=analysis.stars.median_fwhm_px,
+            focus=_plain(analysis.focus),
             seeing_px=round(true.content.fwhm_px, 3),
             sky_e=round(true.content.sky_electrons_px, 1),
             stars=len(analysis.stars),
@@ -152,43 +121,40 @@ class Judge:
             stage_ms={name: round(ms, 1) for name, ms in found.stage_ms.items()},
         )
 
-    def _where_lost(self, true: TrueFrame, trail: TrueTrail, analysis: FrameAnalysis) -> str:
-        """Why no candidate lies on this trail."""
-        near = [box for box in self._network.boxes if _is_box_on(box, trail)]
-        if not near:
-            return NOT_PROPOSED
-        for rejection in analysis.detections.rejected:
-            if _is_on(rejection.detection, trail, BOX_ON_TRAIL_PX):
-                return without_figures(text(rejection.reason))
-        # Whom the network hardly believes is refused without a record: asked once more.
-        box = max(near, key=lambda each: each.confidence)
-        measured = Measurements(true.frame, analysis.background, analysis.stars)
-        if measured.is_dark(box):
-            return text(DARK)
-        before = [each for each in self._network.boxes if each.confidence > box.confidence]
-        if sum(not measured.is_dark(each) for each in before) >= MOST_FITS:
-            return NOT_MEASURED
-        measured.measure(replace(box, confidence=1.0))
-        reasons = [without_figures(text(rejection.reason)) for rejection in measured.rejected]
-        return reasons[0] if reasons else "measured elsewhere"
+
+def _where_lost(trail: TrueTrail, analysis: FrameAnalysis) -> str:
+    """Why no candidate lies on this trail."""
+    working = analysis.working
+    if not any(_is_box_on(each.box, trail, working) for each in analysis.proposals):
+        return NOT_PROPOSED
+    for rejection in analysis.detections.rejected:
+        if _is_on(rejection.detection, trail, BOX_ON_TRAIL_PX):
+            return without_figures(text(rejection.reason))
+    return "measured elsewhere"
 
 
 def features_of(row: FrameRow) -> list[tuple[float, ...]]:
     """What the curve looks at, of each of the frame's candidates."""
-    measured = [measured_of(each) for each in row["candidates"]]
-    return [confidence_features(each, row["psf_px"], measured) for each in measured]
+    measured, focus = [candidate_of(each) for each in row["candidates"]], Focus(**row["focus"])
+    return [confidence_features(each, focus, measured) for each in measured]
 
 
 def confidences_of(row: FrameRow, curve: ConfidenceCurve) -> list[float]:
     """What the product says of each of the frame's candidates with this curve."""
-    measured = [measured_of(each) for each in row["candidates"]]
-    return [each.confidence for each in curve.judged(measured, row["psf_px"])]
+    measured = [candidate_of(each) for each in row["candidates"]]
+    return [each.confidence for each in curve.judged(measured, Focus(**row["focus"]))]
 
 
-def measured_of(candidate: CandidateRow) -> Detection:
-    """The candidate's record, with the network's own confidence."""
-    values = dict(candidate["measured"])
-    return Detection(box_px=tuple(values.pop("box_px")), **values)
+def candidate_of(row: CandidateRow) -> Candidate:
+    """What was measured of a candidate, with the network's own confidence."""
+    values = dict(row["measured"])
+    found = Detection(box_px=tuple(values.pop("box_px")), **values)
+    return Candidate(found=found, light=LineLight(**row["light"]))
+
+
+def measured_of(row: CandidateRow, focus: dict[str, Any]) -> Detection:
+    """The candidate's record in pixels of its frame, with the network's own confidence."""
+    return to_original(candidate_of(row).found, int(focus["joined"]))
 
 
 def trail_of(detection: Detection, trails: tuple[TrueTrail, ...]) -> int | None:
@@ -215,11 +181,11 @@ def _is_on(detection: Detection, trail: TrueTrail, within_px: float) -> bool:
     )
 
 
-def _is_box_on(box: NetworkBox, trail: TrueTrail) -> bool:
-    x, y = 0.5 * (box.x_a_px + box.x_b_px), 0.5 * (box.y_a_px + box.y_b_px)
+def _is_box_on(box: NetworkBox, trail: TrueTrail, working: WorkingFrame) -> bool:
+    x, y = working.px(0.5 * (box.x_a_px + box.x_b_px)), working.px(0.5 * (box.y_a_px + box.y_b_px))
     dx, dy = trail.x_b_px - trail.x_a_px, trail.y_b_px - trail.y_a_px
     return _lies(
-        (x, y, box.angle_deg, box.length_px),
+        (x, y, box.angle_deg, box.length_px * working.side),
         (*trail.middle_px, math.degrees(math.atan2(dy, dx)), trail.length_px),
         BOX_ON_TRAIL_PX,
     )
@@ -249,8 +215,8 @@ def _error_px(detection: Detection, trail: TrueTrail) -> float | None:
     return round(math.hypot(detection.x_px - x, detection.y_px - y), 4)
 
 
-def _plain(detection: Detection) -> dict[str, Any]:
-    return {name: _rounded(value) for name, value in asdict(detection).items()}
+def _plain(measured: Detection | LineLight | Focus) -> dict[str, Any]:
+    return {name: _rounded(value) for name, value in asdict(measured).items()}
 
 
 def _rounded(value: Any) -> Any:

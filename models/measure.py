@@ -63,7 +63,7 @@ def _is_as_said(
 ) -> bool:
     """Whether these detections are the candidates of the row above tau."""
     said = [
-        (measured_of(each), confidence)
+        (measured_of(each, row["focus"]), confidence)
         for each, confidence in zip(row["candidates"], confidences_of(row, curve), strict=True)
         if each["is_taken"] and confidence > tau
     ]

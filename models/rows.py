@@ -15,7 +15,8 @@ import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from models.frames import KINDS, Kind, Split, draw
+from models.altered import draw_altered
+from models.frames import KINDS, Kind, Split, TrueFrame, draw
 from models.judging import FrameRow, Judge
 from rsoconsole.simulator.sensor import SensorModel
 from rsoconsole.vision.network import MODEL_NAME
@@ -24,7 +25,8 @@ HERE = Path(__file__).parent
 RUNS = HERE / "runs"
 _PRODUCT = HERE.parent / "rsoconsole"
 _LOOKING = ("rsoconsole/vision/*.py", "rsoconsole/simulator/*.py")
-_DRAWING = ("models/frames.py", "models/nuisances.py", "models/judging.py")
+_ALL: tuple[Kind, ...] = (*KINDS, "altered")
+_DRAWING = ("models/frames.py", "models/altered.py", "models/nuisances.py", "models/judging.py")
 _NOT_LOOKING = ("rsoconsole/vision/confidence.py",)
 
 Task = tuple[Split, Kind, int]
@@ -50,14 +52,14 @@ def folder_of(name: str) -> Path:
 def read(folder: Path) -> list[FrameRow]:
     """All rows in a folder, in order of kind and number."""
     rows: dict[tuple[Kind, int], FrameRow] = {}
-    for kind in KINDS:
+    for kind in _ALL:
         path = folder / f"{kind}.jsonl"
         if path.exists():
             for line in path.read_text(encoding="utf-8").splitlines():
                 row = _row_of(line)
                 if row is not None:
                     rows[kind, row["number"]] = row
-    return [rows[key] for key in sorted(rows, key=lambda key: (KINDS.index(key[0]), key[1]))]
+    return [rows[key] for key in sorted(rows, key=lambda key: (_ALL.index(key[0]), key[1]))]
 
 
 def complete(
@@ -125,7 +127,12 @@ def _begin(sensor: SensorModel | None) -> None:
 def _look(task: Task) -> FrameRow:
     judge, sensor = _state["judge"], _state["sensor"]
     assert isinstance(judge, Judge)
-    return judge.row(draw(*task, sensor if isinstance(sensor, SensorModel) else None))
+    return judge.row(_drawn(task, sensor if isinstance(sensor, SensorModel) else None))
+
+
+def _drawn(task: Task, sensor: SensorModel | None) -> TrueFrame:
+    split, kind, number = task
+    return draw_altered(split, number) if kind == "altered" else draw(split, kind, number, sensor)
 
 
 class Progress:

@@ -29,6 +29,7 @@ _NOT_A_STREAK: dict[NotAStreakKind, str] = {
     "no light": "no unbroken light along a line there",
     "below tau": "below tau {limit:.2f} however well a line fits",
     "stars' trails": ("{value:.0f} px along the stars' own trails, of {limit:.0f} px each"),
+    "row or column": "along a row or column of the sensor, whose rows or columns differ",
     "trailed stars": (
         "one of {value:.0f} streaks of one length and direction: the stars are trailed"
     ),

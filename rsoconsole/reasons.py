@@ -30,6 +30,7 @@ NotAStreakKind: TypeAlias = Literal[
     "below tau",
     "trailed stars",
     "stars' trails",
+    "row or column",
     "longer trail",
     "patchy",
     "dark in between",

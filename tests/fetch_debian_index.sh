@@ -7,7 +7,7 @@ target=${1:-"$(dirname "$0")/../.cache/index"}
 mkdir -p "$target"
 cd "$target"
 # The packages without -littleendian hold nothing but a dependency on these.
-for scales in 08 09 10-19; do
+for scales in 07 08 09 10-19; do
     package=astrometry-data-tycho2-$scales-littleendian
     if [ -e "$package.done" ]; then
         continue

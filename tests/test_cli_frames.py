@@ -70,22 +70,61 @@ def test_every_broken_file_gets_an_error_and_the_others_go_on(broken_files, verb
     assert "Traceback" not in run.stderr
     for name, answer in answers.items():
         assert answer["frame"] == str(broken_files[name])
-        if name.startswith("good"):
+        if name.startswith(("good", "eight")):
             assert answer["detections"] == []
+            assert any("8 bits" in note for note in answer["notes"]) == (name == "eight_bit")
             expect_documented(verb, answer)
             assert "error" not in answer
         else:
             assert set(answer) == {"schema", "frame", "error"}
             assert len(answer["error"]) > 20
-    sentences = {a["error"] for n, a in answers.items() if not n.startswith("good")}
-    assert len(sentences) == len(broken_files) - 2, "every fault has words of its own"
+    sentences = {a["error"] for n, a in answers.items() if not n.startswith(("good", "eight"))}
+    assert len(sentences) == len(broken_files) - 3, "every fault has words of its own"
 
 
-def test_an_eight_bit_picture_may_be_solved_but_not_measured(broken_files):
-    run = rsoconsole("solve", "--json", "--scale", "1.2", "1.3", broken_files["eight_bit"])
+def test_an_eight_bit_picture_is_looked_at_with_one_warning(broken_files):
+    picture = broken_files["eight_bit"]
+    run = rsoconsole("solve", "--json", "--scale", "1.2", "1.3", picture, picture)
+    assert run.returncode == 0
+    for answer in objects(run):
+        assert answer["solved"] is False
+        assert "stars" in answer["reason"]
+        expect_documented("solve", answer)
+    assert run.stderr.count("8 bits a pixel") == 1
+
+
+@pytest.fixture
+def mosaic(tmp_path: Path) -> Path:
+    """Two chips of one exposure, the primary unit empty."""
+    rng = np.random.default_rng(5)
+    chips = [rng.normal(1000.0, 20.0, (480, 640)).astype(np.uint16) for _ in range(2)]
+    units = [fits.PrimaryHDU(), *(fits.ImageHDU(chip, name="SCI") for chip in chips)]
+    for version, unit in enumerate(units[1:], start=1):
+        unit.ver = version
+    fits.HDUList(units).writeto(tmp_path / "mosaic.fits")
+    return tmp_path / "mosaic.fits"
+
+
+def test_of_a_mosaic_the_first_chip_is_taken_and_the_others_are_named(mosaic):
+    run = rsoconsole("detect", "--json", mosaic)
     (answer,) = objects(run)
-    assert (run.returncode, answer["solved"]) == (0, False)
-    assert "stars" in answer["reason"]
+    assert (run.returncode, answer["extension"]) == (0, "SCI,1")
+    assert "SCI,2" in run.stderr
+    expect_documented("detect", answer)
+
+
+def test_every_chip_of_a_mosaic_is_looked_at_where_that_is_asked_for(mosaic):
+    run = rsoconsole("detect", "--json", "--extension", "all", mosaic)
+    assert [answer["extension"] for answer in objects(run)] == ["SCI,1", "SCI,2"]
+    assert run.stderr == ""
+    assert "mosaic.fits[SCI,2]: 0 streak" in rsoconsole("detect", "--extension", "2", mosaic).stdout
+
+
+def test_a_chip_that_is_not_there_is_an_error_with_the_names_of_those_that_are(mosaic):
+    run = rsoconsole("process", "--extension", "SCI,3", mosaic)
+    assert run.returncode == 1
+    assert "SCI,1, SCI,2" in run.stderr
+    assert rsoconsole("process", "--extension", "all", mosaic).returncode == 2
 
 
 def test_wrong_usage_is_exit_2_and_help_teaches():

@@ -15,6 +15,7 @@ from models.curve_fit import (
     population_weights,
     reliability,
 )
+from rsoconsole.vision.candidate import Candidate, Focus, LineLight
 from rsoconsole.vision.confidence import FEATURES, confidence_features
 from tests.makers import straight_detection
 
@@ -121,9 +122,12 @@ def test_the_scale_returns_the_odds_that_weighed_rows_were_drawn_with():
 
 
 def _seen(detection, *others):
-    return dict(
-        zip(FEATURES, confidence_features(detection, PSF_PX, (detection, *others)), strict=True)
+    one, *rest = (
+        Candidate(found=each, light=LineLight(lower_quartile_snr=each.snr, roughness=0.0))
+        for each in (detection, *others)
     )
+    features = confidence_features(one, Focus(fwhm_px=PSF_PX), (one, *rest))
+    return dict(zip(FEATURES, features, strict=True))
 
 
 def test_the_width_speaks_against_by_its_side_and_only_beyond_what_noise_leaves_open():

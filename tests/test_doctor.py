@@ -97,6 +97,7 @@ def test_every_check_reports_and_what_is_not_well_has_a_remedy(
         "system",
         "python",
         "network",
+        "camera",
         "index files",
         "catalogue",
         "site",
@@ -115,6 +116,29 @@ def test_every_check_reports_and_what_is_not_well_has_a_remedy(
     assert "ZeroDivisionError" in found[1].detail
     assert all(check.remedy for check in found if check.ok is False)
     assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize(
+    ("optics", "exposure_s", "ok", "says"),
+    [
+        ({}, 10.0, True, "1.26 arcsec/px"),
+        ({"focal_length_mm": 25.0}, 10.0, None, "calibrated for 1 to 10"),
+        ({"focal_length_mm": 20000.0}, 10.0, False, "outside the 0.3 to 250"),
+        ({}, 120.0, None, "made for 0.05 to 60 s"),
+        ({}, 0.05, True, "0.05 s"),
+        ({"width_px": 320, "height_px": 240}, 10.0, None, "smaller than 640 x 480"),
+        ({"width_px": 9576, "height_px": 6388}, 60.0, True, "9576 x 6388"),
+        ({"width_px": 14192, "height_px": 10640}, 10.0, None, "larger than the 9576 x 6388"),
+    ],
+)
+def test_a_camera_beyond_what_is_calibrated_is_told(
+    optics: dict[str, float], exposure_s: float, ok: bool | None, says: str
+) -> None:
+    exposure = {"exposure_s": exposure_s, "cadence_s": 200.0}
+    check = doctor.check_camera(config_with(optics=optics, exposure=exposure))
+    assert check.ok is ok
+    assert says in check.detail
+    assert bool(check.remedy) == (ok is not True)
 
 
 def test_libraries_that_are_here_load() -> None:

@@ -1,6 +1,7 @@
 """Frames from disk: every kind that is promised, and a plain sentence for every broken one."""
 
 import bz2
+import contextlib
 import gzip
 import os
 from pathlib import Path
@@ -10,7 +11,7 @@ import pytest
 from astropy.io import fits
 
 from rsoconsole.errors import FrameError
-from rsoconsole.instruments.frame_files import frame_from_bytes, read_frame
+from rsoconsole.instruments.frame_files import frame_from_bytes, read_frame, read_frames
 from rsoconsole.records import Frame
 from rsoconsole.session.frame_files import compress_frame
 
@@ -174,7 +175,6 @@ def broken_files(folder: Path) -> dict[str, tuple[Path, str]]:
     fz = folder / "good.fits.fz"
     fits.HDUList([fits.PrimaryHDU(), fits.CompImageHDU(sky_pixels(400, 400))]).writeto(fz)
     all_nan = np.full((96, 96), np.nan, dtype=np.float32)
-    eight = sky_pixels().astype(np.uint8)
     return {
         "missing": (folder / "nowhere.fits", "does not exist"),
         "directory": (folder, "is a directory"),
@@ -186,10 +186,8 @@ def broken_files(folder: Path) -> dict[str, tuple[Path, str]]:
         "truncated fz": (damaged(folder, "cut.fz", fz.read_bytes()[:9000]), "truncated"),
         "truncated png": (damaged(folder, "cut.png", b"\x89PNG\r\n\x1a\n1234"), "truncated"),
         "text": (damaged(folder, "notes.fits", b"hello"), "neither FITS, TIFF nor PNG"),
-        "8-bit": (write_fits(folder / "eight.fits", eight), "is 8-bit"),
         "NaN": (write_fits(folder / "nan.fits", all_nan), "NaN or infinite values in 9216 of 9216"),
         "too small": (write_fits(folder / "small.fits", sky_pixels(40, 128)), "128 x 40 px"),
-        "colour": (colour_png(folder), "colour"),
         "a table": (damaged_table(folder), "no two-dimensional image"),
     }
 
@@ -216,11 +214,152 @@ def test_an_unreadable_file_says_why(tmp_path: Path) -> None:
         read_frame(path, 1)
 
 
-def test_8_bit_is_read_where_it_is_allowed(tmp_path: Path) -> None:
-    path = write_fits(tmp_path / "a.fits", sky_pixels().astype(np.uint8))
-    frame = read_frame(path, 1, allow_8bit=True)
+def test_8_bit_is_read_with_a_warning_and_refused_where_it_is_not_wanted(tmp_path: Path) -> None:
+    pixels = sky_pixels().astype(np.uint8)
+    path = write_fits(tmp_path / "a.fits", pixels)
+    frame = read_frame(path, 1)
+    assert np.array_equal(frame.pixels, pixels)
     assert frame.pixels.dtype == np.uint16
     assert frame.saturation_adu == 255.0
+    (note,) = frame.header["NOTES"]
+    assert "8 bits" in note
+    with pytest.raises(FrameError, match="is 8-bit"):
+        read_frame(path, 1, allow_8bit=False)
+
+
+def test_a_session_gives_a_frame_of_8_bits_back_as_it_was(tmp_path: Path) -> None:
+    frame = read_frame(write_fits(tmp_path / "a.fits", sky_pixels().astype(np.uint8)), 1)
+    (tmp_path / "kept.fits").write_bytes(compress_frame(frame))
+    again = read_frame(tmp_path / "kept.fits", 1)
+    assert np.array_equal(again.pixels, frame.pixels)
+    assert again.saturation_adu == frame.saturation_adu
+
+
+@pytest.mark.parametrize(("bits", "full_adu"), [(10, 1023), (12, 4095), (14, 16383)])
+def test_a_converter_of_fewer_bits_shows_where_it_is_full(tmp_path, bits, full_adu) -> None:
+    pixels = np.minimum(sky_pixels() % 1000, full_adu)
+    assert read_frame(write_fits(tmp_path / "dark.fits", pixels), 1).saturation_adu == 65535.0
+    pixels[40:42, 50:52] = full_adu
+    path = write_fits(tmp_path / "bright.fits", pixels.astype(np.uint16))
+    assert read_frame(path, 1).saturation_adu == full_adu
+
+
+def test_the_colours_of_a_picture_are_added_up_with_a_warning(tmp_path: Path) -> None:
+    import cv2
+
+    colours = np.random.default_rng(2).integers(0, 255, (96, 128, 3), dtype=np.uint8)
+    cv2.imwrite(str(tmp_path / "c.png"), colours)
+    frame = read_frame(tmp_path / "c.png", 1)
+    assert np.array_equal(frame.pixels, colours.sum(axis=2))
+    assert frame.saturation_adu == 3 * 255
+    assert any("colour" in note for note in frame.header["NOTES"])
+
+
+def test_grey_saved_as_colours_keeps_its_values(tmp_path: Path) -> None:
+    frame = read_frame(colour_png(tmp_path), 1)
+    assert np.array_equal(frame.pixels, sky_pixels())
+    assert frame.header["NOTES"] == ()
+
+
+def several_images(folder: Path) -> Path:
+    """An empty primary unit, two parts of a mosaic, a table, a mask and a thumbnail."""
+    table = fits.BinTableHDU.from_columns([fits.Column(name="q", format="J", array=[1, 2])])
+    units = [
+        fits.PrimaryHDU(),
+        fits.ImageHDU(sky_pixels(), name="SCI", ver=1),
+        fits.ImageHDU(sky_pixels() + np.uint16(1), name="SCI", ver=2),
+        table,
+        fits.ImageHDU(sky_pixels() + np.uint16(2), name="MASK"),
+        fits.ImageHDU(sky_pixels(20, 20), name="THUMB"),
+    ]
+    units[2].header["EXPTIME"] = 7.0
+    fits.HDUList(units).writeto(folder / "several.fits")
+    return folder / "several.fits"
+
+
+def test_of_several_images_the_first_is_read_and_the_others_are_named(tmp_path: Path) -> None:
+    frame = read_frame(several_images(tmp_path), 1)
+    assert np.array_equal(frame.pixels, sky_pixels())
+    assert frame.name == "several.fits[SCI,1]"
+    (note,) = frame.header["NOTES"]
+    assert "image SCI,1 of 3" in note
+    assert "SCI,2, MASK" in note
+    assert "--extension" in note
+
+
+@pytest.mark.parametrize(
+    ("extension", "added"),
+    [("SCI", 0), ("sci, 2", 1), ("SCI,2", 1), ("2", 1), ("mask", 2), ("4", 2), ("1", 0)],
+)
+def test_an_image_is_had_by_name_version_or_number(tmp_path, extension, added) -> None:
+    frame = read_frame(several_images(tmp_path), 1, extension=extension)
+    assert np.array_equal(frame.pixels, sky_pixels() + np.uint16(added))
+    assert frame.exposure_s == (7.0 if added == 1 else None)
+
+
+@pytest.mark.parametrize("extension", ["0", "3", "THUMB", "SCI,3", "", "9"])
+def test_what_is_no_image_of_the_file_is_refused_with_the_names_of_those_there_are(
+    tmp_path, extension
+) -> None:
+    with pytest.raises(FrameError, match="SCI,1, SCI,2, MASK"):
+        read_frame(several_images(tmp_path), 1, extension=extension)
+
+
+def test_all_images_of_a_file_come_one_after_another(tmp_path: Path) -> None:
+    frames = list(read_frames(several_images(tmp_path), 5, extension="all"))
+    assert [frame.header["EXTENSION"] for frame in frames] == ["SCI,1", "SCI,2", "MASK"]
+    assert all(frame.header["NOTES"] == () for frame in frames)
+    one = write_fits(tmp_path / "one.fits", sky_pixels())
+    assert [frame.name for frame in read_frames(one, 1, extension="all")] == ["one.fits"]
+
+
+def test_an_image_before_others_in_the_first_unit_is_not_the_only_one(tmp_path: Path) -> None:
+    units = [fits.PrimaryHDU(sky_pixels()), fits.ImageHDU(sky_pixels(), name="MASK")]
+    fits.HDUList(units).writeto(tmp_path / "a.fits")
+    (note,) = read_frame(tmp_path / "a.fits", 1).header["NOTES"]
+    assert "MASK" in note
+
+
+def test_damage_behind_the_first_image_does_not_cost_it(tmp_path: Path) -> None:
+    content = several_images(tmp_path).read_bytes()
+    (tmp_path / "cut.fits").write_bytes(content[:40_000])
+    assert np.array_equal(read_frame(tmp_path / "cut.fits", 1).pixels, sky_pixels())
+    with pytest.raises(FrameError, match=r"truncated|no image"):
+        read_frame(tmp_path / "cut.fits", 1, extension="SCI,2")
+
+
+def test_a_compressed_image_with_wrong_bytes_is_read_or_an_error_in_words(tmp_path: Path) -> None:
+    fz = tmp_path / "good.fits.fz"
+    fits.HDUList([fits.PrimaryHDU(), fits.CompImageHDU(sky_pixels(400, 400))]).writeto(fz)
+    content = bytearray(fz.read_bytes())
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        wrong = bytearray(content)
+        for place in rng.integers(9000, len(content), 40):
+            wrong[place] = int(rng.integers(256))
+        # Any other exception would be a traceback for the user.
+        with contextlib.suppress(FrameError):
+            read_frame(damaged(tmp_path, "wrong.fits.fz", bytes(wrong)), 1)
+
+
+@pytest.mark.shared_data
+@pytest.mark.skipif(not SHARED.exists(), reason="../shared/data is not here")
+def test_files_of_other_observatories_with_several_images() -> None:
+    chip = read_frame(SHARED / "field" / "stars" / "lco_mef_raw_test_frame.fits", 1)
+    assert (chip.width_px, chip.height_px) == (544, 522)
+    assert chip.exposure_s == 94.975
+    for path in (SHARED / "field" / "gmn").glob("*.fits"):
+        brightest = read_frame(path, 1, extension="MAXPIXEL").pixels
+        mean = read_frame(path, 1, extension="AVEPIXEL").pixels
+        assert (brightest >= mean).all()
+        assert brightest.shape == (720, 1280)
+
+
+def test_a_focal_length_that_cannot_be_is_no_hint_and_is_told(tmp_path: Path) -> None:
+    path = write_fits(tmp_path / "a.fits", sky_pixels(), FOCALLEN=0.1, XPIXSZ=3.8)
+    frame = read_frame(path, 1)
+    assert frame.scale_arcsec_px is None
+    assert "FOCALLEN 0.1 mm" in frame.header["NOTES"][0]
 
 
 def test_a_frame_of_another_size_than_the_cameras_is_refused(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import json
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -12,7 +13,7 @@ from rsoconsole.cli.order import verb_of
 from rsoconsole.cli.output import WITH_UNITS, emit_json
 from rsoconsole.control import COMMANDS, ControlServer, Health, Outcome, Status, default_socket_path
 from rsoconsole.control.status import FIRST_NAMES, SCHEMA, Machine, read_status, status_json
-from rsoconsole.records import Detection, Detections, NotSolved
+from rsoconsole.records import Detection, Detections, Frame, NotSolved
 from tests.json_page import expect_documented, first_keys, keys_of
 from tests.makers import straight_detection
 
@@ -116,12 +117,13 @@ def test_keys_with_units_stand_beside_the_first_ones_at_every_depth(capsys):
 
 
 def test_detections_and_solutions_are_as_on_the_page(capsys):
-    from rsoconsole.pipeline.reports import detections_report, solution_report
+    from rsoconsole.pipeline.reports import detections_report, solved_report
 
     seen: Detection = straight_detection()
     found = Detections(frame_id=1, width_px=64, height_px=48, detections=(seen,))
     emit_json(detections_report("a.fits", found))
-    emit_json(solution_report("a.fits", NotSolved(frame_id=1, reason="7 stars", ms=3.0), 64, 48))
+    frame = Frame(frame_id=1, name="a.fits", pixels=np.zeros((48, 64), np.uint16))
+    emit_json(solved_report("a.fits", NotSolved(frame_id=1, reason="7 stars", ms=3.0), frame))
     detect, solve = map(json.loads, capsys.readouterr().out.splitlines())
     expect_documented("detect", detect)
     expect_documented("solve", solve)

@@ -7,6 +7,7 @@ import pytest
 
 from models.card import CARD, FIGURES, PEERS, README, TIMES, read_json, rewritten
 from models.figures import BELOW_TAU, average_precision, figures, outcome_of
+from rsoconsole.vision.candidate import Focus
 from rsoconsole.vision.confidence import FEATURES, ConfidenceCurve
 from tests.makers import straight_detection
 
@@ -28,14 +29,21 @@ def trail(peak_snr: float = 6.0, length_px: float = 118.0, lost: str = "") -> di
 
 def candidate(confidence: float, on: int | None, error_px: float | None = None) -> dict:
     measured = asdict(straight_detection(confidence=confidence))
-    return {"measured": measured, "trail": on, "is_taken": True, "error_px": error_px}
+    light = {"lower_quartile_snr": measured["snr"], "roughness": 0.0}
+    return {
+        "measured": measured,
+        "light": light,
+        "trail": on,
+        "is_taken": True,
+        "error_px": error_px,
+    }
 
 
 def row(kind: str, number: int, trails: list[dict], candidates: list[dict]) -> dict:
     return {
         "kind": kind,
         "number": number,
-        "psf_px": 2.4,
+        "focus": asdict(Focus(fwhm_px=2.4)),
         "seeing_px": 2.2,
         "sky_e": 132.0,
         "stars": 200,

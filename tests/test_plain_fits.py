@@ -9,7 +9,8 @@ from astropy.io import fits
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.instruments.frame_files import _fits_image_by_astropy, frame_from_bytes
+from rsoconsole.instruments.fits_images import image_by_astropy
+from rsoconsole.instruments.frame_files import frame_from_bytes
 from rsoconsole.instruments.plain_fits import read_plain
 from rsoconsole.simulator.indi_fits import fits_bytes
 
@@ -48,7 +49,8 @@ def test_every_header_that_is_read_plainly_is_read_as_astropy_reads_it(cards):
             hdu.header[key] = value
     content = written(hdu)
     found = read_plain(content)
-    raw, header = _fits_image_by_astropy(content, "frame.fits")
+    image = image_by_astropy(content, "frame.fits")
+    raw, header = image.raw, image.header
     if found is not None:
         assert found[1] == header
         assert [type(value) for value in found[1].values()] == [type(v) for v in header.values()]
@@ -76,7 +78,7 @@ def test_the_usual_forms_of_a_card_need_no_astropy(card):
     content = with_card(card)
     found = read_plain(content)
     assert found is not None
-    assert found[1] == _fits_image_by_astropy(content, "frame.fits")[1]
+    assert found[1] == image_by_astropy(content, "frame.fits").header
 
 
 @pytest.mark.parametrize(
@@ -118,7 +120,8 @@ def test_pixels_of_every_type_are_those_that_astropy_reads(dtype):
     content = written(fits.PrimaryHDU(NUMBERS.astype(dtype)))
     found = read_plain(content)
     assert found is not None
-    raw, header = _fits_image_by_astropy(content, "frame.fits")
+    image = image_by_astropy(content, "frame.fits")
+    raw, header = image.raw, image.header
     assert found[0].dtype == raw.dtype
     assert np.array_equal(found[0], raw)
     assert found[1] == header

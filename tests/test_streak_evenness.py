@@ -26,7 +26,7 @@ def uneven(pixels: np.ndarray, line: tuple[float, float, float, float], ridge_sn
     ends = ends_of(*line)
     box = min(ends[::2]), min(ends[1::2]), max(ends[::2]), max(ends[1::2])
     cutout = cut_out(pixels, local_background(sky_with()), box, 16.0, None)
-    return unevenness(cutout, ends, SIGMA_PX, matched(line[3], ridge_snr))
+    return max(unevenness(cutout, ends, SIGMA_PX, matched(line[3], ridge_snr)))
 
 
 @pytest.mark.parametrize("ridge_snr", [2.0, 5.0, 30.0])

@@ -11,7 +11,7 @@ import pytest
 from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.reason_text import text
 from rsoconsole.sky.angles import turn_deg
-from rsoconsole.vision.detector import not_along
+from rsoconsole.vision.set_aside import not_along
 from rsoconsole.vision.stars import find_stars
 from rsoconsole.vision.trailed_stars import Trail
 from tests.makers import straight_detection

@@ -1,6 +1,6 @@
 """Verbs that work on recorded frames: process, detect, solve."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,6 +23,15 @@ from rsoconsole.errors import FrameError
 FramesArgument = Annotated[
     list[Path], typer.Argument(metavar="FRAME...", help="FITS (.gz .bz2 .fz), TIFF or PNG files.")
 ]
+ExtensionOption = Annotated[
+    str | None,
+    typer.Option(
+        "--extension",
+        metavar="NAME|N|all",
+        help="Image of a FITS file that has several: its extension's name (SCI or SCI,2), its"
+        " number, or all for one after another. Default: the first.",
+    ),
+]
 
 
 def register(app: typer.Typer) -> None:
@@ -41,21 +50,36 @@ def _report_error(path: Path, error: FrameError, json_: bool) -> None:
 def _each(
     frames: list[Path],
     json_: bool,
-    work: Callable[[Path, int], dict[str, Any]],
+    work: Callable[[Path, int], Iterator[dict[str, Any]]],
     words: Callable[[dict[str, Any]], str],
 ) -> None:
     """Run ``work`` over the files in order; broken ones are reported and the others go on."""
     failures = 0
+    told: set[str] = set()
     for number, path in enumerate(frames, start=1):
         try:
-            found = work(path, number)
+            for found in work(path, number):
+                output.emit_json(found) if json_ else output.say(words(found))
+                _warn(_name(found), found["notes"], told)
         except FrameError as error:
             failures += 1
             _report_error(path, error, json_)
-            continue
-        output.emit_json(found) if json_ else output.say(words(found))
     if failures:
         raise typer.Exit(1)
+
+
+def _name(found: dict[str, Any]) -> str:
+    """The file, and which of its images."""
+    extension = found["extension"]
+    return f"{found['frame']}[{extension}]" if extension else str(found["frame"])
+
+
+def _warn(name: str, notes: list[str], told: set[str]) -> None:
+    """What is unusual about a frame, each sentence once in a run."""
+    for note in notes:
+        if note not in told:
+            told.add(note)
+            output.complain(f"rsoconsole: {name}: {note}")
 
 
 def process(
@@ -77,6 +101,7 @@ def process(
     config: ConfigOption = None,
     tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
     preset: Annotated[str | None, typer.Option(help="Filter preset: tuned or paper.")] = None,
+    extension: ExtensionOption = None,
     again: Annotated[
         bool, typer.Option("--again", help="Make also those nights anew that are there already.")
     ] = False,
@@ -100,7 +125,13 @@ def process(
 
     overrides = {"detector.tau": tau, "filter.preset": preset}
     settings = load_config(config, {k: v for k, v in overrides.items() if v is not None})
-    if all(path.is_dir() for path in frames):
+    is_nights = all(path.is_dir() for path in frames)
+    if extension is not None and (is_nights or extension.strip().lower() == "all"):
+        raise typer.BadParameter(
+            "a track follows one image after another: name one extension, and single files",
+            param_hint="--extension",
+        )
+    if is_nights:
         if session is None:
             raise typer.BadParameter(
                 "a folder of frames becomes a session: --session names where",
@@ -116,11 +147,11 @@ def process(
         )
         process_nights(nights, session.resolve(), crew_of, json_)
         return
-    _process_frames(frames, session, settings, json_)
+    _process_frames(frames, session, settings, extension, json_)
 
 
 def _process_frames(
-    frames: list[Path], session: Path | None, settings: Config, json_: bool
+    frames: list[Path], session: Path | None, settings: Config, extension: str | None, json_: bool
 ) -> None:
     from rsoconsole.pipeline.batch import Processed, process_files
     from rsoconsole.pipeline.open import open_reducer
@@ -128,10 +159,11 @@ def _process_frames(
     from rsoconsole.session.recording import BatchRecording
 
     failures = 0
+    told: set[str] = set()
     with open_reducer(settings) as (reducer, model_sha256):
         recording = BatchRecording(session, settings, model_sha256)
         try:
-            for result in process_files(frames, reducer, settings):
+            for result in process_files(frames, reducer, settings, extension=extension):
                 if not isinstance(result, Processed):
                     failures += 1
                     _report_error(*result, json_)
@@ -139,6 +171,7 @@ def _process_frames(
                 recording.append(result.records, result.t_mid_utc_ns)
                 found = process_report(str(result.path), result)
                 output.emit_json(found) if json_ else output.say(_process_words(found))
+                _warn(_name(found), found["notes"], told)
         finally:
             recording.close()
     if failures:
@@ -152,27 +185,43 @@ def detect(
     map_mode: Annotated[
         str | None, typer.Option(help="Map the network sees: fast or paper.")
     ] = None,
+    extension: ExtensionOption = None,
     config: ConfigOption = None,
     json_: JsonOption = False,
 ) -> None:
     """Find streaks in frames.
 
+    Of a file with several images the first is taken, and a line on stderr names the others. There
+    too is said, once, what a frame lacks: 8 bits a pixel, a scale or an exposure for which
+    confidence is not calibrated.
+
     Example: rsoconsole detect frame.fits --tau 0.2 --json
+
+    Example: rsoconsole detect mosaic.fits --extension all
     """
-    from rsoconsole.instruments.frame_files import read_frame
+    from rsoconsole.instruments.frame_files import read_frames
+    from rsoconsole.instruments.frame_header import EXTENSION_KEY
+    from rsoconsole.pipeline.cautions import cautions
     from rsoconsole.pipeline.reports import detections_report
     from rsoconsole.vision.confidence import ConfidenceCurve
     from rsoconsole.vision.detector import StreakDetector
+    from rsoconsole.vision.mosaic import evened
     from rsoconsole.vision.network import Network
 
     overrides = {"detector.tau": tau, "detector.map_mode": map_mode}
-    settings = load_config(config, {k: v for k, v in overrides.items() if v is not None}).detector
+    whole = load_config(config, {k: v for k, v in overrides.items() if v is not None})
+    settings = whole.detector
     network = Network.load(settings.model, settings.threads)
     detector = StreakDetector(network, settings, ConfidenceCurve.from_card(network.card))
 
-    def work(path: Path, number: int) -> dict[str, Any]:
-        frame = read_frame(path, number)
-        return detections_report(str(path), detector.analyse(frame).detections)
+    def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
+        for frame in read_frames(path, number, extension=extension):
+            yield detections_report(
+                str(path),
+                detector.analyse(evened(frame)).detections,
+                extension=frame.header.get(EXTENSION_KEY),
+                notes=[each.words for each in cautions(frame, None, whole)],
+            )
 
     _each(frames, json_, work, _detect_words)
 
@@ -187,17 +236,27 @@ def solve(
         tuple[float, float] | None,
         typer.Option(metavar="LOW HIGH", help="Plate scale, arcsec a pixel."),
     ] = None,
+    extension: ExtensionOption = None,
     config: ConfigOption = None,
     json_: JsonOption = False,
 ) -> None:
     """Plate-solve frames; hints come from the header, options override them.
 
+    A field that fails with its hints is tried without them, within the same deadline; where that
+    succeeds the wrong hint is named. Where a field wants finer index files than there are, the
+    answer says which. A field without a solution is an answer, not an error.
+
     Example: rsoconsole solve frame.fits --ra 303.2 --dec 46.0 --scale 10 10.6
     """
-    from rsoconsole.instruments.frame_files import read_frame
+    from rsoconsole.instruments.frame_files import read_frames
+    from rsoconsole.instruments.index_files import series_name
     from rsoconsole.instruments.solver import PlateSolver
-    from rsoconsole.pipeline.plate import PlateFinder, overridden
-    from rsoconsole.pipeline.reports import solution_report
+    from rsoconsole.pipeline.cautions import cautions
+    from rsoconsole.pipeline.hints import WrongHint, hint_of, overridden, wrong_hints
+    from rsoconsole.pipeline.plate import PlateFinder
+    from rsoconsole.pipeline.reports import solved_report
+    from rsoconsole.records import Solution
+    from rsoconsole.vision.mosaic import evened
     from rsoconsole.vision.stars import find_stars
 
     if (ra is None) != (dec is None):
@@ -206,12 +265,28 @@ def solve(
     with PlateSolver(settings.solver.index_dirs, start_s=settings.waits.process_s) as solver:
         finder = PlateFinder(solver, settings)
 
-        def work(path: Path, number: int) -> dict[str, Any]:
-            frame = read_frame(path, number, allow_8bit=True, max_nonfinite_fraction=0.2)
-            stars = find_stars(frame.pixels, saturation_adu=frame.saturation_adu)
-            hint = overridden(finder.hint_of(frame), ra, dec, radius, scale)
-            solution = finder.solve_in_full(frame, stars, hint)
-            return solution_report(str(path), solution, frame.width_px, frame.height_px)
+        def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
+            frames_of = read_frames(path, number, extension=extension, max_nonfinite_fraction=0.2)
+            for frame in frames_of:
+                even = evened(frame)
+                stars = find_stars(even.pixels, saturation_adu=even.saturation_adu)
+                hint = overridden(hint_of(frame, settings), ra, dec, radius, scale)
+                solution = finder.solve_in_full(frame, stars, hint)
+                wrong: tuple[WrongHint, ...] = ()
+                missing: tuple[int, ...] = ()
+                if isinstance(solution, Solution):
+                    wrong = wrong_hints(hint, solution, frame, settings)
+                else:
+                    missing = solver.missing_index(hint, frame.width_px, frame.height_px)
+                told = cautions(frame, solution, settings)
+                yield solved_report(
+                    str(path),
+                    solution,
+                    frame,
+                    wrong=wrong,
+                    index_missing=[series_name(number) for number in missing],
+                    notes=[each.words for each in told if not each.kind.endswith(" hint")],
+                )
 
         _each(frames, json_, work, _solve_words)
 
@@ -235,7 +310,7 @@ def _process_words(found: dict[str, Any]) -> str:
 
 
 def _detect_words(found: dict[str, Any]) -> str:
-    lines = [f"{found['frame']}: {len(found['detections'])} streak(s)"]
+    lines = [f"{_name(found)}: {len(found['detections'])} streak(s)"]
     lines.extend(
         f"  confidence {d['confidence']:.2f} at ({d['x']:.1f}, {d['y']:.1f})"
         f" length {d['length']:.0f} px, SNR {d['snr']:.0f}" + (", clipped" if d["clipped"] else "")
@@ -247,9 +322,10 @@ def _detect_words(found: dict[str, Any]) -> str:
 
 def _solve_words(found: dict[str, Any]) -> str:
     if not found["solved"]:
-        return f"{found['frame']}: not solved: {found['reason']}"
-    return (
-        f"{found['frame']}: {output.direction_text(found['ra'], found['dec'])}"
+        return f"{_name(found)}: not solved: {found['reason']}"
+    solved = (
+        f"{_name(found)}: {output.direction_text(found['ra'], found['dec'])}"
         f" {found['scale_arcsec_px']:.4f} arcsec/px, rotation {found['rotation_deg']:.2f} deg,"
         f" {found['matched']} stars, rms {found['rms_arcsec']:.2f} arcsec"
     )
+    return "\n".join([solved, *(f"  {wrong['reason']}" for wrong in found["wrong_hints"])])

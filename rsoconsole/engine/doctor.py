@@ -52,6 +52,7 @@ def run_checks(config: Config) -> Iterator[Check]:
         ("system", lambda _: check_system()),
         ("python", check_libraries),
         ("network", check_network),
+        ("camera", check_camera),
         ("index files", check_index_files),
         ("catalogue", check_catalogue),
         ("site", check_site),
@@ -131,6 +132,31 @@ def check_network(config: Config) -> Check:
         remedy = "reinstall rsoconsole, or name another network in detector.model"
         return Check(check="network", ok=False, detail=str(error), remedy=remedy)
     return Check(check="network", ok=True, detail=network.version)
+
+
+def check_camera(config: Config) -> Check:
+    """Scale, exposure and size are those for which the detector's confidence is calibrated."""
+    from rsoconsole.vision.calibrated_range import is_usable_scale, range_cautions
+
+    optics, exposure_s = config.optics, config.exposure.exposure_s
+    told = range_cautions(optics.scale_arcsec_px, exposure_s, optics.width_px, optics.height_px)
+    if not told:
+        detail = (
+            f"{optics.scale_arcsec_px:.3g} arcsec/px, {optics.width_px} x {optics.height_px} px,"
+            f" {exposure_s:g} s"
+        )
+        return Check(check="camera", ok=True, detail=detail)
+    settings = {
+        "scale": "optics.focal_length_mm and optics.pixel_um",
+        "exposure": "exposure.exposure_s",
+        "size": "optics.width_px and optics.height_px",
+    }
+    return Check(
+        check="camera",
+        ok=None if is_usable_scale(optics.scale_arcsec_px) else False,
+        detail="; ".join(told.values()),
+        remedy=f"if that is not so, correct {', '.join(settings[about] for about in told)}",
+    )
 
 
 def check_index_files(config: Config) -> Check:

@@ -346,8 +346,7 @@ class Engine:
             place_px = place_of_interest(reduction, self.following)
             if isinstance(reduction.solution, Solution):
                 self.planner.solved(reduction.solution)
-            for record in records:
-                self.chronicle.append(record)
+            self.chronicle.tell(records)
             self.charge = replace(self.charge, failures=0)
             self._count_frame()
         finally:
@@ -377,8 +376,7 @@ class Engine:
         before = self.following
         result = self.cycle.run(frame, before, blocked, self.orbits.last)
         folded_s = time.perf_counter()
-        for record in result.records:
-            self.chronicle.append(record)
+        self.chronicle.tell(result.records)
         self.happen(Followed(after=result.after))
         if isinstance(result.reduction.solution, Solution):
             self.planner.solved(result.reduction.solution)

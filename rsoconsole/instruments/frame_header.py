@@ -9,6 +9,11 @@ from rsoconsole.sky.times import iso_to_utc_ns
 NOTES_KEY = "NOTES"
 """Key under which a frame's header carries what its reader has to say, a tuple of sentences."""
 
+EXTENSION_KEY = "EXTENSION"
+"""Key under which it carries which of its file's images it is; absent where there is only one."""
+POSSIBLE_ARCSEC_PX = (0.01, 3600.0)
+"""Finer than any telescope's, coarser than any lens's: a scale beyond is a slip of the header."""
+
 
 def start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
     """Start of the exposure (UTC ns), or None and the reason why it is not known."""
@@ -42,8 +47,27 @@ def exposure_s(header: Mapping[str, Any]) -> float | None:
 def scale(header: Mapping[str, Any]) -> float | None:
     """Plate scale in arcsec/px from focal length (mm) and pixel size (um), binning counted.
 
-    XPIXSZ is the size after binning by the FITS convention of MaxIm DL and INDI.
+    XPIXSZ is the size after binning by the FITS convention of MaxIm DL and INDI. None where it is
+    not told, and where it cannot be (``absurd_scale``).
     """
+    stated = _stated_scale(header)
+    if stated is None or not POSSIBLE_ARCSEC_PX[0] <= stated <= POSSIBLE_ARCSEC_PX[1]:
+        return None
+    return stated
+
+
+def absurd_scale(header: Mapping[str, Any]) -> str | None:
+    """What to say of a header whose scale cannot be, else None."""
+    stated = _stated_scale(header)
+    if stated is None or scale(header) is not None:
+        return None
+    return (
+        f"FOCALLEN {header['FOCALLEN']} mm would be {stated:.4g} arcsec/px: it is not used; set"
+        " the telescope's focal length in the camera's driver"
+    )
+
+
+def _stated_scale(header: Mapping[str, Any]) -> float | None:
     focal_length_mm = _number(header.get("FOCALLEN"))
     pixel_um = _number(header.get("XPIXSZ"))
     if pixel_um is None:

@@ -108,10 +108,61 @@ def needed_scales(field_deg: tuple[float, float]) -> tuple[int, ...]:
         return (SERIES_SCALES[-1],)
     if short_arcmin >= 15.0:
         return (SERIES_SCALES[0],)
+    finer = ", ".join(series_name(n) for n in wanted_numbers(short_arcmin))
     raise SolverError(
-        f"a field of {short_arcmin:.0f} arcmin holds too few Tycho-2 stars: set solver.index_dirs "
-        "to a folder with index files of the 5200 series"
+        f"a field of {short_arcmin:.1f} arcmin holds too few Tycho-2 stars: "
+        + (
+            f"get index files {finer} of the 5200 series from data.astrometry.net and name their "
+            "folder in solver.index_dirs"
+            if finer
+            else "no index files are that fine; take a shorter focal length or a larger sensor"
+        )
     )
+
+
+def wanted_numbers(short_arcmin: float) -> tuple[int, ...]:
+    """Numbers, of any series, whose quads are a third to the whole of a field's shorter side."""
+    every = range(len(QUAD_ARCMIN) - 1)
+    return tuple(n for n in every if 0.35 * short_arcmin <= QUAD_ARCMIN[n] < short_arcmin)
+
+
+def series_name(number: int) -> str:
+    """What the index files of a number are called at data.astrometry.net: 5204, 4107.
+
+    Tycho-2 (4100) ends where its stars get too few; Gaia's (5200) go on.
+    """
+    return f"{41 if number in SERIES_SCALES else 52}{number:02d}"
+
+
+def missing_for(
+    files: Sequence[IndexFile],
+    *,
+    short_arcmin: float,
+    dec_icrs_deg: float | None,
+    radius_deg: float,
+) -> tuple[int, ...]:
+    """Numbers that a field of that shorter side wants and none of ``files`` has, finest first."""
+    present = {
+        file.scale
+        for file in files
+        if file.is_healthy and (dec_icrs_deg is None or file.covers(dec_icrs_deg, radius_deg))
+    }
+    return tuple(n for n in wanted_numbers(short_arcmin) if n not in present)
+
+
+def missing_words(numbers: Sequence[int]) -> str:
+    """How to get these index files; empty for none."""
+    parts = []
+    if finer := [series_name(n) for n in numbers if n not in SERIES_SCALES]:
+        parts.append(
+            f"{', '.join(finer)} (from data.astrometry.net; name their folder in solver.index_dirs)"
+        )
+    if tycho := [n for n in numbers if n in SERIES_SCALES]:
+        named = " ".join(f"--scale {n}" for n in tycho)
+        parts.append(
+            f"{', '.join(map(series_name, tycho))} ('rsoconsole index install {named}' gets them)"
+        )
+    return " and ".join(parts)
 
 
 def choose_index_files(

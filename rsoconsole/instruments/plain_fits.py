@@ -32,7 +32,8 @@ def read_plain(content: Content) -> tuple[npt.NDArray[Any], dict[str, Any]] | No
     """The image as it is stored (height, width), a view of ``content``, and the header's values.
 
     None where the file is anything else than a plain one: compressed, damaged, with its image in
-    an extension, with cards of several lines; also where it is shorter than it says.
+    an extension, with further units behind it, with cards of several lines; also where it is
+    shorter than it says.
     """
     found = _header(content)
     if found is None:
@@ -47,6 +48,9 @@ def read_plain(content: Content) -> tuple[npt.NDArray[Any], dict[str, Any]] | No
     if header.get("PCOUNT", 0) != 0 or header.get("GCOUNT", 1) != 1:
         return None
     if offset + width * height * dtype.itemsize > len(content):
+        return None
+    end = offset + -(-width * height * dtype.itemsize // _BLOCK) * _BLOCK
+    if bytes(content[end : end + 8]) == b"XTENSION":
         return None
     flat = np.frombuffer(content, dtype, count=width * height, offset=offset)
     return flat.reshape(height, width), header
@@ -91,7 +95,8 @@ def _take(card: str, keyword: str, header: dict[str, Any]) -> bool:
     kind, stated = value.lastgroup, value[value.lastgroup or 0]
     if kind == "text":
         plain = stated[1:-1].replace("''", "'").rstrip()
-        if _RECORD.match(plain) or plain.endswith("&"):
+        # Astropy ends a text at a slash behind a doubled quote.
+        if _RECORD.match(plain) or plain.endswith("&") or "'/" in plain:
             return False
         header[keyword] = plain
     elif kind in ("is_true", "is_false"):

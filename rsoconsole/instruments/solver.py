@@ -22,7 +22,10 @@ from rsoconsole.instruments.index_files import (
     IndexFile,
     choose_index_files,
     list_index_files,
+    missing_for,
+    missing_words,
     search_dirs,
+    series_name,
 )
 from rsoconsole.instruments.solver_child import SolverChild, SolverDied, SolverTimeout
 from rsoconsole.instruments.solver_process import MatchReply, MatchRequest
@@ -47,6 +50,9 @@ _MAX_STARS = 100
 _DEPTHS = (10, 15, 20, 30, 40, 60)
 _BLIND_SCALE_ARCSEC_PX = (0.1, 500.0)
 _INSTALL = "'rsoconsole index install' gets what is missing"
+_WIDEST_DEG = 60.0
+_KNOWN_SCALE = 3.0
+"""Highest over lowest scale up to which the size of the field counts as known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,8 +231,9 @@ class PlateSolver:
         if len(rows) < MIN_STARS:
             return f"{len(rows)} stars, {MIN_STARS} needed"
         files = self._files_for(hint, *size_px)
+        finer = self._finer_words(hint, *size_px)
         if not files:
-            return _no_index_reason(hint)
+            return _no_index_reason(hint, finer)
         request = MatchRequest(
             request_id=next(self._request_ids),
             index_files=tuple(str(file.path) for file in files),
@@ -243,7 +250,47 @@ class PlateSolver:
             return "the solver process died; it was restarted"
         if reply.wcs_cards is not None:
             return reply
-        return reply.error or f"no match for {len(rows)} stars{_searched(hint, files)}"
+        return reply.error or f"no match for {len(rows)} stars{_searched(hint, files)}{finer}"
+
+    def missing_index(self, hint: SolveHint, width_px: int, height_px: int) -> tuple[int, ...]:
+        """Numbers of index files that a field of the hinted scale wants and that are not there.
+
+        Finest first; none where the scale is not known.
+        """
+        low, high = hint.scale_arcsec_px
+        if high > _KNOWN_SCALE * low:
+            return ()
+        return missing_for(
+            self._files,
+            short_arcmin=min(width_px, height_px) * math.sqrt(low * high) / 60.0,
+            dec_icrs_deg=hint.dec_icrs_deg if hint.position_deg else None,
+            radius_deg=hint.radius_deg,
+        )
+
+    def _finer_words(self, hint: SolveHint, width_px: int, height_px: int) -> str:
+        """Which index files the field wants that are not there; for the end of a sentence."""
+        low, high = hint.scale_arcsec_px
+        if high > _KNOWN_SCALE * low:
+            finest = min((f for f in self._files if f.is_healthy), key=lambda f: f.quad_deg)
+            arcmin = 60.0 * finest.quad_deg[0]
+            name = finest.path.name if finest.scale is None else series_name(finest.scale)
+            return (
+                f"; fields below {arcmin / 0.7:.0f} arcmin want finer index files than {name},"
+                " the finest here: give the scale to see which"
+            )
+        longest_deg = max(width_px, height_px) * math.sqrt(low * high) / 3600.0
+        if longest_deg > _WIDEST_DEG:
+            return (
+                f"; a field {longest_deg:.0f} deg long is wider than the {_WIDEST_DEG:.0f} deg of a"
+                " flat plate: cut out its middle"
+            )
+        missing = self.missing_index(hint, width_px, height_px)
+        if not missing:
+            return ""
+        field = " x ".join(
+            f"{px * math.sqrt(low * high) / 60.0:.3g}" for px in (width_px, height_px)
+        )
+        return f"; a field of {field} arcmin wants index files {missing_words(missing)}"
 
     def _files_for(self, hint: SolveHint, width_px: int, height_px: int) -> tuple[IndexFile, ...]:
         """Index files whose quads are 10 to 100 % of a field that the hint allows."""
@@ -329,9 +376,9 @@ def _searched(hint: SolveHint, files: tuple[IndexFile, ...]) -> str:
     return where
 
 
-def _no_index_reason(hint: SolveHint) -> str:
+def _no_index_reason(hint: SolveHint, finer: str) -> str:
     low, high = hint.scale_arcsec_px
     where = f"scale {low:.4g} to {high:.4g} arcsec/px"
     if hint.position_deg is not None:
         where += f" at Dec {hint.dec_icrs_deg:+.1f}"
-    return f"no index file covers this field ({where}): {_INSTALL}"
+    return f"no index file covers this field ({where}){finer or f': {_INSTALL}'}"

@@ -35,17 +35,18 @@ def process_files(
     config: Config,
     *,
     numbers: Iterable[int] | None = None,
+    extension: str | None = None,
 ) -> Iterator[Processed | tuple[Path, FrameError]]:
     """Every frame in the order given; a frame that cannot be used is passed on with its error.
 
     A frame without a time is detected and solved, and leaves the track as it is. ``numbers``: the
-    frames' own; from 1 on with None.
+    frames' own; from 1 on with None. ``extension`` as ``read_frame`` takes it.
     """
     cycle, orbits = Cycle(reducer, config), Orbits(config)
     following = Following()
     for number, path in zip(numbers or itertools.count(1), paths, strict=False):
         try:
-            frame = read_frame(path, number)
+            frame = read_frame(path, number, extension=extension)
             outcomes: tuple[Record, ...] = ()
             if frame.t_mid_utc_ns is None or frame.exposure_s is None:
                 reduction = reducer.reduce(frame)

@@ -13,7 +13,7 @@ from rsoconsole.pipeline.fold import Shown, fold, looked_at, when
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.rulings import Fold, Folds, on_record_again
 from rsoconsole.reasons import HiddenBy, SlewRefusal
-from rsoconsole.records import Frame, FrameTaken, OrbitEstimate, Record, Ruling
+from rsoconsole.records import Event, Frame, FrameTaken, OrbitEstimate, Record, Ruling
 from rsoconsole.tracking.follow import Following
 
 
@@ -36,6 +36,8 @@ class Cycle:
         self._stars = StarHistory()
         self._folds = Folds()
         self._cloud: HiddenBy | None = None
+        self._said: set[str] = set()
+        """Kinds of cautions that are on record already."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next frame."""
@@ -55,6 +57,14 @@ class Cycle:
         exposure_s = shown.taken.exposure_s
         if exposure_s is not None:
             self._cloud = cloud_before(stars_of(shown.detections, exposure_s), self._stars)
+
+    def _on_record(self, reduction: Reduction, frame_id: int) -> tuple[Record, ...]:
+        """What a frame gave, and each caution when it is first met."""
+        solution = () if reduction.solution is None else (reduction.solution,)
+        fresh = [each for each in reduction.cautions if each.kind not in self._said]
+        self._said |= {each.kind for each in fresh}
+        events = (Event(level="warning", text=each.words, frame_id=frame_id) for each in fresh)
+        return (reduction.detections, *solution, *reduction.measurements, *events)
 
     @property
     def folds(self) -> Folds:
@@ -76,7 +86,7 @@ class Cycle:
         shown = _shown(taken_record(frame), reduction, {})
         self._look_at_clouds(shown)
         self._stars = looked_at(self._stars, shown)
-        return reduction, _on_record(reduction)
+        return reduction, self._on_record(reduction, frame.frame_id)
 
     def run(
         self,
@@ -109,7 +119,7 @@ class Cycle:
         return CycleResult(
             reduction=reduction,
             after=folded.following,
-            records=(*_on_record(reduction), *folded.records),
+            records=(*self._on_record(reduction, frame.frame_id), *folded.records),
         )
 
 
@@ -121,11 +131,6 @@ def _shown(taken: FrameTaken, reduction: Reduction, orbits: Mapping[int, OrbitEs
         measurements=reduction.measurements,
         orbits=orbits,
     )
-
-
-def _on_record(reduction: Reduction) -> tuple[Record, ...]:
-    solution = () if reduction.solution is None else (reduction.solution,)
-    return (reduction.detections, *solution, *reduction.measurements)
 
 
 def taken_record(frame: Frame, blocked: SlewRefusal | None = None) -> FrameTaken:

@@ -1,13 +1,22 @@
-"""A frame's plate: the last one moved onto its stars where that fits, a full solution where not."""
+"""A frame's plate: the last one moved onto its stars where that fits, a full solution where not.
 
+A field that fails with its hints (scale, position) is tried without them in what is left of the
+deadline: a wrong hint must not look like cloud. ``pipeline.hints`` says which one was wrong.
+"""
+
+import time
 from dataclasses import replace
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SolverError
-from rsoconsole.instruments.solver import PlateSolver, SolveHint
+from rsoconsole.instruments.solver import MIN_STARS, PlateSolver, SolveHint
+from rsoconsole.pipeline.hints import hint_of, relaxed, rescaled
 from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.vision.stars import StarList
+
+LEAST_S = 0.2
+"""Less than this of a deadline is not worth another search."""
 
 
 class PlateFinder:
@@ -18,6 +27,10 @@ class PlateFinder:
         self._config = config
         self._last: Solution | None = None
         self._last_frame: Frame | None = None
+        self._failures = 0
+        """Frames in a row that were not solved."""
+        self._scale_factor = 1.0
+        """The stars' scale over the header's, where that was wrong."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -28,31 +41,66 @@ class PlateFinder:
         self._last = self._last_frame = None
 
     def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved:
-        """Refit from the last plate, else solve in full with the header's hints."""
+        """Refit from the last plate, else solve in full with the header's hints.
+
+        Without the hints only the first, second, fourth, eighth... frame in a row that fails is
+        tried: a search of the whole sky takes as long as it may, and a cloud lasts.
+        """
         solution: Solution | NotSolved | None = self._refit(frame, stars)
         if solution is None:
-            solution = self.solve_in_full(frame, stars, self.hint_of(frame))
+            turn = self._failures + 1
+            is_turn = turn & (turn - 1) == 0
+            hint = rescaled(hint_of(frame, self._config), self._scale_factor)
+            solution = self.solve_in_full(frame, stars, hint, is_relaxed=is_turn)
+        self._failures = self._failures + 1 if isinstance(solution, NotSolved) else 0
         if isinstance(solution, Solution):
+            self._scale_factor = self._factor_of(frame, solution)
             self._last = solution
             # Only the pointing and the size are kept: a frame holds 33 MB.
             self._last_frame = replace(frame, pixels=frame.pixels[:0].copy())
         return solution
 
-    def hint_of(self, frame: Frame) -> SolveHint:
-        """What the frame's header promises of its field."""
-        scale, tolerance = frame.scale_arcsec_px, self._config.solver.scale_tolerance
-        return SolveHint(
-            ra_icrs_deg=frame.pointing_ra_icrs_deg,
-            dec_icrs_deg=frame.pointing_dec_icrs_deg,
-            radius_deg=self._config.solver.radius_deg,
-            scale_low_arcsec_px=None if scale is None else scale * (1.0 - tolerance),
-            scale_high_arcsec_px=None if scale is None else scale * (1.0 + tolerance),
-        )
+    def _factor_of(self, frame: Frame, solution: Solution) -> float:
+        """So that a wrong focal length costs one search, not one a frame."""
+        if frame.scale_arcsec_px is None:
+            return 1.0
+        factor = solution.scale_arcsec_px / frame.scale_arcsec_px
+        return 1.0 if abs(factor - 1.0) <= self._config.solver.scale_tolerance else factor
 
-    def solve_in_full(self, frame: Frame, stars: StarList, hint: SolveHint) -> Solution | NotSolved:
-        """A solution from the hint alone; without a position the longer deadline holds."""
+    def solve_in_full(
+        self, frame: Frame, stars: StarList, hint: SolveHint, *, is_relaxed: bool = True
+    ) -> Solution | NotSolved:
+        """A solution from the hint, and in what is left of the deadline from less of it.
+
+        ``is_relaxed``: whether it may be tried without what the hint says. Without a position the
+        longer deadline holds for all.
+        """
         settings = self._config.solver
+        started_s = time.monotonic()
         is_blind = hint.position_deg is None
+        deadline_s = settings.blind_deadline_s if is_blind else settings.deadline_s
+        end_s = started_s + deadline_s
+        first = found = self._attempt(frame, stars, hint, deadline_s)
+        weaker = relaxed(hint) if is_relaxed and len(stars) >= MIN_STARS else ()
+        tried = 0
+        for number, less in enumerate(weaker):
+            left_s = end_s - time.monotonic()
+            if isinstance(found, Solution) or left_s < LEAST_S:
+                break
+            # The last one may take all that is left: it is the one that knows nothing.
+            found = self._attempt(frame, stars, less, left_s / (len(weaker) - number))
+            tried += 1
+        ms = 1e3 * (time.monotonic() - started_s)
+        if isinstance(found, Solution):
+            return replace(found, ms=ms)
+        words = first.reason if isinstance(first, NotSolved) else ""
+        if tried and tried == len(weaker):
+            words += "; nor without these hints"
+        return NotSolved(frame_id=frame.frame_id, reason=words, ms=ms)
+
+    def _attempt(
+        self, frame: Frame, stars: StarList, hint: SolveHint, deadline_s: float
+    ) -> Solution | NotSolved:
         try:
             return self._solver.solve(
                 stars,
@@ -60,7 +108,7 @@ class PlateFinder:
                 width_px=frame.width_px,
                 height_px=frame.height_px,
                 hint=hint,
-                deadline_s=settings.blind_deadline_s if is_blind else settings.deadline_s,
+                deadline_s=deadline_s,
                 t_utc_ns=frame.t_mid_utc_ns,
             )
         except SolverError as error:
@@ -88,21 +136,3 @@ class PlateFinder:
             shift_deg=shift_deg,
             t_utc_ns=frame.t_mid_utc_ns,
         )
-
-
-def overridden(
-    hint: SolveHint,
-    ra_icrs_deg: float | None,
-    dec_icrs_deg: float | None,
-    radius_deg: float | None,
-    scale_arcsec_px: tuple[float, float] | None,
-) -> SolveHint:
-    """The header's hint with what the operator knows better."""
-    if ra_icrs_deg is not None:
-        hint = replace(hint, ra_icrs_deg=ra_icrs_deg, dec_icrs_deg=dec_icrs_deg)
-    if radius_deg is not None:
-        hint = replace(hint, radius_deg=radius_deg)
-    if scale_arcsec_px is not None:
-        low, high = scale_arcsec_px
-        hint = replace(hint, scale_low_arcsec_px=low, scale_high_arcsec_px=high)
-    return hint

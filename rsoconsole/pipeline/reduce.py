@@ -9,12 +9,14 @@ from typing import Protocol
 import numpy as np
 
 from rsoconsole.config import Config
+from rsoconsole.pipeline.cautions import Caution, cautions
 from rsoconsole.pipeline.measure import measured
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.detector import Proposer, StreakDetector
+from rsoconsole.vision.mosaic import evened
 from rsoconsole.vision.stars import StarList
 
 BRIGHTEST_STARS = slice(20, 60)
@@ -33,6 +35,8 @@ class Reduction:
     absence: str
     """Why there is no measurement, when there is none; ``pipeline.absence`` tells what hides it."""
     stage_ms: dict[str, float] = field(default_factory=dict)
+    cautions: tuple[Caution, ...] = ()
+    """What is unusual about frame, camera or hints."""
 
 
 class Plate(Protocol):
@@ -80,7 +84,7 @@ class FrameReducer:
         """
         stage_ms: dict[str, float] = {}
         with _timed(stage_ms, "detect"):
-            analysis = self._detector.analyse(frame)
+            analysis = self._detector.analyse(evened(frame))
         found = analysis.detections
         network_ms = found.stage_ms.get("network", 0.0) + found.stage_ms.get("fit", 0.0)
         stage_ms["process"] = stage_ms["detect"] - network_ms
@@ -106,6 +110,7 @@ class FrameReducer:
             fwhm_px=analysis.stars.median_fwhm_px,
             absence=text(plain_absence(found, solution, frame.t_mid_utc_ns)),
             stage_ms=stage_ms,
+            cautions=cautions(frame, solution, self._config),
         )
 
 

@@ -4,14 +4,18 @@ Keys may be added, never renamed. Angles in degrees, ICRS; missing is None.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
+from rsoconsole.instruments.frame_header import EXTENSION_KEY
 from rsoconsole.pipeline.batch import Processed
+from rsoconsole.pipeline.hints import WrongHint
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Detection,
     Detections,
+    Frame,
     Measurement,
     NotSolved,
     Solution,
@@ -40,10 +44,17 @@ def detection_report(detection: Detection) -> dict[str, Any]:
     }
 
 
-def detections_report(name: str, found: Detections) -> dict[str, Any]:
-    """The object of ``rsoconsole detect``."""
+def detections_report(
+    name: str,
+    found: Detections,
+    *,
+    extension: str | None = None,
+    notes: Sequence[str] = (),
+) -> dict[str, Any]:
+    """The object of ``rsoconsole detect``; ``extension``: which image of the file, of several."""
     return {
         "frame": name,
+        "extension": extension,
         "width": found.width_px,
         "height": found.height_px,
         "detections": [detection_report(d) for d in found.detections],
@@ -51,13 +62,36 @@ def detections_report(name: str, found: Detections) -> dict[str, Any]:
             {**detection_report(r.detection), "reason": text(r.reason)} for r in found.rejected
         ],
         "ms": {stage: round(value, 3) for stage, value in found.stage_ms.items()},
+        "notes": list(notes),
+    }
+
+
+def solved_report(
+    name: str,
+    solution: Solution | NotSolved,
+    frame: Frame,
+    *,
+    wrong: Sequence[WrongHint] = (),
+    index_missing: Sequence[str] = (),
+    notes: Sequence[str] = (),
+) -> dict[str, Any]:
+    """The object of ``rsoconsole solve``.
+
+    ``index_missing``: index files that a field of the hinted scale wants and that are not there.
+    """
+    return {
+        **solution_report(name, solution, frame.width_px, frame.height_px),
+        "extension": frame.header.get(EXTENSION_KEY),
+        "wrong_hints": [{"hint": each.hint, "reason": each.words} for each in wrong],
+        "index_missing": list(index_missing),
+        "notes": list(notes),
     }
 
 
 def solution_report(
     name: str, solution: Solution | NotSolved, width_px: int, height_px: int
 ) -> dict[str, Any]:
-    """The object of ``rsoconsole solve``."""
+    """A plate, or why there is none."""
     if isinstance(solution, NotSolved):
         empty = ("ra", "dec", "scale_arcsec_px", "rotation_deg", "flipped", "matched")
         return {
@@ -135,6 +169,8 @@ def process_report(name: str, processed: Processed) -> dict[str, Any]:
         "measurement": None if followed is None else measurement_report(followed),
         "nis": None if updated is None else updated.nis,
         "predicted": None if predicted is None else prediction_report(predicted),
+        "extension": frame.header.get(EXTENSION_KEY),
+        "notes": [each.words for each in reduction.cautions],
     }
 
 

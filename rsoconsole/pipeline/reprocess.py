@@ -34,6 +34,7 @@ from rsoconsole.session.reader import SessionReader
 from rsoconsole.vision.candidates import is_same_streak
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map
+from rsoconsole.vision.mosaic import evened
 from rsoconsole.vision.network import Network
 
 log = logging.getLogger(__name__)
@@ -267,7 +268,7 @@ class Reprocessor:
 
     def maps(self, map_mode: MapMode) -> tuple[FrameMap, ...]:
         """What the network sees of the frame: one map, or several where its scale is unknown."""
-        frame = self._frame
+        frame = evened(self._frame)
         blocks = choose_blocks(
             frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
         )

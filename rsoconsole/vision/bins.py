@@ -35,6 +35,14 @@ _LINES = tuple(
     _line_through(*end)
     for end in ((0, 2), (1, 2), (-1, 2), (2, 0), (2, 1), (2, -1), (2, 2), (2, -2))
 )
+
+
+def lines_through() -> Iterator[tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]]:
+    """Pairs of lines of five bins at right angles to one another: each of the eight ways once."""
+    for along, across in ((0, 3), (1, 5), (2, 4), (6, 7)):
+        yield _LINES[along], _LINES[across]
+
+
 _COARSE_STEPS = 5.0
 _STRIP_PX = 96
 _Values = TypeVar("_Values", bound=npt.NDArray[Any])
@@ -51,6 +59,8 @@ class FrameBins:
     cell_px: int
     brightest: Mapping[int, Float32Array]
     """By block, of its brightest bin the mean, ADU: (ceil(height / block), ceil(width / block))."""
+    squares: Float32Array | None
+    """Means of the squares that were asked for, ADU: (ceil(height / side), ceil(width / side))."""
     lines: Mapping[int, Float32Array]
     """By block, of its brightest piece of a line (``lines_of_light``), ADU, same shape."""
 
@@ -65,12 +75,14 @@ def bin_frame(
     blocks: Iterable[int] = (),
     *,
     line_blocks: Iterable[int] = (),
+    square_px: int | None = None,
     cell_px: int = CELL_PX,
     workers: Workers = CALLER_ALONE,
 ) -> FrameBins:
     """Read ``pixels`` (height, width), uint16 or finite float32; every block divides ``cell_px``.
 
-    Of ``blocks`` the brightest bins are kept, of ``line_blocks`` the brightest lines. About 7 ms
+    Of ``blocks`` the brightest bins are kept, of ``line_blocks`` the brightest lines, of squares of
+    ``square_px``, which divides ``cell_px`` too, the means. About 7 ms
     for 4656 x 3520 on one core of a desktop, 12 more for lines.
     """
     height, width = pixels.shape
@@ -83,6 +95,8 @@ def bin_frame(
         }
         for wanted in (blocks, line_blocks)
     )
+    side_px = square_px or cell_px
+    squares = np.empty((rows * cell_px // side_px, columns * cell_px // side_px), dtype=np.float32)
     deep = max(1, _STRIP_PX // cell_px)
     margin = 2 * LINE_REACH if lines else 0
     # Whole numbers are twice as fast to compare, where the noise is well above their steps.
@@ -104,8 +118,11 @@ def bin_frame(
                 binning, per_cell = binning_of(block), cell_px // block
                 found = block_maximum(bins[binning], block // binning)
                 largest[first * per_cell : last * per_cell] = found
-            side = max(bins)
-            means[first:last] = mean_of_squares(bins[side], cell_px // side)
+            side = max(each for each in bins if side_px % each == 0)
+            per_cell = cell_px // side_px
+            found = mean_of_squares(bins[side], side_px // side)
+            squares[first * per_cell : last * per_cell] = found
+            means[first:last] = mean_of_squares(found, per_cell)
             fine_rows = raw[: len(inside)]
             if lines and raw is not scratch:
                 if inside.start >= 0 and inside.stop <= height and width == columns * cell_px:
@@ -135,6 +152,9 @@ def bin_frame(
         level=median_5x5(means),
         cell_px=cell_px,
         brightest=cut(brightest),
+        squares=None
+        if square_px is None
+        else squares[: -(-height // square_px), : -(-width // square_px)],
         lines=cut(lines),
     )
 

@@ -1,18 +1,34 @@
-"""What the network proposes, and what the line fit makes of each proposal."""
+"""What network and line filter propose, and what the measurements make of each proposal."""
 
 import logging
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 
-from rsoconsole.reasons import NotAStreak
-from rsoconsole.records import Detection, Frame, Rejection
+from rsoconsole.reasons import NotAStreak, NotAStreakKind
+from rsoconsole.records import Detection, FloatArray, Frame, Rejection
 from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.background import Background
-from rsoconsole.vision.network import NetworkBox
+from rsoconsole.vision.candidate import UNMEASURED, Candidate, Focus, LineLight
+from rsoconsole.vision.line_filter import CellLine
+from rsoconsole.vision.network import LOWEST_CONFIDENCE, NetworkBox
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
-from rsoconsole.vision.streak_fit import NoStreak, StreakFit, fit_streak
-from rsoconsole.vision.streak_glance import line_signal
+from rsoconsole.vision.streak_evenness import unevenness
+from rsoconsole.vision.streak_fit import (
+    AS_CHAINS_FWHM,
+    MARGIN_PX,
+    MOST_UNEVEN,
+    StreakFit,
+    fit_streak,
+)
+from rsoconsole.vision.streak_glance import line_signal, width_at_a_glance
+from rsoconsole.vision.streak_search import Box, cut_out
+from rsoconsole.vision.streak_trace import Trace, trace_line
+
+BoolArray = npt.NDArray[np.bool_]
 
 log = logging.getLogger(__name__)
 
@@ -25,43 +41,228 @@ _RUNS_ALIKE_DEG = 6.0
 """What a proposal's direction is worth."""
 
 
+DARK = NotAStreak(kind="no light")
+LONGEST_FIT_PX = 450.0
+"""What is longer is measured along itself alone (``streak_trace``): a fit would take seconds."""
+_MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MOST_ROUGH = 8.0, 3.0, 0.15, 0.9
+_NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 4.0
+"""Width over the stars', and length in widths of a star."""
+_MOST_BEYOND = 0.6
+_MOST_NARROW = 1.0
+"""Signal to noise of a line much narrower than the stars over that of one as wide as they are."""
+_SURELY_NARROW = 4.5
+"""Sigma of it from which on that tells: of less, noise makes as much."""
+_LEEWAY_PX = 10.0
+"""How far a box may be off the line that the filter sees."""
+_BELIEVED = 0.01
+"""What the network believes so much is fitted though its light is not seen all along."""
+_PERIODIC = 0.12
+"""Roughness up to which a slow change or one period explains how the light varies."""
+_DRAWN_OUT, _MORE = 1.3, 1.1
+_AGREE_SNR, _AGREE_LENGTH = 0.9, 0.15
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proposal:
+    """Where a streak may be."""
+
+    box: NetworkBox
+    """Confidence: the network's, the lowest where it proposed nothing there."""
+    is_line: bool
+    """Whether the line filter sees it."""
+
+
+def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Proposal]:
+    """What either sees, each streak once: where both do, the filter's ends, the network's word."""
+    is_left = np.ones(len(boxes), dtype=bool)
+    said = np.array([box.confidence for box in boxes])
+    ends = np.array([_ends(box) for box in boxes]).reshape(-1, 4)
+    found = []
+    for line in lines:
+        box = _box_about(line)
+        same = _of_one_streak(ends, _ends(box)) & is_left
+        if same.any():
+            best = boxes[int(np.argmax(np.where(same, said, -1.0)))]
+            box = replace(best, x_a_px=line.x_a, y_a_px=line.y_a, x_b_px=line.x_b, y_b_px=line.y_b)
+            is_left &= ~same
+        found.append(Proposal(box=box, is_line=True))
+    left = (box for box, is_one in zip(boxes, is_left.tolist(), strict=True) if is_one)
+    return found + [Proposal(box=box, is_line=False) for box in left]
+
+
+def _of_one_streak(boxes: FloatArray, line: Box) -> BoolArray:
+    """Which boxes (n, 4), from end to end, the line may be of: near it, alike in direction."""
+    along = boxes[:, 2:] - boxes[:, :2]
+    lengths = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1.0)
+    dx, dy = line[2] - line[0], line[3] - line[1]
+    length = max(math.hypot(dx, dy), 1.0)
+    turn = np.abs(along[:, 0] * dy - along[:, 1] * dx) / (lengths * length)
+    shorter = np.minimum(lengths, length)
+    leeway = np.sin(np.minimum(np.radians(_SAME_STREAK_DEG) + _LEEWAY_PX / shorter, 1.5))
+    middle = 0.5 * (boxes[:, 2:] + boxes[:, :2])
+    off_x = middle[:, 0] - 0.5 * (line[0] + line[2])
+    off_y = middle[:, 1] - 0.5 * (line[1] + line[3])
+    of_line = np.abs(off_y * dx - off_x * dy) / length
+    of_box = np.abs(off_y * along[:, 0] - off_x * along[:, 1]) / lengths
+    apart = np.hypot(off_x, off_y)
+    reach = 0.5 * np.maximum(lengths, length) + _LEEWAY_PX
+    return np.asarray(
+        (turn < leeway) & (np.minimum(of_line, of_box) < _LEEWAY_PX) & (apart < reach)
+    )
+
+
+def _box_about(line: CellLine) -> NetworkBox:
+    return NetworkBox(
+        confidence=LOWEST_CONFIDENCE,
+        x0_px=min(line.x_a, line.x_b),
+        y0_px=min(line.y_a, line.y_b),
+        x1_px=max(line.x_a, line.x_b),
+        y1_px=max(line.y_a, line.y_b),
+        x_a_px=line.x_a,
+        y_a_px=line.y_a,
+        x_b_px=line.x_b,
+        y_b_px=line.y_b,
+    )
+
+
 @dataclass(slots=True)
 class Measurements:
-    """The candidates of one frame: those that a line fits, and why the others were refused."""
+    """The candidates of one frame: those that are lines of light, and why the others are none."""
 
     frame: Frame
     sky: Background
     stars: StarList
-    taken: list[Detection] = field(default_factory=list)
+    focus: Focus
+    taken: list[Candidate] = field(default_factory=list)
     """With the network's confidence."""
     rejected: list[Rejection] = field(default_factory=list)
 
-    def is_dark(self, box: NetworkBox) -> bool:
-        """Whether a glance along a candidate shows too little light to be worth a fit."""
-        psf_sigma = self.stars.median_fwhm_px / FWHM_PER_SIGMA
-        signal = line_signal(self.frame.pixels, self.sky, _ends(box), psf_sigma)
-        return not signal.is_worth_a_fit(box.confidence)
+    def at_a_glance(self, proposal: Proposal) -> NotAStreak | None:
+        """What a glance along a candidate says against its being worth the time of a measurement.
 
-    def measure(self, box: NetworkBox) -> None:
-        """Fit one candidate and put it where it belongs."""
+        Too little light where the network alone proposes it; light that is narrower than stars
+        where the line filter does: a cosmic ray or a column of the sensor.
+        """
+        box, width_px = proposal.box, self.stars.median_fwhm_px
+        if proposal.is_line:
+            matched, narrow = width_at_a_glance(self.frame.pixels, self.sky, _ends(box), width_px)
+            is_narrow = narrow > max(_MOST_NARROW * matched, _SURELY_NARROW)
+            return NotAStreak(kind="too narrow", limit=width_px) if is_narrow else None
+        signal = line_signal(self.frame.pixels, self.sky, _ends(box), width_px / FWHM_PER_SIGMA)
+        return None if signal.is_worth_a_fit(box.confidence) else DARK
+
+    def measure(self, proposal: Proposal) -> None:
+        """Measure one candidate and put it where it belongs."""
         try:
-            fit = fit_streak(
-                self.frame.pixels, self.sky, _corners(box), stars=self.stars, ends=_ends(box)
-            )
+            self._measure(proposal)
         except Exception:
             # One candidate must not cost the others of the frame, nor the night.
-            log.exception("frame %d: the line fit broke on %s", self.frame.frame_id, box)
-            self.refuse(box, NotAStreak(kind="fit broke"))
+            log.exception("frame %d: the line fit broke on %s", self.frame.frame_id, proposal)
+            self.refuse(proposal.box, NotAStreak(kind="fit broke"))
+
+    def _measure(self, proposal: Proposal) -> None:
+        box = proposal.box
+        trace, reason = None, None
+        if proposal.is_line:
+            trace, reason = self._traced_well(_ends(box))
+            if trace is None and box.confidence < _BELIEVED:
+                self.refuse(box, reason or NotAStreak(kind="no line"))
+                return
+        measured: StreakFit | None = None
+        if box.length_px <= LONGEST_FIT_PX:
+            fit = fit_streak(
+                self.frame.pixels,
+                self.sky,
+                _around(box),
+                stars=self.stars,
+                psf_fwhm_px=None if trace is None else self._width_px(trace),
+                ends=_ends(box),
+            )
+            if isinstance(fit, StreakFit) and (trace is None or _agree(fit, trace)):
+                self._take(_from_fit(self.frame, box, fit), trace or self._traced(_ends_of(fit)))
+                return
+            if not isinstance(fit, StreakFit):
+                reason, measured = reason or fit.reason, fit.fit
+        if trace is None:
+            self.refuse(box, reason or NotAStreak(kind="no line"), measured)
             return
-        if isinstance(fit, NoStreak):
-            self.refuse(box, fit.reason, fit.fit)
-            return
-        detection = _from_fit(self.frame, box, fit)
-        if any(is_same_streak(detection, other) for other in self.taken):
-            reason = NotAStreak(kind="same streak")
-            self.rejected.append(Rejection(detection=detection, reason=reason))
+        found = _from_trace(self.frame, box, trace)
+        found = replace(found, unevenness=self._unevenness(found, trace))
+        if found.unevenness > MOST_UNEVEN:
+            self.rejected.append(Rejection(detection=found, reason=NotAStreak(kind="patchy")))
         else:
-            self.taken.append(detection)
+            self._take(found, trace)
+
+    def _unevenness(self, found: Detection, trace: Trace) -> float:
+        """Of a short one: of its path, and of its light where that follows no one period."""
+        width_px = self.stars.median_fwhm_px
+        if found.length_px > AS_CHAINS_FWHM * width_px:
+            return 0.0
+        ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
+        box = min(ends[::2]), min(ends[1::2]), max(ends[::2]), max(ends[1::2])
+        cutout = cut_out(self.frame.pixels, self.sky, box, MARGIN_PX, self.stars)
+        width_px = self._width_px(trace)
+        light, path = unevenness(
+            cutout, ends, width_px / FWHM_PER_SIGMA, found.snr / trace.confusion
+        )
+        return max(path, light) if trace.roughness > _PERIODIC else path
+
+    def _traced_well(self, ends: Box) -> tuple[Trace | None, NotAStreak | None]:
+        """A trace that passes the gates, or the first that it does not."""
+        trace = self._traced(ends)
+        reason = NotAStreak(kind="no line") if trace is None else self._fault(trace)
+        return (trace, None) if reason is None else (None, reason)
+
+    def _traced(self, ends: Box) -> Trace | None:
+        """The line, as wide as a star, or as drift has drawn it out where that shows more."""
+        width_px = self.focus.fwhm_px
+        trace = trace_line(self.frame.pixels, self.sky, ends, self.stars, width_px)
+        widest_px = self.focus.widest_px(_angle_deg(ends))
+        if widest_px < _DRAWN_OUT * width_px:
+            return trace
+        wide = trace_line(self.frame.pixels, self.sky, ends, self.stars, widest_px)
+        is_better = wide is not None and (trace is None or wide.snr > _MORE * trace.snr)
+        return wide if is_better else trace
+
+    def _width_px(self, trace: Trace) -> float:
+        """Width that a streak is expected to have which was traced."""
+        ends = trace.x_a_px, trace.y_a_px, trace.x_b_px, trace.y_b_px
+        most = max(self.focus.widest_px(_angle_deg(ends)), self.focus.fwhm_px)
+        return min(max(trace.width_px, self.focus.fwhm_px), most)
+
+    def _take(self, found: Detection, trace: Trace | None) -> None:
+        if any(is_same_streak(found, other.found) for other in self.taken):
+            reason = NotAStreak(kind="same streak")
+            self.rejected.append(Rejection(detection=found, reason=reason))
+            return
+        light = UNMEASURED
+        if trace is not None:
+            light = LineLight(
+                lower_quartile_snr=trace.lower_quartile_snr,
+                roughness=trace.roughness,
+                confusion=trace.confusion,
+            )
+        self.taken.append(Candidate(found=found, light=light))
+
+    def _fault(self, trace: Trace) -> NotAStreak | None:
+        """The first gate that a trace does not pass; None where it passes all."""
+        width_px = self._width_px(trace)
+        length_px = math.hypot(trace.x_b_px - trace.x_a_px, trace.y_b_px - trace.y_a_px)
+        ratio = trace.width_px / width_px
+        quartile = max(_MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE * trace.snr / trace.confusion)
+        gates: tuple[tuple[bool, NotAStreakKind, float | None, float | None], ...] = (
+            (trace.snr < _MIN_TRACE_SNR, "too faint", trace.snr, _MIN_TRACE_SNR),
+            (ratio < _NARROWEST, "too narrow", trace.width_px, width_px),
+            (ratio > _WIDEST, "too wide", trace.width_px, width_px),
+            (length_px < _SHORTEST * self.focus.fwhm_px, "too short", length_px, None),
+            (trace.lower_quartile_snr < quartile, "dark in between", None, None),
+            (trace.roughness > _MOST_ROUGH, "uneven", trace.roughness, _MOST_ROUGH),
+            (trace.beyond > _MOST_BEYOND, "longer trail", None, None),
+        )
+        for is_shut, kind, value, limit in gates:
+            if is_shut:
+                return NotAStreak(kind=kind, value=value, limit=limit)
+        return None
 
     def refuse(self, box: NetworkBox, reason: NotAStreak, fit: StreakFit | None = None) -> None:
         """Keep a candidate on record with what speaks against it, if the network believes it."""
@@ -110,6 +311,16 @@ def _corners(box: NetworkBox) -> tuple[float, float, float, float]:
     return box.x0_px, box.y0_px, box.x1_px, box.y1_px
 
 
+def _around(box: NetworkBox) -> Box:
+    """The box and both ends."""
+    return (
+        min(box.x0_px, box.x_a_px, box.x_b_px),
+        min(box.y0_px, box.y_a_px, box.y_b_px),
+        max(box.x1_px, box.x_a_px, box.x_b_px),
+        max(box.y1_px, box.y_a_px, box.y_b_px),
+    )
+
+
 def _ends(box: NetworkBox) -> tuple[float, float, float, float]:
     return box.x_a_px, box.y_a_px, box.x_b_px, box.y_b_px
 
@@ -133,6 +344,45 @@ def _from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
         is_clipped=fit.is_clipped,
         method="line",
         unevenness=fit.unevenness,
+    )
+
+
+def _angle_deg(ends: Box) -> float:
+    return math.degrees(math.atan2(ends[3] - ends[1], ends[2] - ends[0]))
+
+
+def _agree(fit: StreakFit, trace: Trace) -> bool:
+    """Whether a fit is of the whole line that was traced."""
+    length_px = math.hypot(trace.x_b_px - trace.x_a_px, trace.y_b_px - trace.y_a_px)
+    is_long = abs(fit.length_px - length_px) < _AGREE_LENGTH * length_px + fit.width_px
+    return is_long and fit.snr > _AGREE_SNR * trace.snr
+
+
+def _ends_of(fit: StreakFit) -> Box:
+    return fit.x_a_px, fit.y_a_px, fit.x_b_px, fit.y_b_px
+
+
+def _from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:
+    length_px = math.hypot(trace.x_b_px - trace.x_a_px, trace.y_b_px - trace.y_a_px)
+    is_clipped = any(trace.is_open)
+    along = 0.5 * math.hypot(*trace.sigma_end_px)
+    return Detection(
+        frame_id=frame.frame_id,
+        confidence=box.confidence,
+        x_px=0.5 * (trace.x_a_px + trace.x_b_px),
+        y_px=0.5 * (trace.y_a_px + trace.y_b_px),
+        x_a_px=trace.x_a_px,
+        y_a_px=trace.y_a_px,
+        x_b_px=trace.x_b_px,
+        y_b_px=trace.y_b_px,
+        box_px=_corners(box),
+        length_px=length_px,
+        width_px=trace.width_px,
+        snr=trace.snr,
+        sigma_along_px=max(length_px, 100.0) if is_clipped else along,
+        sigma_across_px=trace.sigma_across_px,
+        is_clipped=is_clipped,
+        method="line",
     )
 
 

@@ -15,11 +15,14 @@ from typing import Any
 from rsoconsole.errors import ModelError
 from rsoconsole.records import Detection
 from rsoconsole.sky.angles import turn_deg
+from rsoconsole.vision.candidate import Candidate, Focus
 
 FEATURES = (
     "constant",
     "network",
     "log_snr",
+    "steady",
+    "extent",
     "wide",
     "narrow",
     "shortness",
@@ -28,9 +31,18 @@ FEATURES = (
     "parallel_unlike",
     "uneven",
     "faint",
+    "rough",
+    "blurred",
+    "drifted",
 )
-"""All from ``wide`` on are 0 or more, speak against a satellite and weigh nothing at 0."""
-MOST_LOG_SNR = 0.3
+"""All from ``wide`` on are 0 or more, speak against a streak and weigh nothing at 0."""
+LEAST_LOGIT = -7.0
+"""Of the network: what it does not see at all the line filter may."""
+MOST_LOG_SNR, MOST_LOG_STEADY, _LEAST_STEADY = 0.3, 1.5, 0.5
+_EXTENDED_FWHM, _MOST_EXTENT = 8.0, 2.0
+_HEARD_FWHM, _LEAST_HEARD = 15.0, 0.25
+_EVEN_ENOUGH, _ROUGH_BY_NOISE = 0.06, 4.0
+"""Scatter along a line that the air and the sensor make, and noise of a signal to noise of 1."""
 FAINT_SNR = 12.0
 """Below it a chain of faint stars is as likely as a streak."""
 SHORT_FWHM, LONG_FWHM = 12.0, 120.0
@@ -72,13 +84,13 @@ class ConfidenceCurve:
             ) from error
 
     def confidence(
-        self, detection: Detection, psf_fwhm_px: float, others: Sequence[Detection] = ()
+        self, candidate: Candidate, focus: Focus, others: Sequence[Candidate] = ()
     ) -> float:
         """Probability, 0 to 1, of a measured candidate that carries the network's confidence.
 
         ``others`` are the measured candidates of its frame, itself among them or not.
         """
-        features = confidence_features(detection, psf_fwhm_px, others)
+        features = confidence_features(candidate, focus, others)
         z = sum(w * f for w, f in zip(self.weights, features, strict=True))
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
@@ -89,53 +101,78 @@ class ConfidenceCurve:
 
         A proposal's length is taken to be up to ``LENGTH_ERROR`` times too short.
         """
-        p = min(max(network_confidence, _LEAST), _MOST)
         table = dict(zip(FEATURES, self.weights, strict=True))
-        z = table["constant"] + table["network"] * math.log(p / (1.0 - p))
-        z += max(table["log_snr"], 0.0) * MOST_LOG_SNR
         longest_px = max(LENGTH_ERROR * proposed_px, 0.1)
+        heard = _heard(_logit(network_confidence), longest_px / max(psf_fwhm_px, 0.1))
+        z = table["constant"] + table["network"] * heard
+        z += max(table["log_snr"], 0.0) * MOST_LOG_SNR
+        z += max(table["steady"], 0.0) * MOST_LOG_STEADY
+        z += max(table["extent"], 0.0) * _MOST_EXTENT
         z += table["shortness"] * math.log(max(SHORT_FWHM * psf_fwhm_px / longest_px, 1.0))
         # None of the others speaks for a satellite.
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
-    def judged(self, candidates: Sequence[Detection], psf_fwhm_px: float) -> list[Detection]:
+    def judged(self, candidates: Sequence[Candidate], focus: Focus) -> list[Detection]:
         """A frame's measured candidates, each with the confidence that it earns among them."""
         return [
-            replace(each, confidence=self.confidence(each, psf_fwhm_px, candidates))
+            replace(each.found, confidence=self.confidence(each, focus, candidates))
             for each in candidates
         ]
 
 
+def _logit(confidence: float) -> float:
+    p = min(max(confidence, _LEAST), _MOST)
+    return max(math.log(p / (1.0 - p)), LEAST_LOGIT)
+
+
+def _heard(logit: float, length_fwhm: float) -> float:
+    """The network's word: its doubt counts less of what is longer than its map shows well."""
+    if logit >= 0.0:
+        return logit
+    return logit * min(max(_HEARD_FWHM / max(length_fwhm, 0.1), _LEAST_HEARD), 1.0)
+
+
 def confidence_features(
-    detection: Detection, psf_fwhm_px: float, others: Sequence[Detection] = ()
+    candidate: Candidate, focus: Focus, others: Sequence[Candidate] = ()
 ) -> tuple[float, ...]:
     """What the curve looks at, in the order of ``FEATURES``.
 
-    The network's log-odds; the logarithm of the fit's matched signal to noise over 20, no more
-    than ``MOST_LOG_SNR``, since a chain of bright stars is bright too; how far, as a logarithm,
-    the streak is wider and narrower than the stars, beyond what its signal to noise leaves open;
-    how short it is against ``SHORT_FWHM`` and how long against ``LONG_FWHM``; how many others lie
-    on its line; whether one that is much longer, or bright and of another length, is parallel;
-    how uneven its light is; how much fainter than ``FAINT_SNR`` it is.
+    The network's log-odds, no less than ``LEAST_LOGIT``; the logarithm of the fit's matched signal
+    to noise, of the sky beside it as it is, over 20, no more than ``MOST_LOG_SNR``, since a chain
+    of bright stars is bright too; the same of what its darker parts say of the whole, which stars
+    in a row have little of; how much longer than a few widths it is; how far, as a logarithm, it
+    is wider and narrower than the stars, beyond what its signal to noise leaves open; how short it
+    is against ``SHORT_FWHM`` and how long against ``LONG_FWHM``; how many others lie on its line;
+    whether one that is much longer, or bright and of another length, is parallel; how uneven its
+    light is; how much fainter than ``FAINT_SNR`` it is; how much of its scatter along the line
+    nothing explains; how wide the stars were, and how long drift has drawn them.
     """
-    p = min(max(detection.confidence, _LEAST), _MOST)
-    psf_px, length_px = max(psf_fwhm_px, 0.1), max(detection.length_px, 0.1)
-    snr = max(detection.snr, 0.1)
-    misfit = math.log(max(detection.width_px, 0.1) / psf_px)
+    found, light = candidate.found, candidate.light
+    psf_px, length_px = max(focus.fwhm_px, 0.1), max(found.length_px, 0.1)
+    snr = max(found.snr / light.confusion, 0.1)
+    steady = max(light.lower_quartile_snr, _LEAST_STEADY)
+    width_px = max(found.width_px, 0.1)
+    wide = math.log(width_px / max(focus.widest_px(found.angle_deg), 0.1))
+    narrow = math.log(psf_px / width_px)
     leeway = _SAME_WIDTH + _WIDTH_PER_SNR / snr
-    rest = [other for other in others if other is not detection]
+    rest = [other.found for other in others if other is not candidate]
     return (
         1.0,
-        math.log(p / (1.0 - p)),
+        _heard(_logit(found.confidence), length_px / psf_px),
         min(math.log(snr / 20.0), MOST_LOG_SNR),
-        max(0.0, misfit - leeway),
-        max(0.0, -misfit - leeway),
+        min(math.log(steady / 20.0), MOST_LOG_STEADY),
+        min(max(0.0, math.log(length_px / psf_px / _EXTENDED_FWHM)), _MOST_EXTENT),
+        max(0.0, wide - leeway),
+        max(0.0, narrow - leeway),
         max(0.0, math.log(SHORT_FWHM * psf_px / length_px)),
         max(0.0, math.log(length_px / (LONG_FWHM * psf_px))),
-        float(min(sum(_is_in_line(detection, other) for other in rest), MOST_IN_LINE)),
-        float(any(_is_parallel_unlike(detection, other) for other in rest)),
-        detection.unevenness,
+        float(min(sum(_is_in_line(found, other) for other in rest), MOST_IN_LINE)),
+        float(any(_is_parallel_unlike(found, other) for other in rest)),
+        found.unevenness,
         max(0.0, math.log(FAINT_SNR / snr)),
+        math.log1p(light.roughness**2 / (_EVEN_ENOUGH**2 + (_ROUGH_BY_NOISE / snr) ** 2)),
+        math.log(focus.joined),
+        math.log1p(focus.trail_px / psf_px),
     )
 
 

@@ -1,7 +1,7 @@
-"""Streaks of a frame: the network proposes, the fit on the raw pixels disposes.
+"""Streaks of a frame: network and line filter propose, measurements on the pixels dispose.
 
-What is above tau and passes the fit's gates is a detection; everything else that the network
-held possible is kept with the reason why it was not taken.
+What is above tau and passes the measurement's gates is a detection; everything else that the
+network held possible is kept with the reason why it was not taken.
 """
 
 import time
@@ -14,28 +14,34 @@ from typing import Protocol
 from rsoconsole.config import DetectorConfig
 from rsoconsole.reasons import BelowTau, NotAStreak
 from rsoconsole.records import Detection, Detections, Frame, Rejection
-from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.background import Background, local_background
 from rsoconsole.vision.bins import bin_frame
-from rsoconsole.vision.candidates import Measurements, at_box_centre, distinct, from_box, runs_alike
+from rsoconsole.vision.candidate import Candidate, Focus
+from rsoconsole.vision.candidates import (
+    Measurements,
+    Proposal,
+    at_box_centre,
+    distinct,
+    from_box,
+    proposals,
+    runs_alike,
+)
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.cores import threads_for
+from rsoconsole.vision.line_filter import CellLine, cell_side_px, propose_lines
 from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map, map_noise
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.pattern import find_pattern
+from rsoconsole.vision.set_aside import is_of_stars, set_aside
 from rsoconsole.vision.stars import STAR_BLOCK_PX, StarList, find_stars
-from rsoconsole.vision.trailed_stars import Trail
 from rsoconsole.vision.workers import Workers
+from rsoconsole.vision.working_frame import WorkingFrame, pixels_to_join
 
 MOST_FITS = 20
 MOST_WITNESSES = 12
-DARK = NotAStreak(kind="no light")
-TRAILED_STREAKS = 9
-"""So many streaks of one length and direction are stars; no satellite cluster is as large."""
-_FEW_TRAILS, _MANY_TRAILS, _SURE = 3.0, 8.0, 0.9
-"""Trails of stars in a row that look like one streak: of what is sure, and of what is not."""
-_AS_TRAILS_DEG = 6.0
-_SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
+LEAST_BELIEVED = 1e-3
+"""Whom the network believes less is measured only where the line filter sees something too."""
+_MOST_JOININGS = 2
 
 
 class Proposer(Protocol):
@@ -53,6 +59,12 @@ class FrameAnalysis:
     detections: Detections
     stars: StarList
     background: Background
+    candidates: tuple[Candidate, ...] = ()
+    """All lines of light that were measured, in the working frame's pixels, as the network says."""
+    focus: Focus
+    working: WorkingFrame
+    proposals: tuple[Proposal, ...] = ()
+    """Likewise."""
 
 
 class StreakDetector:
@@ -75,31 +87,80 @@ class StreakDetector:
         """The same, with the frame's stars and background.
 
         Where there is a second thread, it estimates the maps' noise while the first reads the
-        frame, and looks for stars, which only the fit needs, beside map and network; the time of
-        the stage ``stars`` then runs beside theirs.
+        frame, and looks for stars and lines beside map and network; the time of the stages
+        ``stars`` and ``lines`` then runs beside theirs.
         """
         threshold = self._settings.tau if tau is None else tau
-        watch, workers = _Stopwatch(), self._workers
+        watch = _Stopwatch()
         with watch.stage("pattern"):
             pattern = find_pattern(frame.pixels)
             if pattern is not None:
                 frame = replace(frame, pixels=pattern.removed(frame.pixels))
-        pixels = frame.pixels
+        working = WorkingFrame.of(frame, 1)
+        seen = first = self._seen(frame, watch)
+        for _ in range(_MOST_JOININGS):
+            side = pixels_to_join(seen.stars, working.frame)
+            if side == 1:
+                break
+            working = WorkingFrame.of(frame, side * working.side)
+            seen = self._seen(working.frame, watch)
+        stars = seen.stars
+        focus = _focus(stars, working.side)
+        with watch.stage("fit"):
+            measured = self._measure(working, seen, focus, threshold)
+            rejected = measured.rejected
+            taken = sorted(self._judged(measured.taken, focus), key=lambda d: -d.confidence)
+            taken, others = set_aside(taken, stars.trail, working.frame)
+            rejected += others
+            if self._settings.centroid == "box":
+                taken = [at_box_centre(d) for d in taken]
+            faint = [d for d in taken if d.confidence <= threshold]
+            rejected += [
+                Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=threshold))
+                for d in faint
+            ]
+        rejected.sort(key=lambda r: -r.detection.confidence)
+        return FrameAnalysis(
+            detections=Detections(
+                frame_id=frame.frame_id,
+                width_px=frame.width_px,
+                height_px=frame.height_px,
+                detections=tuple(working.original(d) for d in taken if d.confidence > threshold),
+                rejected=tuple(working.originally_rejected(each) for each in rejected),
+                stage_ms=watch.stage_ms,
+            ),
+            stars=working.original_stars(stars),
+            background=first.sky,
+            candidates=tuple(measured.taken),
+            focus=focus,
+            working=working,
+            proposals=seen.proposals,
+        )
+
+    def _seen(self, frame: Frame, watch: "_Stopwatch") -> "_Seen":
+        """Sky, stars and all that may be a streak."""
+        pixels, workers = frame.pixels, self._workers
         blocks = choose_blocks(
             frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
         )
         mode = self._settings.map_mode
         lines = blocks if mode == "fast" else ()
+        side_px = cell_side_px(frame.height_px, frame.width_px)
         with watch.stage("background"):
             noises = {block: workers.begin(partial(map_noise, pixels, block)) for block in lines}
-            bins = bin_frame(pixels, {STAR_BLOCK_PX}, line_blocks=lines, workers=workers)
+            bins = bin_frame(
+                pixels, {STAR_BLOCK_PX}, line_blocks=lines, square_px=side_px, workers=workers
+            )
             sky = local_background(pixels, bins=bins, workers=workers)
 
-        def look_for_stars() -> StarList:
+        def look_for_stars_and_lines() -> tuple[StarList, list[CellLine]]:
             with watch.stage("stars"):
-                return find_stars(pixels, sky, saturation_adu=frame.saturation_adu, bins=bins)
+                stars = find_stars(pixels, sky, saturation_adu=frame.saturation_adu, bins=bins)
+            with watch.stage("lines"):
+                assert bins.squares is not None
+                return stars, propose_lines(sky, bins.squares, side_px, stars)
 
-        looked = workers.begin(look_for_stars)
+        looked = workers.begin(look_for_stars_and_lines)
         with watch.stage("map"):
             noise = {block: begun.result() for block, begun in noises.items()}
             maps = [
@@ -108,129 +169,79 @@ class StreakDetector:
             ]
         with watch.stage("network"):
             boxes = distinct(frame, [self._network.run(each) for each in maps])
-        stars = looked.result()
-        with watch.stage("fit"):
-            taken, rejected = self._measure(frame, boxes, sky, stars, threshold)
-            taken, trailed = _without_trailed_stars(taken)
-            rejected += trailed
-            if stars.trail is not None:
-                taken, trailed = not_along(taken, stars.trail)
-                rejected += trailed
-            if self._settings.centroid == "box":
-                taken = [at_box_centre(d) for d in taken]
-            faint = [d for d in taken if d.confidence <= threshold]
-            rejected += [
-                Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=threshold))
-                for d in faint
-            ]
-        return FrameAnalysis(
-            detections=Detections(
-                frame_id=frame.frame_id,
-                width_px=frame.width_px,
-                height_px=frame.height_px,
-                detections=tuple(d for d in taken if d.confidence > threshold),
-                rejected=tuple(sorted(rejected, key=lambda r: -r.detection.confidence)),
-                stage_ms=watch.stage_ms,
-            ),
-            stars=stars,
-            background=sky,
-        )
+        stars, found = looked.result()
+        wanted = proposals(boxes, found)
+        if stars.trail is not None:
+            trail = stars.trail
+            wanted = [each for each in wanted if not is_of_stars(each, trail)]
+        return _Seen(sky=sky, stars=stars, proposals=tuple(wanted))
 
     def _measure(
-        self,
-        frame: Frame,
-        boxes: tuple[NetworkBox, ...],
-        sky: Background,
-        stars: StarList,
-        threshold: float,
-    ) -> tuple[list[Detection], list[Rejection]]:
-        """Measured candidates, most confident first, and those that are none.
+        self, working: WorkingFrame, seen: "_Seen", focus: Focus, threshold: float
+    ) -> Measurements:
+        """Candidates that are lines of light, and those that are none.
 
         What no measurement could lift above ``threshold`` or shows no light at a glance is not
         measured. What could only bear witness against one that is above, since it runs alike, is.
         """
-        ordered = sorted(boxes, key=lambda b: -b.confidence)
-        measured = Measurements(frame, sky, stars)
-        curve = self._curve
-        width_px = stars.median_fwhm_px
-        hopeful: list[NetworkBox] = []
-        others: list[NetworkBox] = []
-        for box in ordered:
-            most = 1.0 if curve is None else curve.highest(box.confidence, box.length_px, width_px)
-            (hopeful if most > threshold else others).append(box)
+        frame, stars = working.frame, seen.stars
+        ordered = sorted(seen.proposals, key=lambda each: (-each.is_line, -each.box.confidence))
+        measured = Measurements(frame, seen.sky, stars, focus)
+        hopeful: list[Proposal] = []
+        others: list[Proposal] = []
+        for each in ordered:
+            (hopeful if self._has_hope(each, focus, threshold) else others).append(each)
         fits = 0
-        for box in hopeful:
+        for each in hopeful:
             if fits == MOST_FITS:
-                measured.refuse(box, NotAStreak(kind="not measured", limit=MOST_FITS))
-            elif measured.is_dark(box):
-                measured.refuse(box, DARK)
+                measured.refuse(each.box, NotAStreak(kind="not measured", limit=MOST_FITS))
+            elif (doubt := measured.at_a_glance(each)) is not None:
+                measured.refuse(each.box, doubt)
             else:
                 fits += 1
-                measured.measure(box)
-        risen = [d for d in self._judged(measured.taken, stars) if d.confidence > threshold]
+                measured.measure(each)
+        risen = [d for d in self._judged(measured.taken, focus) if d.confidence > threshold]
         witnesses = 0
-        for box in others:
+        for each in others:
             is_asked = risen and witnesses < MOST_WITNESSES
-            if is_asked and runs_alike(from_box(frame, box), risen) and not measured.is_dark(box):
+            alike = is_asked and runs_alike(from_box(frame, each.box), risen)
+            if alike and measured.at_a_glance(each) is None:
                 witnesses += 1
-                measured.measure(box)
+                measured.measure(each)
             else:
-                measured.refuse(box, NotAStreak(kind="below tau", limit=threshold))
-        taken = self._judged(measured.taken, stars)
-        return sorted(taken, key=lambda d: -d.confidence), measured.rejected
+                measured.refuse(each.box, NotAStreak(kind="below tau", limit=threshold))
+        return measured
 
-    def _judged(self, taken: list[Detection], stars: StarList) -> list[Detection]:
+    def _has_hope(self, proposal: Proposal, focus: Focus, threshold: float) -> bool:
+        said, length_px = proposal.box.confidence, proposal.box.length_px
+        if proposal.is_line or said < LEAST_BELIEVED or self._curve is None:
+            return proposal.is_line or said >= LEAST_BELIEVED
+        return self._curve.highest(said, length_px, focus.fwhm_px) > threshold
+
+    def _judged(self, taken: list[Candidate], focus: Focus) -> list[Detection]:
         """With the confidence that each earns by its measurement and among the others."""
         if self._curve is None:
-            return taken
-        return self._curve.judged(taken, stars.median_fwhm_px)
+            return [each.found for each in taken]
+        return self._curve.judged(taken, focus)
 
 
-def _without_trailed_stars(
-    taken: list[Detection],
-) -> tuple[list[Detection], list[Rejection]]:
-    """Set aside streaks that so many others share length and direction with that they are stars."""
-    if len(taken) < TRAILED_STREAKS:
-        return taken, []
-    kept: list[Detection] = []
-    trailed: list[Rejection] = []
-    for d in taken:
-        alike = sum(_is_alike(d, other) for other in taken)
-        if alike < TRAILED_STREAKS:
-            kept.append(d)
-        else:
-            reason = NotAStreak(kind="trailed stars", value=alike)
-            trailed.append(Rejection(detection=d, reason=reason))
-    return kept, trailed
+def _focus(stars: StarList, joined: int) -> Focus:
+    trail = stars.trail
+    return Focus(
+        fwhm_px=stars.median_fwhm_px,
+        joined=joined,
+        trail_px=0.0 if trail is None else trail.length_px,
+        trail_deg=0.0 if trail is None else trail.angle_deg,
+    )
 
 
-def not_along(taken: list[Detection], trail: Trail) -> tuple[list[Detection], list[Rejection]]:
-    """Set aside what runs as the stars' own trails do and is as long as some of them in a row.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Seen:
+    """What a first look at a frame gives."""
 
-    A long one in which there is no doubt stays: a satellite may go the same way.
-    """
-    one_px = trail.length_px + trail.fwhm_px
-    is_chain = [
-        turn_deg(d.angle_deg, trail.angle_deg) < _AS_TRAILS_DEG
-        and d.length_px < (_FEW_TRAILS if d.confidence > _SURE else _MANY_TRAILS) * one_px
-        for d in taken
-    ]
-    kept = [d for d, is_one in zip(taken, is_chain, strict=True) if not is_one]
-    chains = [
-        Rejection(
-            detection=d,
-            reason=NotAStreak(kind="stars' trails", value=d.length_px, limit=trail.length_px),
-        )
-        for d, is_one in zip(taken, is_chain, strict=True)
-        if is_one
-    ]
-    return kept, chains
-
-
-def _is_alike(one: Detection, other: Detection) -> bool:
-    turn = turn_deg(one.angle_deg, other.angle_deg)
-    longer = max(one.length_px, other.length_px)
-    return turn < _SAME_ANGLE_DEG and abs(one.length_px - other.length_px) < _SAME_LENGTH * longer
+    sky: Background
+    stars: StarList
+    proposals: tuple[Proposal, ...]
 
 
 class _Stopwatch:

@@ -47,6 +47,7 @@ _STRETCH_BLACK = 50.0
 _WHITE_SIGMA = 4.0
 _JPEG_QUALITY = 95
 _BLOCKS = (2, 4, 8, 16)
+_FINE_BLOCK = 4
 _SHORTEST_STREAK_CELLS = 12.0
 _SMALLEST_MAP_CELLS = 48
 
@@ -78,7 +79,8 @@ def choose_blocks(
     """Blocks at which a frame is to be looked at, smallest first.
 
     Where scale and exposure are known, the one for which a geostationary streak is 12 to 24 cells
-    long: 8 for the paper's telescope; longer where the frame is too small for so large a block,
+    long: 8 for the paper's telescope, and 4 too where the network sees such a map at once, for
+    short streaks; longer where the frame is too small for so large a block,
     shorter where even a block of 2 is too large. Where they are unknown, every block whose map
     fits the network at once and keeps 48 cells a side: a small frame costs little.
     """
@@ -89,13 +91,16 @@ def choose_blocks(
     if scale_arcsec_px and exposure_s and scale_arcsec_px > 0 and exposure_s > 0:
         streak_px = SIDEREAL_ARCSEC_S * exposure_s / scale_arcsec_px
         suiting = [block for block in fitting if streak_px >= _SHORTEST_STREAK_CELLS * block]
-        return (suiting[-1] if suiting else fitting[0],)
-    at_once = [
-        block
-        for block in fitting
-        if width_px <= block * NETWORK_WIDTH_CELLS and height_px <= block * NETWORK_HEIGHT_CELLS
-    ]
+        usual = suiting[-1] if suiting else fitting[0]
+        if usual > _FINE_BLOCK in fitting and _fits_at_once(width_px, height_px, _FINE_BLOCK):
+            return _FINE_BLOCK, usual
+        return (usual,)
+    at_once = [block for block in fitting if _fits_at_once(width_px, height_px, block)]
     return tuple(at_once) or (fitting[-1],)
+
+
+def _fits_at_once(width_px: int, height_px: int, block: int) -> bool:
+    return width_px <= block * NETWORK_WIDTH_CELLS and height_px <= block * NETWORK_HEIGHT_CELLS
 
 
 def make_map(

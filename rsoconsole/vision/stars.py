@@ -139,6 +139,18 @@ def find_stars(
     )
 
 
+def lit_radius_px(stars: StarList, noise_adu: float) -> FloatArray:
+    """How far from its middle, across a trail, each star still lights a pixel by half a sigma."""
+    sigma = np.maximum(stars.fwhm_px, stars.median_fwhm_px) / FWHM_PER_SIGMA
+    area = 2.0 * np.pi * sigma**2
+    if stars.trail is not None:
+        area += np.sqrt(2.0 * np.pi) * sigma * stars.trail.length_px
+    peak = stars.flux / area / max(noise_adu, 1e-9)
+    radius = sigma * np.sqrt(2.0 * np.log(np.maximum(2.0 * peak, 2.0)))
+    # A saturated one is brighter than its flux says.
+    return np.asarray(np.minimum(radius * np.where(stars.is_saturated, 2.0, 1.15), 40.0))
+
+
 def _candidates(
     pixels: PixelArray, sky: Background, bins: FrameBins, count: int
 ) -> tuple[IntArray, IntArray]:

@@ -25,7 +25,7 @@ from rsoconsole.vision.streak_robust import (
 from rsoconsole.vision.streak_search import Box, Cutout, Ends, Guess, cut_out, find_ends, find_line
 
 MIN_SNR = 7.0
-_MARGIN_PX = 16.0
+MARGIN_PX = 16.0
 _LOOKS = 4
 _LARGEST_CUTOUT_PX = 1_000_000
 _SECOND_ORDER = 0.4
@@ -40,9 +40,9 @@ _MIN_LIT_SHARE = 0.6
 _MAX_UNEVEN_SHARE = 0.35
 _UNSURE_PX = 0.5
 """Sigma along from which on a second fit from the first one's ends is worth its time."""
-_AS_CHAINS_FWHM = 25.0
+AS_CHAINS_FWHM = 25.0
 """Length in widths of a star up to which cosmic rays and chains of stars are as long."""
-_MOST_UNEVEN = 1.5
+MOST_UNEVEN = 1.5
 """What is less uneven is believed less."""
 _FAINT_SNR = 40.0
 """Of what is brighter, dark gaps may be a satellite's own: it tumbles."""
@@ -129,10 +129,10 @@ def _seen_again(
     """The fit, held against the light along it, which may be no streak's."""
     ends, psf_sigma = _ends_of(fit), fwhm / FWHM_PER_SIGMA
     reason = None
-    if fit.length_px < _AS_CHAINS_FWHM * fwhm:
-        cutout = cut_out(pixels, sky, _box_of(ends, ends), _MARGIN_PX, stars)
-        fit = replace(fit, unevenness=unevenness(cutout, ends, psf_sigma, fit.snr))
-    if fit.unevenness > _MOST_UNEVEN:
+    if fit.length_px < AS_CHAINS_FWHM * fwhm:
+        cutout = cut_out(pixels, sky, _box_of(ends, ends), MARGIN_PX, stars)
+        fit = replace(fit, unevenness=max(unevenness(cutout, ends, psf_sigma, fit.snr)))
+    if fit.unevenness > MOST_UNEVEN:
         reason = NotAStreak(kind="patchy")
     elif fit.snr < _FAINT_SNR and is_broken(pixels, sky, ends, psf_sigma):
         reason = NotAStreak(kind="dark in between")
@@ -222,7 +222,7 @@ def _look(
     psf_sigma: float,
 ) -> tuple[Cutout, Guess, Ends] | NoStreak:
     """Line and rough ends, further out each time the light runs into the cutout's rim."""
-    margin = _MARGIN_PX + 6.0 * psf_sigma
+    margin = MARGIN_PX + 6.0 * psf_sigma
     cutout = cut_out(pixels, sky, box, margin, stars)
     looked: tuple[Cutout, Guess, Ends] | None = None
     for _ in range(_LOOKS):

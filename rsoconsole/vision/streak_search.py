@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
+from rsoconsole.vision.stars import StarList, lit_radius_px
 
 BoolArray = npt.NDArray[np.bool_]
 Box = tuple[float, float, float, float]
@@ -118,20 +118,30 @@ def _level_at(sky: Background, ys: npt.NDArray[np.int_], xs: npt.NDArray[np.int_
 def _mask_stars(is_good: BoolArray, x0: int, y0: int, stars: StarList, noise: float) -> None:
     """Mark as bad every pixel that a listed star still lights by half a sigma."""
     height, width = is_good.shape
-    near = (stars.x_px > x0 - 40) & (stars.x_px < x0 + width + 40)
-    near &= (stars.y_px > y0 - 40) & (stars.y_px < y0 + height + 40)
+    half_trail = 0.5 * stars.trail.length_px if stars.trail is not None else 0.0
+    angle = np.radians(stars.trail.angle_deg) if stars.trail is not None else 0.0
+    room = 40.0 + half_trail
+    near = (stars.x_px > x0 - room) & (stars.x_px < x0 + width + room)
+    near &= (stars.y_px > y0 - room) & (stars.y_px < y0 + height + room)
+    radii = lit_radius_px(stars, noise)
     for i in np.flatnonzero(near):
-        sigma = max(stars.fwhm_px[i], stars.median_fwhm_px) / FWHM_PER_SIGMA
-        peak = stars.flux[i] / (2.0 * np.pi * sigma**2)
-        radius = sigma * np.sqrt(2.0 * np.log(max(2.0 * peak / noise, 2.0)))
-        radius = min(radius * (2.0 if stars.is_saturated[i] else 1.15), 40.0)
+        radius = radii[i]
         cx, cy = stars.x_px[i] - x0, stars.y_px[i] - y0
-        ya, yb = max(0, int(cy - radius)), min(height, int(cy + radius) + 2)
-        xa, xb = max(0, int(cx - radius)), min(width, int(cx + radius) + 2)
+        reach_x = radius + half_trail * abs(np.cos(angle))
+        reach_y = radius + half_trail * abs(np.sin(angle))
+        ya, yb = max(0, int(cy - reach_y)), min(height, int(cy + reach_y) + 2)
+        xa, xb = max(0, int(cx - reach_x)), min(width, int(cx + reach_x) + 2)
         if ya >= yb or xa >= xb:
             continue
         yy, xx = np.mgrid[ya:yb, xa:xb]
-        is_good[ya:yb, xa:xb] &= (xx - cx) ** 2 + (yy - cy) ** 2 > radius**2
+        dx, dy = xx - cx, yy - cy
+        if half_trail:
+            along = dx * np.cos(angle) + dy * np.sin(angle)
+            across = dy * np.cos(angle) - dx * np.sin(angle)
+            beyond = np.maximum(np.abs(along) - half_trail, 0.0)
+            is_good[ya:yb, xa:xb] &= beyond**2 + across**2 > radius**2
+        else:
+            is_good[ya:yb, xa:xb] &= dx**2 + dy**2 > radius**2
 
 
 def find_line(cutout: Cutout, box: Box, psf_sigma: float, ends: Box | None = None) -> Guess | None:

@@ -1,0 +1,36 @@
+"""What a user should know of a frame besides what was found in it, each in one sentence."""
+
+from dataclasses import dataclass
+
+from rsoconsole.config import Config
+from rsoconsole.instruments.frame_header import NOTES_KEY
+from rsoconsole.pipeline.hints import hint_of, wrong_hints
+from rsoconsole.records import Frame, NotSolved, Solution
+from rsoconsole.vision.calibrated_range import range_cautions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Caution:
+    """A warning."""
+
+    kind: str
+    """Who repeats frames says each kind once."""
+    words: str
+
+
+def cautions(
+    frame: Frame, solution: Solution | NotSolved | None, config: Config
+) -> tuple[Caution, ...]:
+    """What its reader noted, where camera or exposure leave what was calibrated, wrong hints.
+
+    The scale is the stars' where they told it, else the header's.
+    """
+    notes = [str(note) for note in frame.header.get(NOTES_KEY, ())]
+    found = [Caution(kind=note, words=note) for note in notes]
+    scale_arcsec_px = frame.scale_arcsec_px
+    if isinstance(solution, Solution):
+        scale_arcsec_px = solution.scale_arcsec_px
+        wrong = wrong_hints(hint_of(frame, config), solution, frame, config)
+        found += [Caution(kind=f"{each.hint} hint", words=each.words) for each in wrong]
+    about = range_cautions(scale_arcsec_px, frame.exposure_s, frame.width_px, frame.height_px)
+    return (*found, *(Caution(kind=kind, words=words) for kind, words in about.items()))

@@ -1,0 +1,58 @@
+"""A measured candidate: what was found, and all else that its confidence depends on."""
+
+import math
+from dataclasses import dataclass
+
+from rsoconsole.records import Detection
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LineLight:
+    """How the light of a candidate lies along it (``streak_trace``)."""
+
+    lower_quartile_snr: float
+    """What the lower quartile of its parts says of the whole: sigma, were all parts like it."""
+    roughness: float
+    """Scatter of its parts over their mean that neither a slow change nor one period explains."""
+    confusion: float = 1.0
+    """Scatter of the sky beside it over its pixels' noise."""
+
+
+UNMEASURED = LineLight(lower_quartile_snr=0.0, roughness=1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """One line of light."""
+
+    found: Detection
+    """With the network's confidence, then with the one that it has earned."""
+    light: LineLight
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Focus:
+    """How the frame shows a point, in the pixels in which it was searched."""
+
+    fwhm_px: float
+    joined: int = 1
+    """Pixels of the camera along one of these: stars were so wide."""
+    trail_px: float = 0.0
+    """What drift has drawn the stars out to."""
+    trail_deg: float = 0.0
+    """Its direction, x towards y."""
+
+    def widest_px(self, angle_deg: float) -> float:
+        """How wide a streak of this direction may be.
+
+        A satellite's path and a drift of the mount add up to one straight line, as wide as a star;
+        what blurs the whole image, like shaking in one direction, draws the line out sideways.
+        """
+        if self.trail_px == 0.0:
+            return self.fwhm_px
+        sideways = abs(math.sin(math.radians(angle_deg - self.trail_deg)))
+        return math.hypot(self.fwhm_px, _WIDTH_OF_A_BAND * self.trail_px * sideways)
+
+
+_WIDTH_OF_A_BAND = 0.9
+"""Full width at half maximum of a band between its edges, over theirs, as a Gaussian fits it."""

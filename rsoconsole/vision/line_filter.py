@@ -1,0 +1,363 @@
+"""A matched line filter: straight lines of light too faint or too long for the network's map.
+
+The frame as cells of a few pixels, the light in each limited so that a star counts little; along
+every straight line of 2^k rows (or columns) of cells the sum, by the approximate discrete Radon
+transform (Brady, SIAM J. Comput. 27, 1998), whose partial sums are lines of every length (Nir,
+Zackay & Ofek, AJ 156:229, 2018). What stands out is traced to its own ends; its light is then
+taken away, so that the next line owes nothing to it.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from rsoconsole.records import FloatArray
+from rsoconsole.vision.background import Background, resample
+from rsoconsole.vision.bins import CELL_PX, lines_through, median_5x5
+from rsoconsole.vision.stars import StarList, lit_radius_px
+
+Float32Array = npt.NDArray[np.float32]
+
+THRESHOLD = 6.0
+"""Sigma of the cells' own scatter, over a whole line."""
+MOST_LINES = 60
+_FINEST_PX, _MOST_CELLS = 4, 300_000
+_SHORTEST_FWHM = 4.5
+_SHORTEST, _LONGEST = 2, 7
+"""Lines of 2^k rows of cells."""
+_MOST_SEEDS, _MOST_TRACED = 1500, 100
+_LIMIT, _MOST = 2.0, 6.0
+"""Sigma of a cell: what light of no line counts at most, and what light of a line does."""
+_SURELY_LIGHT, _NO_LINE = 4.5, 1.2
+"""So bright, and so little of it along any line: a star, of which nothing counts."""
+_EVERY = 3
+_STEPS = 24.0
+"""Of whole numbers in one sigma: they add up twice as fast."""
+_MOST_STEPS = 32767 >> _LONGEST
+_STILL_THERE = 0.7
+_REACH = 2
+"""Cells to either side of a line that are looked at to find where it runs."""
+_CHUNKS = 8
+_BEYOND = 12.0
+_LIT = 0.4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellLine:
+    """A line of light; in cells, 0 = left edge of the first, or in pixels."""
+
+    x_a: float
+    y_a: float
+    x_b: float
+    y_b: float
+    snr: float
+    """Limited light along it over its noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Seed:
+    """One partial sum that stands out: column and row of both ends, the first cell's middle 0."""
+
+    snr: float
+    x_a: int
+    y_a: int
+    x_b: int
+    y_b: int
+
+
+def cell_side_px(height: int, width: int) -> int:
+    """Side of a frame's cells: about a star's width, twice that where so many would be slow."""
+    side = _FINEST_PX
+    while height * width > _MOST_CELLS * side**2 and side < CELL_PX:
+        side *= 2
+    return side
+
+
+def propose_lines(
+    sky: Background, squares: Float32Array, side_px: int, stars: StarList
+) -> list[CellLine]:
+    """Lines of a frame in its pixels (0 = centre of the first), strongest first.
+
+    ``squares``: its means of squares of ``side_px`` (``bins.bin_frame``); ``stars`` count nothing.
+    """
+    rows, columns = squares.shape
+    per_cell = sky.cell_px // side_px
+    cells = squares - resample(sky.level, per_cell, rows, columns)
+    cells *= np.float32(side_px) / resample(sky.noise, per_cell, rows, columns)
+    cells = limited(cells)
+    cells -= median_5x5(cells)
+    _cover(cells, side_px, stars, float(np.median(sky.noise)))
+    return [
+        replace(
+            line,
+            x_a=line.x_a * side_px - 0.5,
+            y_a=line.y_a * side_px - 0.5,
+            x_b=line.x_b * side_px - 0.5,
+            y_b=line.y_b * side_px - 0.5,
+        )
+        for line in find_lines(cells)
+        if math.hypot(line.x_b - line.x_a, line.y_b - line.y_a) * side_px
+        > _SHORTEST_FWHM * stars.median_fwhm_px
+    ]
+
+
+def _cover(cells: Float32Array, side_px: int, stars: StarList, noise: float) -> None:
+    """Take away the light of listed stars."""
+    import cv2
+
+    room = lit_radius_px(stars, noise) / side_px + 0.5
+    half, angle = 0.0, 0.0
+    if stars.trail is not None:
+        half, angle = 0.5 * stars.trail.length_px / side_px, math.radians(stars.trail.angle_deg)
+    x, y = (stars.x_px + 0.5) / side_px - 0.5, (stars.y_px + 0.5) / side_px - 0.5
+    dx, dy = half * math.cos(angle), half * math.sin(angle)
+    # OpenCV draws on sixteenths of a cell.
+    ends = np.rint(16.0 * np.stack([x - dx, y - dy, x + dx, y + dy], axis=1)).astype(int).tolist()
+    radii = np.rint(16.0 * room).astype(int).tolist()
+    for (x_a, y_a, x_b, y_b), radius in zip(ends, radii, strict=True):
+        cv2.circle(cells, (x_a, y_a), radius, 0.0, -1, cv2.LINE_8, 4)
+        if half:
+            cv2.circle(cells, (x_b, y_b), radius, 0.0, -1, cv2.LINE_8, 4)
+            cv2.line(cells, (x_a, y_a), (x_b, y_b), 0.0, max(radius // 8, 1), cv2.LINE_8, 4)
+
+
+def limited(cells: Float32Array) -> Float32Array:
+    """Signal to noise of cells, (rows, columns), what is no line held down to ``_LIMIT``.
+
+    An opening along each of eight directions, less that across it: a star, however bright, is as
+    long across as along; only what goes on along one of them for five cells keeps its light.
+    """
+    import cv2
+
+    line = np.zeros_like(cells)
+    for along, across in lines_through():
+        opened, other = (
+            cv2.morphologyEx(cells, cv2.MORPH_OPEN, kernel, borderType=cv2.BORDER_REFLECT_101)
+            for kernel in (along, across)
+        )
+        cv2.max(line, cv2.absdiff(opened, other), line)
+    out = np.clip(cells, -_LIMIT, np.clip(line, _LIMIT, _MOST))
+    out[(cells > _SURELY_LIGHT) & (line < _NO_LINE)] = 0.0
+    return out
+
+
+def find_lines(cells: Float32Array, threshold: float = THRESHOLD) -> list[CellLine]:
+    """Lines in a map of limited signal to noise (rows, columns); the longest and brightest first.
+
+    The scatter of the cells themselves is the noise: faint stars are part of it.
+    """
+    sample = cells[::_EVERY, ::_EVERY]
+    median = float(np.median(sample))
+    scatter = 1.4826 * float(np.median(np.abs(sample - median)))
+    if scatter <= 0.0:
+        return []
+    left = (cells - np.float32(median)) / np.float32(scatter)
+    seeds = sorted(_seeds(left, threshold), key=lambda seed: -seed.snr)[:_MOST_SEEDS]
+    found: list[CellLine] = []
+    traced = 0
+    for seed in seeds:
+        if _what_is_left(left, seed) < max(_STILL_THERE * seed.snr, threshold):
+            continue
+        line = _traced(left, seed)
+        traced += 1
+        if line is not None:
+            _erase(left, line)
+            if line.snr > threshold:
+                found.append(line)
+        if len(found) == MOST_LINES or traced == _MOST_TRACED:
+            break
+    return found
+
+
+def _seeds(cells: Float32Array, threshold: float) -> Iterator[_Seed]:
+    steps = np.clip(np.rint(cells * np.float32(_STEPS)), -_MOST_STEPS, _MOST_STEPS)
+    whole = steps.astype(np.int16)
+    for is_turned in (False, True):
+        for is_flipped in (False, True):
+            table = whole.T if is_turned else whole
+            last = table.shape[1] - 1
+            table = np.ascontiguousarray(table[:, ::-1] if is_flipped else table)
+            for snr, row, x, rows, shift in _sums_that_stand_out(table, threshold):
+                x_a, x_b = (last - x, last - x - shift) if is_flipped else (x, x + shift)
+                y_a, y_b = row, row + rows - 1
+                yield (
+                    _Seed(snr, y_a, x_a, y_b, x_b) if is_turned else _Seed(snr, x_a, y_a, x_b, y_b)
+                )
+
+
+def _sums_that_stand_out(
+    table: npt.NDArray[np.int16], threshold: float
+) -> Iterator[tuple[float, int, int, int, int]]:
+    """(snr, first row, first column, rows, shift to the right) of lines no flatter than 45 deg."""
+    height, width = table.shape
+    # Part j, shift s, column x: the line from row j * rows, column x, to s columns further right.
+    sums = table[:, None, :]
+    for level in range(1, _LONGEST + 1):
+        rows = 1 << level
+        parts = height // rows
+        if parts == 0:
+            return
+        longer = np.empty((parts, rows, width), dtype=table.dtype)
+        upper, lower = sums[: 2 * parts : 2], sums[1 : 2 * parts : 2]
+        for shift in range(min(rows, width)):
+            first, second = shift // 2, (shift + 1) // 2
+            inside = width - second
+            np.add(
+                upper[:, first, :inside], lower[:, first, second:], out=longer[:, shift, :inside]
+            )
+            longer[:, shift, inside:] = upper[:, first, inside:]
+        longer[:, width:] = 0
+        sums = longer
+        if level >= _SHORTEST:
+            yield from _maxima(sums, rows, threshold * _STEPS)
+
+
+def _maxima(
+    sums: npt.NDArray[np.int16], rows: int, threshold: float
+) -> Iterator[tuple[float, int, int, int, int]]:
+    """The best line of every part and every so many columns, above a threshold in steps."""
+    parts, _, width = sums.shape
+    step = max(rows // 2, 4)
+    best = sums.max(axis=1)
+    spare = -width % step
+    if spare:
+        best = np.pad(best, ((0, 0), (0, spare)), constant_values=0)
+    highest = best.reshape(parts, -1, step).max(axis=2)
+    limit = threshold * math.sqrt(rows)
+    for part, tile in np.argwhere(highest > limit).tolist():
+        window = sums[part, :, tile * step : (tile + 1) * step]
+        shift, x = divmod(int(np.argmax(window)), window.shape[1])
+        snr = float(window[shift, x]) / math.sqrt(rows) / _STEPS
+        yield snr, part * rows, tile * step + x, rows, shift
+
+
+def _what_is_left(cells: Float32Array, seed: _Seed) -> float:
+    """The sum along a seed over its noise, as the map is now."""
+    count = max(abs(seed.x_b - seed.x_a), abs(seed.y_b - seed.y_a)) + 1
+    column = np.rint(np.linspace(seed.x_a, seed.x_b, count)).astype(np.intp)
+    row = np.rint(np.linspace(seed.y_a, seed.y_b, count)).astype(np.intp)
+    is_in = (column >= 0) & (column < cells.shape[1]) & (row >= 0) & (row < cells.shape[0])
+    return float(cells[row[is_in], column[is_in]].sum()) / math.sqrt(count)
+
+
+def _traced(cells: Float32Array, seed: _Seed) -> CellLine | None:
+    """The lit stretch of a seed's line, which may go on beyond it, along the light itself."""
+    x, y = 0.5 * (seed.x_a + seed.x_b), 0.5 * (seed.y_a + seed.y_b)
+    half = 0.5 * math.hypot(seed.x_b - seed.x_a, seed.y_b - seed.y_a) + 0.5
+    angle = math.atan2(seed.y_b - seed.y_a, seed.x_b - seed.x_a)
+    stretch: tuple[float, float, float] | None = None
+    for _ in range(3):
+        about = _about(cells, x, y, angle, half + _BEYOND + half)
+        if about is None:
+            return None
+        u, light = about
+        inside = np.abs(u) <= half
+        if np.count_nonzero(inside) < 3:
+            return None
+        offset, slope = _course(u[inside], light[:, inside])
+        x, y = x - offset * math.sin(angle), y + offset * math.cos(angle)
+        angle += math.atan(slope)
+        stretch = _stretch(cells, x, y, angle, half)
+        if stretch is None:
+            return None
+        _, u_a, u_b = stretch
+        x, y = x + 0.5 * (u_a + u_b) * math.cos(angle), y + 0.5 * (u_a + u_b) * math.sin(angle)
+        half = 0.5 * (u_b - u_a)
+    if stretch is None:
+        return None
+    dx, dy = half * math.cos(angle), half * math.sin(angle)
+    # From the first cell's middle to its edge.
+    return CellLine(
+        x_a=x - dx + 0.5, y_a=y - dy + 0.5, x_b=x + dx + 0.5, y_b=y + dy + 0.5, snr=stretch[0]
+    )
+
+
+def _about(
+    cells: Float32Array, x: float, y: float, angle: float, reach: float
+) -> tuple[FloatArray, Float32Array] | None:
+    """(u, light at every offset across) a cell's length apart, as far as the line is in the map."""
+    import cv2
+
+    dx, dy = math.cos(angle), math.sin(angle)
+    height, width = cells.shape
+    low, high = -reach, reach
+    for start, rate, size in ((x, dx, width), (y, dy, height)):
+        if abs(rate) > 1e-9:
+            ends = sorted((-start / rate, (size - 1 - start) / rate))
+            low, high = max(low, ends[0]), min(high, ends[1])
+        elif not 0.0 <= start <= size - 1:
+            return None
+    if high - low < 2.0:
+        return None
+    u = np.arange(math.ceil(low), math.floor(high) + 1, dtype=np.float64)
+    v = np.arange(-_REACH, _REACH + 1)[:, None]
+    columns, rows = (
+        (x + dx * u - dy * v).astype(np.float32),
+        (y + dy * u + dx * v).astype(np.float32),
+    )
+    light = cv2.remap(cells, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return u, np.asarray(light, dtype=np.float32)
+
+
+def _course(u: FloatArray, light: Float32Array) -> tuple[float, float]:
+    """Offset and slope of where the light along a line runs, from its middles in a few chunks."""
+    count = max(1, min(_CHUNKS, u.size // 4))
+    v = np.arange(-_REACH, _REACH + 1)
+    places, middles, weights = [], [], []
+    for part in np.array_split(np.arange(u.size), count):
+        across = light[:, part].mean(axis=1)
+        across = np.maximum(across - np.sort(across)[1], 0.0)
+        total = float(across.sum())
+        if total > 0.0:
+            places.append(float(u[part].mean()))
+            middles.append(float(across @ v) / total)
+            weights.append(total)
+    if not places:
+        return 0.0, 0.0
+    if len(places) < 2:
+        return middles[0], 0.0
+    slope, offset = np.polyfit(places, middles, 1, w=np.sqrt(weights))
+    # No further than the window shows.
+    most = _REACH / max(float(np.abs(u).max()), 1.0)
+    return float(np.clip(offset, -_REACH, _REACH)), float(np.clip(slope, -most, most))
+
+
+def _stretch(
+    cells: Float32Array, x: float, y: float, angle: float, half: float
+) -> tuple[float, float, float] | None:
+    """(snr, u_a, u_b) of the stretch along a line whose light above its level's share is most."""
+    about = _about(cells, x, y, angle, 2.0 * half + _BEYOND)
+    if about is None:
+        return None
+    u, light = about
+    profile = (light[_REACH - 1] + 2.0 * light[_REACH] + light[_REACH + 1]) * 0.5
+    inside = np.abs(u) <= half
+    level = float(profile[inside].mean()) if inside.any() else 0.0
+    if level <= 0.0:
+        return None
+    total = np.concatenate([[0.0], np.cumsum(np.minimum(profile, 2.0 * level) - _LIT * level)])
+    end = int(np.argmax(total - np.minimum.accumulate(total)))
+    start = int(np.argmin(total[: end + 1]))
+    if end - start < 2:
+        return None
+    snr = float(light[_REACH, start:end].sum()) / math.sqrt(end - start) / _INTERPOLATED
+    return snr, float(u[start]) - 0.5, float(u[end - 1]) + 0.5
+
+
+_INTERPOLATED = 0.75
+"""Sigma of a place between cells, on average over them."""
+
+
+def _erase(cells: Float32Array, line: CellLine) -> None:
+    """Take away the light about a line, a cell and a half to either side."""
+    count = 2 * int(math.hypot(line.x_b - line.x_a, line.y_b - line.y_a)) + 3
+    x = np.linspace(line.x_a, line.x_b, count).astype(np.intp)
+    y = np.linspace(line.y_a, line.y_b, count).astype(np.intp)
+    height, width = cells.shape
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            row, column = np.clip(y + down, 0, height - 1), np.clip(x + right, 0, width - 1)
+            cells[row, column] = np.minimum(cells[row, column], 0.0)

@@ -1,0 +1,115 @@
+"""Lines of light that are no streaks of the sky: trailed stars, rows and columns of the sensor."""
+
+import math
+
+import numpy as np
+
+from rsoconsole.reasons import NotAStreak
+from rsoconsole.records import Detection, Frame, Rejection
+from rsoconsole.sky.angles import turn_deg
+from rsoconsole.vision.candidates import Proposal
+from rsoconsole.vision.trailed_stars import Trail
+
+TRAILED_STREAKS = 9
+"""So many streaks of one length and direction are stars; no satellite cluster is as large."""
+_FEW_TRAILS, _MANY_TRAILS, _SURE = 3.0, 8.0, 0.9
+"""Trails of stars in a row that look like one streak: of what is sure, and of what is not."""
+_AS_TRAILS_DEG = 6.0
+_LONG_ROW, _ALONG_ROW_DEG = 0.5, 0.15
+"""Share of the frame, and degrees off its rows or columns."""
+_BLOOMING_DEG, _SATURATED = 3.0, 0.9
+_ONE_TRAIL = 1.5
+_SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
+
+
+def set_aside(
+    taken: list[Detection], trail: Trail | None, frame: Frame
+) -> tuple[list[Detection], list[Rejection]]:
+    """What is left of a frame's measured lines, and why the others are none of the sky's."""
+    taken, rejected = _without_trailed_stars(taken)
+    if trail is not None:
+        taken, more = not_along(taken, trail)
+        rejected += more
+    taken, more = _without_rows(taken, frame)
+    return taken, rejected + more
+
+
+def is_of_stars(proposal: Proposal, trail: Trail) -> bool:
+    """Whether a proposal is no more than the trail of one star."""
+    box, one_px = proposal.box, trail.length_px + 2.0 * trail.fwhm_px
+    leeway_deg = _AS_TRAILS_DEG + math.degrees(trail.fwhm_px / max(box.length_px, 1.0))
+    is_along = turn_deg(box.angle_deg, trail.angle_deg) < leeway_deg
+    return is_along and box.length_px < _ONE_TRAIL * one_px
+
+
+def _without_trailed_stars(
+    taken: list[Detection],
+) -> tuple[list[Detection], list[Rejection]]:
+    """Set aside streaks that so many others share length and direction with that they are stars."""
+    if len(taken) < TRAILED_STREAKS:
+        return taken, []
+    kept: list[Detection] = []
+    trailed: list[Rejection] = []
+    for d in taken:
+        alike = sum(_is_alike(d, other) for other in taken)
+        if alike < TRAILED_STREAKS:
+            kept.append(d)
+        else:
+            reason = NotAStreak(kind="trailed stars", value=alike)
+            trailed.append(Rejection(detection=d, reason=reason))
+    return kept, trailed
+
+
+def _without_rows(taken: list[Detection], frame: Frame) -> tuple[list[Detection], list[Rejection]]:
+    """Set aside what runs along a row or column for half of the frame, or is all saturated."""
+    kept: list[Detection] = []
+    ruled: list[Rejection] = []
+    for d in taken:
+        off_deg = min(turn_deg(d.angle_deg, 0.0), turn_deg(d.angle_deg, 90.0))
+        is_row = turn_deg(d.angle_deg, 0.0) < turn_deg(d.angle_deg, 90.0)
+        side_px = frame.width_px if is_row else frame.height_px
+        is_long = d.length_px > _LONG_ROW * side_px and off_deg < _ALONG_ROW_DEG
+        if is_long or (off_deg < _BLOOMING_DEG and _is_saturated(frame, d)):
+            ruled.append(Rejection(detection=d, reason=NotAStreak(kind="row or column")))
+        else:
+            kept.append(d)
+    return kept, ruled
+
+
+def _is_saturated(frame: Frame, found: Detection) -> bool:
+    """Whether most of a line is: charge that ran over along a column."""
+    count = max(int(found.length_px), 2)
+    x = np.rint(np.linspace(found.x_a_px, found.x_b_px, count)).astype(int)
+    y = np.rint(np.linspace(found.y_a_px, found.y_b_px, count)).astype(int)
+    column, row = np.clip(x, 0, frame.width_px - 1), np.clip(y, 0, frame.height_px - 1)
+    return float(np.median(frame.pixels[row, column])) > _SATURATED * frame.saturation_adu
+
+
+def not_along(taken: list[Detection], trail: Trail) -> tuple[list[Detection], list[Rejection]]:
+    """Set aside what runs as the stars' own trails do and is as long as some of them in a row.
+
+    A long one in which there is no doubt stays: a satellite may go the same way.
+    """
+    one_px = trail.length_px + trail.fwhm_px
+    is_chain = [
+        turn_deg(d.angle_deg, trail.angle_deg) < _AS_TRAILS_DEG
+        and d.length_px < (_FEW_TRAILS if d.confidence > _SURE else _MANY_TRAILS) * one_px
+        for d in taken
+    ]
+    kept = [d for d, is_one in zip(taken, is_chain, strict=True) if not is_one]
+    chains = [
+        Rejection(
+            detection=d,
+            reason=NotAStreak(kind="stars' trails", value=d.length_px, limit=trail.length_px),
+        )
+        for d, is_one in zip(taken, is_chain, strict=True)
+        if is_one
+    ]
+    return kept, chains
+
+
+def _is_alike(one: Detection, other: Detection) -> bool:
+    turn = turn_deg(one.angle_deg, other.angle_deg)
+    longer = max(one.length_px, other.length_px)
+    leeway_px = _SAME_LENGTH * longer + 2.0 * math.hypot(one.sigma_along_px, other.sigma_along_px)
+    return turn < _SAME_ANGLE_DEG and abs(one.length_px - other.length_px) < leeway_px
