@@ -15,8 +15,9 @@ from tests.bench.peers.roster import PEERS
 from tests.campaign.pairs import Key, Look
 
 _ROOT = Path(__file__).parents[2]
-_DRAWING = ("tests/campaign/families.py", "models/frames.py", "rsoconsole/simulator/*.py")
-_LOOKING = ("rsoconsole/vision/*.py", f"models/{MODEL_NAME}", "models/*.json")
+_DRAWING = ("models/altered.py", "models/frames.py", "rsoconsole/simulator/*.py")
+_CARD = str(Path("models", MODEL_NAME).with_suffix(".json"))
+_LOOKING = ("rsoconsole/vision/*.py", f"models/{MODEL_NAME}", _CARD)
 
 
 def digest(peer: str) -> str:

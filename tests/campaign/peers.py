@@ -7,7 +7,8 @@ Run from the project's root in an environment that has ``requirements-peers.txt`
 sees the same frames, the slow ones the first few of each family, in a process of its own with a
 time-out; a frame without an answer counts as one where nothing was found. Stop it when you like;
 the same command goes on (``--folder``), and looks again at what a change of code or settings has
-made void. ``--write`` puts the table into README.md and the rows into ``results/peers.jsonl``.
+made void; commands for other families may run beside it. ``--write`` puts the table into README.md
+and the rows into ``results/peers.jsonl``.
 """
 
 import argparse
