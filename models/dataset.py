@@ -21,7 +21,7 @@ SHARDS = {"train": 300, "calibrate": 20, "test": 20}
 SPLITS = {"train": 1, "calibrate": 2, "test": 3}
 BLOCKS = (8, 4, 8, 2, 8, 8, 4, 8, 8, 8, 8, 4, 8, 2, 8, 8, 16, 8, 8, 8)
 """Blocks of successive shards: mostly that of the paper's telescope."""
-RUN = Path("models/runs/second")
+RUN = Path("models/runs/third")
 """Where training keeps what it draws and learns unless told otherwise."""
 
 
@@ -51,7 +51,7 @@ def write_shard(folder: Path, seed: int, split: str, number: int) -> None:
 def write_fields(path: Path, fields: list[Field]) -> None:
     """Keep fields on disk; a crash meanwhile leaves no half file."""
     rows = [
-        (i, s.x_a, s.y_a, s.x_b, s.y_b, s.peak_snr, float(s.is_asked))
+        (i, s.x_a, s.y_a, s.x_b, s.y_b, s.peak_snr, s.integrated_snr, float(s.is_asked))
         for i, field in enumerate(fields)
         for s in field.streaks
     ]
@@ -59,7 +59,7 @@ def write_fields(path: Path, fields: list[Field]) -> None:
     np.savez(
         partial,
         values=np.stack([field.values for field in fields]),
-        streaks=np.array(rows, dtype=np.float32).reshape(-1, 7),
+        streaks=np.array(rows, dtype=np.float32).reshape(-1, 8),
         kind=np.array([KINDS.index(field.kind) for field in fields], dtype=np.uint8),
         is_paper=np.array([field.mode == "paper" for field in fields]),
         block=np.array([field.block for field in fields], dtype=np.uint8),
@@ -91,7 +91,8 @@ def _true_streak(row: npt.NDArray[np.float32]) -> TrueStreak:
         x_b=float(row[3]),
         y_b=float(row[4]),
         peak_snr=float(row[5]),
-        is_asked=bool(row[6]),
+        integrated_snr=float(row[6]),
+        is_asked=bool(row[7]),
     )
 
 

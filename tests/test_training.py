@@ -142,14 +142,29 @@ def test_a_short_bright_streak_is_asked_for_and_is_where_its_truth_says():
 
 
 def test_a_short_streak_needs_more_light_than_a_long_one():
-    assert is_asked_for(5.0, 3.75, "fast", 8)
-    assert not is_asked_for(2.5, 3.75, "fast", 8)
-    assert is_asked_for(3.0, 12.0, "fast", 8)
-    assert not is_asked_for(5.0, 3.75, "paper", 8)
+    assert is_asked_for(5.0, 20.0, 3.75, "fast", 8)
+    assert not is_asked_for(2.5, 20.0, 3.75, "fast", 8)
+    assert is_asked_for(3.0, 20.0, 12.0, "fast", 8)
+    assert not is_asked_for(5.0, 20.0, 3.75, "paper", 8)
+
+
+def test_a_long_faint_streak_is_asked_for_by_its_integrated_light():
+    assert is_asked_for(0.85, 12.1, 15.0, "fast", 8)
+    assert not is_asked_for(0.85, 11.9, 15.0, "fast", 8)
+    # Spread over the whole field its light is in no cell.
+    assert not is_asked_for(0.3, 20.0, 250.0, "fast", 8)
 
 
 def _one_streak(kind: str, x_a: float, x_b: float) -> Field:
-    streak = TrueStreak(x_a=x_a, y_a=30.0, x_b=x_b, y_b=30.0, peak_snr=9.0, is_asked=True)
+    streak = TrueStreak(
+        x_a=x_a,
+        y_a=30.0,
+        x_b=x_b,
+        y_b=30.0,
+        peak_snr=9.0,
+        integrated_snr=99.0,
+        is_asked=True,
+    )
     values = np.zeros((64, 64), dtype=np.uint8)
     return Field(values=values, kind=kind, mode="fast", block=8, streaks=(streak,))
 

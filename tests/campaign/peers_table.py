@@ -3,11 +3,13 @@
 from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 
+from tests.bench.peers.roster import PEERS
 from tests.campaign.families import FAMILIES
 from tests.campaign.pairs import SIGNIFICANT, Key, Look, Pairs, false_above, paired
 
 OURS = "rsoconsole"
 TAU = 0.10
+_ITSELF = tuple(name for name, peer in PEERS.items() if peer.module == PEERS[OURS].module)
 RATES = (0.1, 1.0)
 """False candidates a frame, of further operating points."""
 All = Mapping[str, Mapping[Key, Look]]
@@ -54,13 +56,15 @@ def _cell(pairs: Pairs | None) -> str:
 
 
 def _verdict(at_tau: Mapping[str, Mapping[str, Pairs]]) -> str:
+    # The product in another mode is no rival.
+    rivals = {n: each for n, each in at_tau.items() if n not in _ITSELF}
     lower = [
         f"{name} in {family} ({each.ours_alone} against {each.theirs_alone}, p {each.p_value:.3f})"
-        for name, by_family in at_tau.items()
+        for name, by_family in rivals.items()
         for family, each in by_family.items()
         if family and each.is_ours_lower
     ]
-    ahead = [n for n, by_family in at_tau.items() if by_family[""].theirs >= by_family[""].ours]
+    ahead = [n for n, by_family in rivals.items() if by_family[""].theirs >= by_family[""].ours]
     text = f"Significantly lower (p < {SIGNIFICANT:g}) than: " + ("; ".join(lower) or "none") + "."
     return f"{text} Not higher over all families than: " + ("; ".join(ahead) or "none") + "."
 
