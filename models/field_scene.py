@@ -142,7 +142,7 @@ def draw_field(
     if is_hard and conditions.streaks is None:
         passing = alterations.crossings(canvas, rng)
         trails += passing
-        truth += [each for streak in passing for each in _unasked(streak, block)]
+        truth += [each for streak in passing for each in unasked(streak, block)]
     content = replace(content, streaks=tuple(trails))
     pixels = render(sensor, content, rng)
     # As the detector does before it makes its map.
@@ -155,7 +155,7 @@ def _slight_gradient(rng: np.random.Generator) -> tuple[float, float]:
     return float(rng.normal(0, 0.15)), float(rng.normal(0, 0.15))
 
 
-def _unasked(streak: Streak, block: int) -> list[TrueStreak]:
+def unasked(streak: Streak, block: int) -> list[TrueStreak]:
     """A trail right through: no fault to find it, none to miss it."""
     a, b = (((streak.x_px[i] + 0.5) / block, (streak.y_px[i] + 0.5) / block) for i in (0, -1))
     seen = clip_to_box((*a, *b), FIELD_CELLS, FIELD_CELLS)
