@@ -85,8 +85,8 @@ class Judge:
         found, working = analysis.detections, analysis.working
         placed = [working.original(each.found) for each in analysis.candidates]
         met = [trail_of(each, true.trails) for each in placed]
-        taken = set(found.detections)
-        seen = {index for each, index in zip(placed, met, strict=True) if each in taken}
+        taken = {_place_of(each) for each in found.detections}
+        seen = {index for each, index in zip(placed, met, strict=True) if _place_of(each) in taken}
         trails = [
             TrailRow(
                 x_px=round(trail.middle_px[0], 3),
@@ -103,7 +103,7 @@ class Judge:
                 measured=_plain(each.found),
                 light=_plain(each.light),
                 trail=index,
-                is_taken=place in taken,
+                is_taken=_place_of(place) in taken,
                 error_px=None if index is None else _error_px(place, true.trails[index]),
             )
             for each, place, index in zip(analysis.candidates, placed, met, strict=True)
@@ -120,6 +120,11 @@ class Judge:
             refused=_counted(found),
             stage_ms={name: round(ms, 1) for name, ms in found.stage_ms.items()},
         )
+
+
+def _place_of(found: Detection) -> tuple[float, ...]:
+    """What tells one candidate from another, whatever it is called."""
+    return found.x_px, found.y_px, found.x_a_px, found.y_a_px
 
 
 def _where_lost(trail: TrueTrail, analysis: FrameAnalysis) -> str:

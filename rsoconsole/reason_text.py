@@ -103,6 +103,7 @@ _MISSED: dict[MissKind, str] = {
     "cannot be told apart": "cannot be told apart from its neighbour",
     "not solved": "detected, but not solved: {detail}",
     "no time": "the frame has no time",
+    "crossing": "what was detected crosses the whole frame: nothing to measure in time",
     "not measured": "not measured",
     "instrument": "{detail}",
 }
@@ -165,7 +166,7 @@ def ruled_text(result: CommandResult) -> str:
     return _RULED[result.ruled or "taken"] + beside
 
 
-def _not_taken(reason: NotTaken) -> str:  # noqa: PLR0911 -- one case a kind
+def _not_taken(reason: NotTaken) -> str:  # noqa: PLR0911, PLR0912 -- one case a kind
     match reason.kind:
         case "NIS":
             return f"NIS {reason.nis or 0.0:.1f} above the gate {reason.limit or 0.0:.1f}"
@@ -181,6 +182,10 @@ def _not_taken(reason: NotTaken) -> str:  # noqa: PLR0911 -- one case a kind
             return "another one leads"
         case "clipped at start":
             return "clipped by the frame: starts no track"
+        case "crossing":
+            return "crosses the whole frame: without an end it has no place in time"
+        case "class":
+            return f"{reason.object_class}: starts no track"
         case "neighbour":
             return "stands where a neighbour of the one followed was"
         case "moves otherwise":

@@ -69,6 +69,8 @@ NotTakenKind: TypeAlias = Literal[
     "another taken",
     "another leads",
     "clipped at start",
+    "crossing",
+    "class",
     "neighbour",
     "moves otherwise",
     "clipped and far",
@@ -113,6 +115,8 @@ class NotTaken:
     away_arcsec: float | None = None
     """Of kind "clipped and far", from the prediction, and how far it may be, to the whole one."""
     allowed_arcsec: float | None = None
+    object_class: str = ""
+    """Of kind "class", what its streak shows it to be."""
 
     @classmethod
     def clipped_and_far(cls, away_arcsec: float, allowed_arcsec: float) -> "NotTaken":
@@ -292,6 +296,7 @@ MissKind: TypeAlias = Literal[
     "not solved",
     "no time",
     "not measured",
+    "crossing",
     "instrument",
 ]
 

@@ -183,6 +183,14 @@ y0_px=box_px.1 real the network's box
 x1_px=box_px.2 real the network's box
 y1_px=box_px.3 real the network's box
 unevenness real how much light and path vary more than noise explains
+kind text streak, clipped or crossing: both its ends in the frame, one, none
+sigma_angle_deg real one sigma of its direction
+object_class?undetermined text satellite, aircraft, meteor, cosmic ray, star chain or undetermined
+class_probability?1 real of that class, given that it is a real streak
+modulation_period_px real along it, of light that comes and goes regularly
+modulation_period_s real the same in time
+modulation_depth real most less least over their sum, of that light
+train?0 integer lines that run parallel as a train, itself among them; 0: none
 """
 _OF_SOLUTION = """
 ra_icrs_deg real at the image's centre
@@ -205,6 +213,8 @@ y_px real the streak's midpoint, row
 confidence real of the detection
 source text network or operator
 is_clipped truth the frame cuts the streak
+is_crossing?0 truth neither end is in the frame
+object_class?undetermined text what its own frame makes of it
 cov_ee_arcsec2=cov_sky_arcsec2.0 real covariance, east-east
 cov_en_arcsec2=cov_sky_arcsec2.1 real covariance, east-north
 cov_nn_arcsec2=cov_sky_arcsec2.2 real covariance, north-north
@@ -318,6 +328,7 @@ _ABOUT: tuple[Table, ...] = (
                     type=each.type,
                     meaning=each.meaning,
                     path=f"detection.{each.place}",
+                    default=each.default,
                 )
                 for each in columns_of(_OF_CANDIDATE)
             ),

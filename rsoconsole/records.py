@@ -31,6 +31,9 @@ PixelArray = npt.NDArray[np.uint16] | npt.NDArray[np.float32]
 Source = Literal["network", "operator"]
 LoopState = Literal["IDLE", "SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST", "MANUAL", "FAULT"]
 MapMode = Literal["fast", "paper"]
+StreakKind = Literal["streak", "clipped", "crossing"]
+"""How many of its ends lie in the frame: both, one, none."""
+ObjectClass = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain", "undetermined"]
 Topic = Literal["", "limit", "machine"]
 
 
@@ -109,6 +112,29 @@ class Detection:
     unevenness: float = 0.0
     """By how much its light and path vary more than noise explains, as a natural logarithm of
     variances; 0: by nothing, or too long to be a cosmic ray, or not measured."""
+    kind: StreakKind = "streak"
+    """Never "streak" where ``is_clipped``: what says no kind, as an older record, is "clipped"."""
+    sigma_angle_deg: float | None = None
+    """One sigma of its direction: with ``sigma_across_px`` the covariance of its line, as the two
+    are all but independent at its midpoint. None where not measured."""
+    object_class: ObjectClass = "undetermined"
+    class_probability: float = 1.0
+    """Given that it is a real streak; of "undetermined" what the likeliest class lacks to 1."""
+    modulation_period_px: float | None = None
+    """Along it, of light that comes and goes regularly; None where no such thing is seen."""
+    modulation_period_s: float | None = None
+    """The same in time; None also where the exposure's share of its length is not known."""
+    modulation_depth: float | None = None
+    """(most - least) / (most + least) of the light over one period, as blurred by the stars'
+    width: 0 to 1."""
+    train: int = 0
+    """How many lines run parallel as a train of satellites, itself among them; 0: none."""
+
+    def __post_init__(self) -> None:
+        if self.kind == "streak" and self.is_clipped:
+            object.__setattr__(self, "kind", "clipped")
+        elif self.kind != "streak" and not self.is_clipped:
+            object.__setattr__(self, "is_clipped", True)
 
     @property
     def angle_deg(self) -> float:
@@ -224,6 +250,10 @@ class Measurement:
     source: Source
     ends_icrs_deg: tuple[tuple[float, float], tuple[float, float]] | None = None
     """RA, Dec of the streak's two ends, order unknown."""
+    is_crossing: bool = False
+    """Neither end is in the frame: it is somewhere on a line, at a time nobody knows."""
+    object_class: ObjectClass = "undetermined"
+    """What the streak's own frame makes of it."""
     is_clipped: bool = False
 
 

@@ -2,13 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from hypothesis import strategies as st
 
 from rsoconsole.config import Config
 from rsoconsole.export import ExportedNight, MeasuredRow
-from rsoconsole.records import FrameTaken, Measurement, Solution, Wcs
+from rsoconsole.records import FrameTaken, Measurement, ObjectClass, Solution, Wcs
 from rsoconsole.session.writer import SessionWriter
 from rsoconsole.sky.times import iso_to_utc_ns
 from rsoconsole.tracking.follow import Following, FollowSettings, Seen, follow
@@ -164,6 +164,10 @@ def made_up_rows(**more: st.SearchStrategy[Any]) -> st.SearchStrategy[MeasuredRo
         "is_taken": st.booleans(),
         "not_taken_because": st.none() | _text,
         "is_superseded": st.booleans(),
+        "beside": st.tuples(
+            st.tuples(st.just("is_crossing"), st.booleans()),
+            st.tuples(st.just("object_class"), st.sampled_from(get_args(ObjectClass))),
+        ),
     }
     return st.builds(MeasuredRow, **(fields | more))
 

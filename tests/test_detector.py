@@ -102,7 +102,7 @@ def test_threads_change_nothing_but_the_time() -> None:
 def test_every_stage_is_timed_and_the_background_is_handed_on() -> None:
     found = analyse(frame_with((A, B)), candidate(A, B, 0.8))
     assert set(found.detections.stage_ms) == {
-        *("pattern", "background", "stars", "lines", "map", "network", "fit")
+        *("pattern", "background", "stars", "lines", "map", "network", "fit", "class")
     }
     assert found.background.level.size > 0
     assert len(found.stars) == 0
@@ -281,3 +281,20 @@ def test_an_independently_rendered_satellite_is_measured_within_a_pixel() -> Non
     assert detection.x_px == pytest.approx((a[0] + b[0]) / 2, abs=1)
     assert detection.y_px == pytest.approx((a[1] + b[1]) / 2, abs=1)
     assert len(found.stars) > 100
+
+
+def test_what_is_found_is_named_and_what_crosses_beside_it_takes_nothing_from_it() -> None:
+    left, right = (-60.0, 60.0), (580.0, 140.0)
+    telescope = replace(frame_with((A, B), (left, right)), exposure_s=10.0, scale_arcsec_px=1.3)
+    alone = replace(frame_with((A, B)), exposure_s=10.0, scale_arcsec_px=1.3)
+    proposed = candidate((5.0, 68.0), (505.0, 131.0), 0.7)
+    both = analyse(telescope, candidate(A, B, 0.8), proposed).detections
+    (only,) = analyse(alone, candidate(A, B, 0.8)).detections.detections
+    whole, across = both.detections
+    assert (whole.kind, across.kind) == ("streak", "crossing")
+    assert whole.object_class == only.object_class == "satellite"
+    assert whole.confidence == only.confidence
+    a_tenth_px = 0.1
+    assert abs(whole.x_px - only.x_px) < a_tenth_px
+    assert across.sigma_angle_deg is not None
+    assert across.sigma_angle_deg < 0.1

@@ -25,6 +25,12 @@ def seen(frame_id: int, *measurements: Measurement, cadence_s: float = 30.0) -> 
     )
 
 
+def chosen(measurement: Measurement) -> Seen:
+    """A frame with this measurement, which the operator wants followed."""
+    sight = seen(measurement.frame_id, measurement)
+    return dataclasses.replace(sight, chosen=measurement)
+
+
 def locked(*, ra_deg: float = 150.0, frames: int = 4) -> Following:
     following = Following()
     for frame_id in range(1, frames + 1):
@@ -111,6 +117,23 @@ def test_a_clipped_streak_starts_no_track():
     assert "clipped" in text(records[0].reason)
 
 
+def test_the_operator_may_follow_what_the_program_takes_for_an_aircraft():
+    one, two = (geo_measurement(n, object_class="aircraft") for n in (1, 2))
+    first, _ = follow(Following(), chosen(one), SETTINGS)
+    after, _ = follow(first, chosen(two), SETTINGS)
+    assert (first.state, after.state) == ("ACQUIRE", "TRACK")
+
+
+def test_nobody_can_follow_a_crossing_and_the_miss_says_why():
+    across = geo_measurement(5, **ACROSS)
+    after, records = follow(locked(), chosen(across), SETTINGS)
+    assert after.state == "COAST"
+    (miss,) = (r for r in records if isinstance(r, Miss))
+    assert text(miss.reason).startswith("what was detected crosses the whole frame")
+    (told,) = (r for r in records if isinstance(r, NotFollowed))
+    assert (told.measurement, told.track_id) == (across, 1)
+
+
 def test_a_missed_frame_coasts_and_the_next_measurement_resumes():
     coasting, records = follow(locked(), seen(5), SETTINGS)
     assert coasting.state == "COAST"
@@ -173,12 +196,31 @@ def test_where_right_ascension_starts_changes_nothing(shift_deg):
 
 CROSSING = ((150.0 + GEO_RATE_DEG_S * 120, -5.02), (150.0 + GEO_RATE_DEG_S * 120, -4.98))
 MOST_CONFIDENT = dataclasses.replace(SETTINGS, choice="most confident")
+ACROSS = {"is_clipped": True, "is_crossing": True, "confidence": 0.99}
 TABLE = [
     # name, state before, what is seen, settings, state after, verdicts in order
     ("nothing while searching", "SEARCH", [], SETTINGS, "SEARCH", []),
     ("a first streak", "SEARCH", [{}], SETTINGS, "ACQUIRE", []),
     ("a clipped one", "SEARCH", [{"is_clipped": True}], SETTINGS, "SEARCH", ["clipped by the"]),
     ("its second", "ACQUIRE", [{}], SETTINGS, "TRACK", []),
+    *(
+        (f"a first {name}", "SEARCH", [{"object_class": name}], SETTINGS, "SEARCH", [name])
+        for name in ("aircraft", "meteor", "cosmic ray", "star chain")
+    ),
+    ("a satellite", "SEARCH", [{"object_class": "satellite"}], SETTINGS, "ACQUIRE", []),
+    (
+        "its second, an aircraft",
+        "ACQUIRE",
+        [{"object_class": "aircraft"}],
+        SETTINGS,
+        "SEARCH",
+        ["no second frame: no detection", "aircraft: starts no track"],
+    ),
+    ("a crossing", "SEARCH", [ACROSS], SETTINGS, "SEARCH", ["crosses the whole frame"]),
+    ("its second and a crossing", "ACQUIRE", [ACROSS, {}], SETTINGS, "TRACK", ["crosses"]),
+    ("it and a crossing", "TRACK", [ACROSS, {}], SETTINGS, "TRACK", ["crosses the whole"]),
+    ("a crossing alone", "TRACK", [ACROSS], SETTINGS, "COAST", ["crosses the whole"]),
+    ("a crossing by the paper's rule", "TRACK", [ACROSS, {}], MOST_CONFIDENT, "TRACK", ["crosses"]),
     ("no second", "ACQUIRE", [], SETTINGS, "SEARCH", ["no second frame: no detection"]),
     (
         "two seconds, one fits",

@@ -72,6 +72,14 @@ STREAK = Detection(
     sigma_along_px=0.4,
     sigma_across_px=0.1,
     is_clipped=True,
+    kind="crossing",
+    sigma_angle_deg=0.25,
+    object_class="aircraft",
+    class_probability=0.75,
+    modulation_period_px=12.5,
+    modulation_period_s=0.125,
+    modulation_depth=0.5,
+    train=3,
     method="line",
 )
 MEASUREMENT = Measurement(
@@ -238,6 +246,11 @@ def test_the_views_spread_every_record_into_columns(writer: SessionWriter, folde
         "x_px": 10.5,
         "reason": "too short",
         "is_clipped": 1,
+        "kind": "crossing",
+        "object_class": "aircraft",
+        "class_probability": 0.75,
+        "modulation_period_s": 0.125,
+        "train": 3,
     }
     assert rows["measurements"][0]["t_mid_utc_ns"] == T0_UTC_NS + 5
     assert rows["measurements"][0]["cov_en_arcsec2"] == 0.25

@@ -19,6 +19,7 @@ from rsoconsole.cli.nights import process_nights
 from rsoconsole.cli.options import ConfigOption, JsonOption
 from rsoconsole.config import Config, load_config
 from rsoconsole.errors import FrameError
+from rsoconsole.streak_text import name_words, pulse_words
 
 FramesArgument = Annotated[
     list[Path], typer.Argument(metavar="FRAME...", help="FITS (.gz .bz2 .fz), TIFF or PNG files.")
@@ -313,11 +314,27 @@ def _detect_words(found: dict[str, Any]) -> str:
     lines = [f"{_name(found)}: {len(found['detections'])} streak(s)"]
     lines.extend(
         f"  confidence {d['confidence']:.2f} at ({d['x']:.1f}, {d['y']:.1f})"
-        f" length {d['length']:.0f} px, SNR {d['snr']:.0f}" + (", clipped" if d["clipped"] else "")
+        f" length {d['length']:.0f} px, SNR {d['snr']:.0f}{_named_words(d)}"
         for d in found["detections"]
     )
     lines.extend(f"  rejected: {r['reason']}" for r in found["rejected"])
     return "\n".join(lines)
+
+
+def _named_words(detection: dict[str, Any]) -> str:
+    """What a streak is, of its report: ``, crossing, aircraft 0.83``."""
+    name = name_words(
+        detection["kind"],
+        detection["class"],
+        detection["class_probability"],
+        train=detection["train"],
+    )
+    pulse = pulse_words(
+        detection["modulation_period_px"],
+        detection["modulation_period_s"],
+        detection["modulation_depth"],
+    )
+    return "".join(f", {words}" for words in (name, pulse) if words)
 
 
 def _solve_words(found: dict[str, Any]) -> str:

@@ -32,6 +32,7 @@ from rsoconsole.records import (
     Topic,
     TrackState,
 )
+from rsoconsole.streak_text import remarkable
 
 Level = Literal["info", "good", "warning", "alarm"]
 
@@ -142,6 +143,9 @@ def _words(record: Record) -> tuple[Level, str] | None:  # noqa: PLR0911 -- one 
             return record.level, prefix + record.text
         case Identified():
             return _of_identified(record)
+        case Detections():
+            said = remarkable(record.detections)
+            return ("info", f"detected: {said}") if said else None
         case OperatorAction():
             return _of_action(record)
         case ParameterChange():
@@ -149,7 +153,6 @@ def _words(record: Record) -> tuple[Level, str] | None:  # noqa: PLR0911 -- one 
             return "info", f"{by}: {record.name} {record.before} → {record.after}"
         case (
             FrameTaken()
-            | Detections()
             | Solution()
             | Measurement()
             | TrackState()

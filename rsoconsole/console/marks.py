@@ -9,6 +9,7 @@ import numpy as np
 from rsoconsole.console.night import FrameDetail
 from rsoconsole.records import Detection, Measurement, Solution, TrackState
 from rsoconsole.sky.wcs import sky_to_pixel
+from rsoconsole.streak_text import short_name_of
 
 OUTLINE_POINTS = 72
 SIGMAS = 3.0
@@ -122,7 +123,7 @@ def marks_of(detail: FrameDetail) -> tuple[Mark, ...]:
 
 
 def mark_of(detection: Detection, kind: Kind) -> Mark:
-    """A streak's two ends and its confidence."""
+    """A streak's two ends, its confidence and what it is taken for."""
     return _mark_of(detection, kind, None)
 
 
@@ -138,7 +139,7 @@ def _mark_of(detection: Detection, kind: Kind, followed: Measurement | None) -> 
         y_px=detection.y_px,
         ends_px=(min(ends), max(ends)),
         kind="followed" if is_followed else kind,
-        label=f"{detection.confidence:.2f}".removeprefix("0"),
+        label=f"{detection.confidence:.2f} {short_name_of(detection)}".removeprefix("0").rstrip(),
     )
 
 

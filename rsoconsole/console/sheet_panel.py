@@ -12,6 +12,7 @@ from rsoconsole.console.verdicts import fate
 from rsoconsole.console.words import clipped, short
 from rsoconsole.records import Detection, Measurement, Solution
 from rsoconsole.sky.angles import wrap_180
+from rsoconsole.streak_text import name_of, pulse_of
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.reprocess import Compared
@@ -24,6 +25,7 @@ STAGES = {
     "network": "network",
     "stars": "stars",
     "fit": "fit",
+    "class": "class",
     "solve": "plate",
 }
 
@@ -131,7 +133,8 @@ def _block(sheet: Sheet, number: int, pair: "Compared", width: int) -> list[Line
         ("▸" if is_chosen else " ", "title"),
         (f"{first}  at {place.x_px:.0f},{place.y_px:.0f}", "title"),
     ]
-    lines: list[Line] = [line, [(f"   {_size(place)}", "")]]
+    lines: list[Line] = [line]
+    lines += [[(f"   {part}", "")] for part in textwrap.wrap(_size(place), max(width - 4, 1))]
     for text, ink in _verdicts(sheet, pair):
         lines += [[(f"   {part}", ink)] for part in textwrap.wrap(text, max(width - 4, 1))]
     return lines
@@ -146,8 +149,7 @@ def _size(streak: Detection) -> str:
     words = [f"{streak.length_px:.0f}×{streak.width_px:.1f} px"]
     if streak.snr:
         words.append(f"SNR {streak.snr:.0f}")
-    if streak.is_clipped:
-        words.append("cut by the edge")
+    words += [each for each in (name_of(streak), pulse_of(streak)) if each]
     return ", ".join(words)
 
 

@@ -15,6 +15,7 @@ from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.words import short
 from rsoconsole.reason_text import text
 from rsoconsole.records import Detection
+from rsoconsole.streak_text import name_of, pulse_of
 
 COLUMNS = 70
 MOST_REJECTED = 12
@@ -93,7 +94,9 @@ def _lines(streak: Detection, fate: str, reason: str) -> list[str]:
     place = f"at {streak.x_px:.0f}, {streak.y_px:.0f}"
     snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
     head = f"  {short(streak.confidence):>4}  {fate:<12}  {place:<14}  {snr:<8}  {size}".rstrip()
+    named = "; ".join(words for words in (name_of(streak), pulse_of(streak)) if words)
     return [
         head,
+        *([f"        {named}"] if named else []),
         *textwrap.wrap(reason, COLUMNS, initial_indent=" " * 8, subsequent_indent=" " * 8),
     ]

@@ -37,6 +37,7 @@ STAGES: Mapping[str, str] = {
     "stars": "beside map and network where there is a second thread",
     "network": "proposes streaks",
     "fit": "measures them",
+    "class": "says what they are",
     "solve": "in full, by the solver's process",
     "refit": "the last plate moved onto the stars, while nothing jumps",
     "filter": "measurement and track",

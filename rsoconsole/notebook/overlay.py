@@ -35,6 +35,7 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.sky.wcs import sky_to_pixel
+from rsoconsole.streak_text import name_of, pulse_of, short_name_of
 
 _SAME_PX = 1.0
 _MARGIN = 0.012
@@ -142,6 +143,8 @@ def _streak(detection: Detection, frame_width: int, *, is_followed: bool) -> str
     height = abs(detection.y_a_px - detection.y_b_px) + 2.0 * room
     what = "followed" if is_followed else "detected"
     title = f"{what}, confidence {detection.confidence:.2f}, SNR {detection.snr:.0f}"
+    title = ", ".join(each for each in (title, name_of(detection), pulse_of(detection)) if each)
+    label = f"{detection.confidence:.2f} {short_name_of(detection)}".rstrip()
     colour, dash = (RED, "") if is_followed else (AMBER, ' stroke-dasharray="5 4"')
     size = 0.034 * frame_width
     return (
@@ -149,7 +152,7 @@ def _streak(detection: Detection, frame_width: int, *, is_followed: bool) -> str
         f'stroke="{colour}" stroke-width="1.6" vector-effect="non-scaling-stroke"{dash}>'
         f"<title>{text(title)}</title></rect>"
         f'<text x="{x_0 + width + 0.6 * room:.0f}" y="{y_0 + height:.0f}" fill="{colour}" '
-        f'font-size="{size:.0f}" font-family="sans-serif">{detection.confidence:.2f}</text>'
+        f'font-size="{size:.0f}" font-family="sans-serif">{text(label)}</text>'
     )
 
 

@@ -27,6 +27,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.tracking import lqe
 from rsoconsole.tracking.follow import (
+    CROSSED,
     Following,
     FollowSettings,
     Seen,
@@ -70,6 +71,8 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
     plain = Missed(kind="nothing fits")
     if not shown.measurements:
         plain = plain_absence(shown.detections, shown.solution, t_mid_ns)
+    elif all(m.is_crossing for m in shown.measurements):
+        plain = CROSSED
     # Asked for by misses alone: the Sun and the Earth's shadow cost more than all the rest.
     absence = functools.partial(
         explain_absence,

@@ -81,6 +81,8 @@ def measure(
                 (float(ra_ends[1]), float(dec_ends[1])),
             )
         ),
+        is_crossing=detection.kind == "crossing",
+        object_class=detection.object_class,
         is_clipped=detection.is_clipped,
     )
 

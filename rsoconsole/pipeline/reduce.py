@@ -86,7 +86,7 @@ class FrameReducer:
         with _timed(stage_ms, "detect"):
             analysis = self._detector.analyse(evened(frame))
         found = analysis.detections
-        network_ms = found.stage_ms.get("network", 0.0) + found.stage_ms.get("fit", 0.0)
+        network_ms = sum(found.stage_ms.get(each, 0.0) for each in ("network", "fit", "class"))
         stage_ms["process"] = stage_ms["detect"] - network_ms
         stage_ms["detect"] = network_ms
         solution: Solution | NotSolved | None = None

@@ -41,6 +41,16 @@ def detection_report(detection: Detection) -> dict[str, Any]:
         "width": detection.width_px,
         "snr": detection.snr,
         "clipped": detection.is_clipped,
+        "kind": detection.kind,
+        "class": detection.object_class,
+        "class_probability": detection.class_probability,
+        "train": detection.train,
+        "modulation_period_px": detection.modulation_period_px,
+        "modulation_period_s": detection.modulation_period_s,
+        "modulation_depth": detection.modulation_depth,
+        "angle_deg": detection.angle_deg,
+        "sigma_angle_deg": detection.sigma_angle_deg,
+        "sigma_across_px": detection.sigma_across_px,
     }
 
 

@@ -75,6 +75,11 @@ LEFT JOIN files AS kept ON kept.frame_id = log.frame_id AND kept.role = 'frame'
 LEFT JOIN files AS shown ON shown.frame_id = log.frame_id AND shown.role = 'preview'
 """
 
+_BEFORE = {
+    "kind": "CASE json_extract({body}, '{beside}.is_clipped') WHEN 1 THEN 'clipped'"
+    " ELSE 'streak' END"
+}
+"""What a column was in a record that does not have it, told by what stands beside it."""
 _SUPERSEDED = (
     "EXISTS (SELECT 1 FROM log AS later WHERE later.kind = 'FollowedAgain'"
     " AND later.frame_id = log.frame_id AND later.seq > log.seq)"
@@ -125,7 +130,11 @@ def _value(table: Table, column: Column) -> str:
     if column.is_worded:
         # A kind with its figures, and what they say as text; text alone in older sessions.
         value = f"coalesce(json_extract({body}, '{place}.text'), {value})"
-    return f"coalesce({value}, '{column.default}')" if column.default else value
+    if column.name in _BEFORE:
+        beside = place.rpartition(".")[0]
+        return f"coalesce({value}, {_BEFORE[column.name].format(body=body, beside=beside)})"
+    default = f"'{column.default}'" if column.type == "text" else column.default
+    return f"coalesce({value}, {default})" if column.default else value
 
 
 def _selects() -> dict[str, str]:

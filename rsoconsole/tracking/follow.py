@@ -43,6 +43,9 @@ AS_GOOD_AS_CERTAIN = 0.9
 """Confidence from which on how well its place is known says which of two to follow."""
 
 NOTHING_SEEN = Missed(kind="no detection")
+CROSSED = Missed(kind="crossing")
+MAY_BE_FOLLOWED = ("satellite", "undetermined")
+"""Classes of streaks that start a track; any other is told so, unless the operator chose it."""
 REFUSED, NOT_CHOSEN = NotTaken(kind="refused"), NotTaken(kind="not chosen")
 ANOTHER_OBJECT_NIS = 100.0
 """What the operator chooses ten sigmas from the prediction is another object: it begins anew."""
@@ -141,10 +144,12 @@ def follow(
     before: Following, seen: Seen, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """The next state, and what to put on the record, in order."""
+    seen, crossings = _without_crossings(seen)
     if before.state not in ("TRACK", "COAST") or not before.tracks:
         after, records = _acquire(before, seen, settings)
     else:
         after, records = _follow_tracks(before, seen, settings)
+    records += _of_track(crossings, before.track_id)
     if after.state != before.state:
         change = StateChange(
             frame_id=seen.frame_id,
@@ -154,6 +159,26 @@ def follow(
         )
         records = (*records, change)
     return after, records
+
+
+def _without_crossings(seen: Seen) -> tuple[Seen, tuple[NotFollowed, ...]]:
+    """What the frame showed that has a place in time, and the rest as not taken.
+
+    Where neither end is in the frame nobody knows when it was where: even the operator's choice
+    makes no measurement of it. What lies beside it is followed as ever.
+    """
+    crossings = tuple(m for m in seen.measurements if m.is_crossing)
+    if not crossings:
+        return seen, ()
+    rest = tuple(m for m in seen.measurements if not m.is_crossing)
+    is_all = not rest and seen.absence == NOTHING_SEEN
+    left = replace(
+        seen,
+        measurements=rest,
+        chosen=None if seen.chosen in crossings else seen.chosen,
+        absence=CROSSED if is_all else seen.absence,
+    )
+    return left, tuple(_not_followed(m, NotTaken(kind="crossing")) for m in crossings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,22 +263,29 @@ def _acquire(
     """Two successive frames whose measurements agree on one motion start a track.
 
     The most confident one that has a partner leads; of those as good as certain, the one whose
-    place is known best, which is the brightest as a rule. Every measurement hears its verdict
+    place is known best, which is the brightest as a rule. What the frame cuts, and what is surely
+    no satellite, starts none unless the operator chose it. Every measurement hears its verdict
     once: a candidate that waits for a second frame hears it with that frame.
     """
-    usable = tuple(m for m in seen.measurements if not m.is_clipped)
+    whole = tuple(m for m in seen.measurements if not m.is_clipped)
+    usable = tuple(m for m in whole if m.object_class in MAY_BE_FOLLOWED)
     told_of_choice: tuple[NotFollowed, ...] = ()
     if seen.chosen is not None:
         told_of_choice = tuple(_not_followed(m, NOT_CHOSEN) for m in usable if m != seen.chosen)
         usable = (seen.chosen,)
     if settings.choice == "nearest":
         usable = tuple(sorted(usable, key=_rank))
-    clipped = tuple(
+    aside = tuple(
         _not_followed(m, NotTaken(kind="clipped at start"))
         for m in seen.measurements
         if m.is_clipped and m != seen.chosen
     )
-    clipped += told_of_choice
+    aside += tuple(
+        _not_followed(m, NotTaken(kind="class", object_class=m.object_class))
+        for m in whole
+        if m.object_class not in MAY_BE_FOLLOWED and m != seen.chosen
+    )
+    aside += told_of_choice
     refused = tuple(_not_followed(m, REFUSED) for m in seen.refused)
     for second in usable:
         partners = [
@@ -275,10 +307,10 @@ def _acquire(
                 tracks=(Tracked(track=track, taken=second, neighbours=beside),),
                 last_track_id=track_id,
             )
-            return after, _of_track((track, *told, *clipped, *refused), track_id)
+            return after, _of_track((track, *told, *aside, *refused), track_id)
     alone = tuple(_not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
-    return before.without_track(state, usable), (*alone, *clipped, *refused)
+    return before.without_track(state, usable), (*alone, *aside, *refused)
 
 
 def _rank(m: Measurement) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -90,6 +90,16 @@ def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Pr
     return found + [Proposal(box=box, is_line=False) for box in left]
 
 
+def in_order(found: Sequence[Proposal]) -> list[Proposal]:
+    """Most promising first: the line filter's best and the network's in turn."""
+    by_network = sorted(range(len(found)), key=lambda i: -found[i].box.confidence)
+    by_filter = [i for i in range(len(found)) if found[i].is_line]
+    place = {i: rank for rank, i in enumerate(by_network)}
+    for rank, i in enumerate(by_filter):
+        place[i] = min(place[i], rank)
+    return [found[i] for i in sorted(range(len(found)), key=lambda i: place[i])]
+
+
 def _of_one_streak(boxes: FloatArray, line: Box) -> BoolArray:
     """Which boxes (n, 4), from end to end, the line may be of: near it, alike in direction."""
     along = boxes[:, 2:] - boxes[:, :2]
@@ -133,6 +143,8 @@ class Measurements:
     sky: Background
     stars: StarList
     focus: Focus
+    promise: Callable[[Candidate], bool] = lambda _: True
+    """Whether a candidate as it was traced is worth the time of a fit."""
     taken: list[Candidate] = field(default_factory=list)
     """With the network's confidence."""
     rejected: list[Rejection] = field(default_factory=list)
@@ -169,7 +181,9 @@ class Measurements:
                 self.refuse(box, reason or NotAStreak(kind="no line"))
                 return
         measured: StreakFit | None = None
-        if box.length_px <= LONGEST_FIT_PX:
+        traced = None if trace is None else self._from_trace(box, trace)
+        is_promising = traced is None or self.promise(traced)
+        if box.length_px <= LONGEST_FIT_PX and is_promising:
             fit = fit_streak(
                 self.frame.pixels,
                 self.sky,
@@ -179,24 +193,32 @@ class Measurements:
                 ends=_ends(box),
             )
             if isinstance(fit, StreakFit) and (trace is None or _agree(fit, trace)):
-                self._take(_from_fit(self.frame, box, fit), trace or self._traced(_ends_of(fit)))
+                light = _light_of(trace or self._traced(_ends_of(fit)))
+                self._take(Candidate(found=_from_fit(self.frame, box, fit), light=light))
                 return
             if not isinstance(fit, StreakFit):
                 reason, measured = reason or fit.reason, fit.fit
-        if trace is None:
+        if traced is None:
             self.refuse(box, reason or NotAStreak(kind="no line"), measured)
-            return
+        elif traced.found.unevenness > MOST_UNEVEN:
+            reason = NotAStreak(kind="patchy")
+            self.rejected.append(Rejection(detection=traced.found, reason=reason))
+        else:
+            self._take(traced)
+
+    def _from_trace(self, box: NetworkBox, trace: Trace) -> Candidate:
         found = _from_trace(self.frame, box, trace)
         found = replace(found, unevenness=self._unevenness(found, trace))
-        if found.unevenness > MOST_UNEVEN:
-            self.rejected.append(Rejection(detection=found, reason=NotAStreak(kind="patchy")))
-        else:
-            self._take(found, trace)
+        return Candidate(found=found, light=_light_of(trace))
 
     def _unevenness(self, found: Detection, trace: Trace) -> float:
-        """Of a short one: of its path, and of its light where that follows no one period."""
+        """Of a short one: of its path, and of its light where that follows no one period.
+
+        Where stars are so wide that pixels were joined, no cosmic ray is as wide, and wind bends
+        whatever is in the frame.
+        """
         width_px = self.stars.median_fwhm_px
-        if found.length_px > AS_CHAINS_FWHM * width_px:
+        if found.length_px > AS_CHAINS_FWHM * width_px or self.focus.joined > 1:
             return 0.0
         ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
         box = min(ends[::2]), min(ends[1::2]), max(ends[::2]), max(ends[1::2])
@@ -230,19 +252,13 @@ class Measurements:
         most = max(self.focus.widest_px(_angle_deg(ends)), self.focus.fwhm_px)
         return min(max(trace.width_px, self.focus.fwhm_px), most)
 
-    def _take(self, found: Detection, trace: Trace | None) -> None:
+    def _take(self, candidate: Candidate) -> None:
+        found = candidate.found
         if any(is_same_streak(found, other.found) for other in self.taken):
             reason = NotAStreak(kind="same streak")
             self.rejected.append(Rejection(detection=found, reason=reason))
-            return
-        light = UNMEASURED
-        if trace is not None:
-            light = LineLight(
-                lower_quartile_snr=trace.lower_quartile_snr,
-                roughness=trace.roughness,
-                confusion=trace.confusion,
-            )
-        self.taken.append(Candidate(found=found, light=light))
+        else:
+            self.taken.append(candidate)
 
     def _fault(self, trace: Trace) -> NotAStreak | None:
         """The first gate that a trace does not pass; None where it passes all."""
@@ -342,6 +358,8 @@ def _from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
         sigma_along_px=fit.sigma_along_px,
         sigma_across_px=fit.sigma_across_px,
         is_clipped=fit.is_clipped,
+        kind="crossing" if fit.is_crossing else "clipped" if fit.is_clipped else "streak",
+        sigma_angle_deg=fit.sigma_angle_deg,
         method="line",
         unevenness=fit.unevenness,
     )
@@ -360,6 +378,16 @@ def _agree(fit: StreakFit, trace: Trace) -> bool:
 
 def _ends_of(fit: StreakFit) -> Box:
     return fit.x_a_px, fit.y_a_px, fit.x_b_px, fit.y_b_px
+
+
+def _light_of(trace: Trace | None) -> LineLight:
+    if trace is None:
+        return UNMEASURED
+    return LineLight(
+        lower_quartile_snr=trace.lower_quartile_snr,
+        roughness=trace.roughness,
+        confusion=trace.confusion,
+    )
 
 
 def _from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:
@@ -382,6 +410,8 @@ def _from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:
         sigma_along_px=max(length_px, 100.0) if is_clipped else along,
         sigma_across_px=trace.sigma_across_px,
         is_clipped=is_clipped,
+        kind="crossing" if all(trace.is_open) else "clipped" if is_clipped else "streak",
+        sigma_angle_deg=trace.sigma_angle_deg,
         method="line",
     )
 

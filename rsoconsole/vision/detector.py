@@ -23,6 +23,7 @@ from rsoconsole.vision.candidates import (
     at_box_centre,
     distinct,
     from_box,
+    in_order,
     proposals,
     runs_alike,
 )
@@ -33,7 +34,8 @@ from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map, map_noise
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.pattern import find_pattern
 from rsoconsole.vision.set_aside import is_of_stars, set_aside
-from rsoconsole.vision.stars import STAR_BLOCK_PX, StarList, find_stars
+from rsoconsole.vision.stars import MAX_STARS, STAR_BLOCK_PX, StarList, find_stars
+from rsoconsole.vision.streak_names import named
 from rsoconsole.vision.workers import Workers
 from rsoconsole.vision.working_frame import WorkingFrame, pixels_to_join
 
@@ -42,6 +44,11 @@ MOST_WITNESSES = 12
 LEAST_BELIEVED = 1e-3
 """Whom the network believes less is measured only where the line filter sees something too."""
 _MOST_JOININGS = 2
+_MOST_WIDE_STARS = 1500
+"""Wide stars cover so much of a frame that faint ones too have to be masked."""
+_WORTH_A_NAME = 0.2
+_PROMISING = 0.2
+"""Of tau: what a trace alone gives less confidence no fit lifts above it."""
 
 
 class Proposer(Protocol):
@@ -103,7 +110,7 @@ class StreakDetector:
             if side == 1:
                 break
             working = WorkingFrame.of(frame, side * working.side)
-            seen = self._seen(working.frame, watch)
+            seen = self._seen(working.frame, watch, _MOST_WIDE_STARS)
         stars = seen.stars
         focus = _focus(stars, working.side)
         with watch.stage("fit"):
@@ -119,13 +126,19 @@ class StreakDetector:
                 Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=threshold))
                 for d in faint
             ]
+        with watch.stage("class"):
+            told = [d for d in taken if d.confidence > threshold]
+            doubted = [r for r in rejected if r.detection.confidence > _WORTH_A_NAME * threshold]
+            others = [r for r in rejected if r.detection.confidence <= _WORTH_A_NAME * threshold]
+            told, doubted = named(working.frame, seen.sky, stars, told, doubted)
+            rejected = doubted + others
         rejected.sort(key=lambda r: -r.detection.confidence)
         return FrameAnalysis(
             detections=Detections(
                 frame_id=frame.frame_id,
                 width_px=frame.width_px,
                 height_px=frame.height_px,
-                detections=tuple(working.original(d) for d in taken if d.confidence > threshold),
+                detections=tuple(working.original(d) for d in told),
                 rejected=tuple(working.originally_rejected(each) for each in rejected),
                 stage_ms=watch.stage_ms,
             ),
@@ -137,7 +150,7 @@ class StreakDetector:
             proposals=seen.proposals,
         )
 
-    def _seen(self, frame: Frame, watch: "_Stopwatch") -> "_Seen":
+    def _seen(self, frame: Frame, watch: "_Stopwatch", most_stars: int = MAX_STARS) -> "_Seen":
         """Sky, stars and all that may be a streak."""
         pixels, workers = frame.pixels, self._workers
         blocks = choose_blocks(
@@ -155,7 +168,9 @@ class StreakDetector:
 
         def look_for_stars_and_lines() -> tuple[StarList, list[CellLine]]:
             with watch.stage("stars"):
-                stars = find_stars(pixels, sky, saturation_adu=frame.saturation_adu, bins=bins)
+                stars = find_stars(
+                    pixels, sky, most_stars, saturation_adu=frame.saturation_adu, bins=bins
+                )
             with watch.stage("lines"):
                 assert bins.squares is not None
                 return stars, propose_lines(sky, bins.squares, side_px, stars)
@@ -185,8 +200,13 @@ class StreakDetector:
         measured. What could only bear witness against one that is above, since it runs alike, is.
         """
         frame, stars = working.frame, seen.stars
-        ordered = sorted(seen.proposals, key=lambda each: (-each.is_line, -each.box.confidence))
-        measured = Measurements(frame, seen.sky, stars, focus)
+        ordered = in_order(seen.proposals)
+        curve = self._curve
+
+        def promises(candidate: Candidate) -> bool:
+            return curve is None or curve.confidence(candidate, focus) > _PROMISING * threshold
+
+        measured = Measurements(frame, seen.sky, stars, focus, promises)
         hopeful: list[Proposal] = []
         others: list[Proposal] = []
         for each in ordered:

@@ -21,8 +21,8 @@ from rsoconsole.vision.stars import StarList, lit_radius_px
 
 Float32Array = npt.NDArray[np.float32]
 
-THRESHOLD = 6.0
-"""Sigma of the cells' own scatter, over a whole line."""
+THRESHOLD, LEAST_SNR = 5.8, 7.0
+"""Sigma of the cells' own scatter: of a partial sum that is traced, and of the whole line then."""
 MOST_LINES = 60
 _FINEST_PX, _MOST_CELLS = 4, 300_000
 _SHORTEST_FWHM = 4.5
@@ -37,6 +37,8 @@ _EVERY = 3
 _STEPS = 24.0
 """Of whole numbers in one sigma: they add up twice as fast."""
 _MOST_STEPS = 32767 >> _LONGEST
+_SMOOTHED, _SMOOTHED_NOISE = 0.6, 0.655
+"""Cells, one sigma; and the noise of a sum along a line that is left of one sigma a cell."""
 _STILL_THERE = 0.7
 _REACH = 2
 """Cells to either side of a line that are looked at to find where it runs."""
@@ -149,23 +151,29 @@ def find_lines(cells: Float32Array, threshold: float = THRESHOLD) -> list[CellLi
 
     The scatter of the cells themselves is the noise: faint stars are part of it.
     """
+    import cv2
+
     sample = cells[::_EVERY, ::_EVERY]
     median = float(np.median(sample))
     scatter = 1.4826 * float(np.median(np.abs(sample - median)))
     if scatter <= 0.0:
         return []
     left = (cells - np.float32(median)) / np.float32(scatter)
-    seeds = sorted(_seeds(left, threshold), key=lambda seed: -seed.snr)[:_MOST_SEEDS]
+    # A line between two cells, or where the sums' own course is a cell beside it, counts more so.
+    smooth = cv2.GaussianBlur(left, (3, 3), _SMOOTHED)
+    smooth /= np.float32(_SMOOTHED_NOISE)
+    seeds = sorted(_seeds(smooth, threshold), key=lambda seed: -seed.snr)[:_MOST_SEEDS]
     found: list[CellLine] = []
     traced = 0
     for seed in seeds:
-        if _what_is_left(left, seed) < max(_STILL_THERE * seed.snr, threshold):
+        if _what_is_left(smooth, seed) < max(_STILL_THERE * seed.snr, threshold):
             continue
         line = _traced(left, seed)
         traced += 1
         if line is not None:
             _erase(left, line)
-            if line.snr > threshold:
+            _erase(smooth, line)
+            if line.snr > LEAST_SNR:
                 found.append(line)
         if len(found) == MOST_LINES or traced == _MOST_TRACED:
             break

@@ -92,6 +92,8 @@ def choose_blocks(
         streak_px = SIDEREAL_ARCSEC_S * exposure_s / scale_arcsec_px
         suiting = [block for block in fitting if streak_px >= _SHORTEST_STREAK_CELLS * block]
         usual = suiting[-1] if suiting else fitting[0]
+        if usual < _FINE_BLOCK and not _fits_at_once(width_px, height_px, usual):
+            usual = _FINE_BLOCK
         if usual > _FINE_BLOCK in fitting and _fits_at_once(width_px, height_px, _FINE_BLOCK):
             return _FINE_BLOCK, usual
         return (usual,)

@@ -5,6 +5,7 @@ meanwhile, as long as both ends are seen. A proposal's box says where to look; t
 is there, or why it is no streak.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -70,6 +71,9 @@ class StreakFit:
     """Of the midpoint; large where clipped, as nothing is known along the streak then."""
     sigma_across_px: float
     is_clipped: bool
+    is_crossing: bool = False
+    """Neither end is in the frame."""
+    sigma_angle_deg: float | None = None
     unevenness: float = 0.0
     """Of its light and path, beyond what noise explains; looked at in short ones alone."""
 
@@ -304,6 +308,8 @@ def _describe(cutout: Cutout, guess: Guess, fit: LineFit, stretch: Ends) -> Stre
         ),
         sigma_across_px=float(np.hypot(across**0.5, _FLOOR_PX)),
         is_clipped=is_clipped,
+        is_crossing=line.u_a is None and line.u_b is None,
+        sigma_angle_deg=math.degrees(max(float(fit.covariance[3, 3]), 0.0) ** 0.5),
     )
 
 

@@ -285,8 +285,9 @@ def _edge(profile: LineProfile, place: float, sense: int, length: float) -> tupl
     height = np.maximum((shape @ (weight * light)) / norm, 0.0)
     gain = height**2 * norm
     best = int(np.argmax(gain))
-    close = gain > gain[best] - 1.0
-    spread = 0.5 * float(tried[close].max() - tried[close].min())
+    # Two sigma to either side: of a faint step the likelihood is no parabola.
+    close = gain > gain[best] - 4.0
+    spread = 0.25 * float(tried[close].max() - tried[close].min())
     return float(tried[best]) * sense, max(spread, 0.1)
 
 

@@ -1,0 +1,65 @@
+"""What a streak is in a few words: "crossing, aircraft 0.83", "satellite 0.97, train of 5"."""
+
+from collections.abc import Iterable
+
+from rsoconsole.records import Detection
+
+PLAIN = ("satellite", "undetermined")
+"""Classes that may be followed: nothing out of the ordinary."""
+
+
+def name_of(streak: Detection) -> str:
+    """How the frame cuts it, its class with the probability, its train; empty where all is open.
+
+    A whole streak is called by its class alone.
+    """
+    return name_words(
+        streak.kind, streak.object_class, streak.class_probability, train=streak.train
+    )
+
+
+def name_words(kind: str, object_class: str, probability: float, *, train: int) -> str:
+    """The same of its single figures."""
+    words = [] if kind == "streak" else [kind]
+    if object_class != "undetermined":
+        words.append(f"{object_class} {probability:.2f}")
+    if train:
+        words.append(f"train of {train}")
+    return ", ".join(words)
+
+
+def short_name_of(streak: Detection) -> str:
+    """The one word that tells most: its class, or how the frame cuts it; empty for neither."""
+    if streak.object_class != "undetermined":
+        return streak.object_class
+    return "" if streak.kind == "streak" else streak.kind
+
+
+def pulse_of(streak: Detection) -> str:
+    """Period and depth of light that comes and goes; empty where it does not."""
+    return pulse_words(
+        streak.modulation_period_px, streak.modulation_period_s, streak.modulation_depth
+    )
+
+
+def pulse_words(period_px: float | None, period_s: float | None, depth: float | None) -> str:
+    """The same of its single figures."""
+    if period_px is None:
+        return ""
+    period = f"{period_px:.1f} px"
+    if period_s is not None:
+        period = f"{period_s:.2f} s ({period})"
+    return f"pulses every {period}, depth {depth or 0.0:.2f}"
+
+
+def remarkable(streaks: Iterable[Detection]) -> str:
+    """Those that no track begins with, in one line; empty where there are none."""
+    told = [
+        name_of(each)
+        for each in streaks
+        if each.kind == "crossing" or each.train or each.object_class not in PLAIN
+    ]
+    return "; ".join(
+        f"{told.count(words)} x {words}" if told.count(words) > 1 else words
+        for words in dict.fromkeys(told)
+    )
