@@ -1,5 +1,7 @@
 """Fields on pictures of the real sky: which may be used, whose are for judging, what is true."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -19,6 +21,8 @@ from models.fields import Conditions
 from models.real_fields import draw_on
 from rsoconsole.simulator.render import FieldContent, frame_rng, render, straight_streak
 from rsoconsole.simulator.sensor import SensorModel
+
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 def sky(seed, side=480, fwhm_px=2.4, streaks=()):
@@ -149,3 +153,19 @@ def test_the_disc_is_measured_and_wide_stars_have_their_pixels_joined(folder):
     (plane,) = backgrounds.planes(folder, "Huntsman lens")
     assert plane.pixels.shape == (360, 360)
     assert plane.fwhm_px == pytest.approx(3.2, rel=0.15)
+
+
+@pytest.mark.shared_data
+@pytest.mark.skipif(not SHARED.exists(), reason="the pictures of others are not installed")
+def test_every_picture_of_the_table_can_be_drawn_on():
+    known, unknown = backgrounds.find(SHARED)
+    assert set(known) == {each.name for each in BACKGROUNDS}
+    # Without a licence, or of one that is not ours to use.
+    assert {"qhy163m_272_mpc_1.1_00001.fits", "tetra3_alt40_azi45.tiff"} <= set(unknown)
+    for split in backgrounds.SPLITS:
+        for number, camera in enumerate(backgrounds.cameras(SHARED, split)):
+            for plane in backgrounds.planes(SHARED, camera):
+                assert 1.0 < plane.fwhm_px < 5.0
+                field = draw_on(plane, frame_rng(23, number), Conditions(mode="fast"))
+                assert field.values.shape == (192, 192)
+                assert np.median(field.values) == pytest.approx(50, abs=25)
