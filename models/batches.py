@@ -51,15 +51,18 @@ def _crop(field: Field, side: int, rng: np.random.Generator) -> Field:
     asked = [s for s in field.streaks if s.is_asked]
     if asked and rng.random() < _SHARE_AIMED:
         aim = asked[int(rng.integers(len(asked)))]
-        left = _start(aim.x_a + aim.x_b, side, spare, rng)
-        top = _start(aim.y_a + aim.y_b, side, spare, rng)
+        left = _start(aim.x_a, aim.x_b, side, spare, rng)
+        top = _start(aim.y_a, aim.y_b, side, spare, rng)
     return cropped(field, left, top, side)
 
 
-def _start(twice_middle: float, side: int, spare: int, rng: np.random.Generator) -> int:
-    middle = int(twice_middle / 2)
-    lowest, highest = max(0, middle - side + 1), min(spare, middle)
-    return int(rng.integers(lowest, max(lowest, highest) + 1))
+def _start(one: float, other: float, side: int, spare: int, rng: np.random.Generator) -> int:
+    """Of a crop with the middle of a streak in it; a long one whole, where it fits."""
+    first = last = int((one + other) / 2)
+    if side / 2 < abs(one - other) < side - 2:
+        first, last = int(min(one, other)), int(max(one, other)) + 1
+    lowest = min(max(0, last - side + 1), spare)
+    return int(rng.integers(lowest, max(lowest, min(spare, first)) + 1))
 
 
 def batch(

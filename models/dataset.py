@@ -1,33 +1,56 @@
 """Shards of drawn fields on disk, so that training costs no drawing: fixed seeds, no field twice.
 
 Each split draws from its own seeds; a shard is a pure function of (seed, split, number). One
-shard holds 50 fields of one sensor.
+shard holds 50 fields of one sensor. Where there are pictures of the real sky (``backgrounds.py``),
+shards of fields on them come beside, of one camera each.
 """
 
 import multiprocessing
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from models import backgrounds
+from models.backgrounds import SPLITS as REAL_SPLITS
+from models.backgrounds import Split
 from models.field_scene import draw_field, draw_sensor
 from models.fields import KINDS, Conditions, Field, TrueStreak
+from models.real_fields import draw_real_fields
 from rsoconsole.simulator.render import frame_rng
 
 FIELDS_PER_SHARD = 50
 SEED = 20261121
 SHARDS = {"train": 300, "calibrate": 20, "test": 20}
-SPLITS = {"train": 1, "calibrate": 2, "test": 3}
+REAL_SHARDS = {"real-train": 24, "real-test": 8}
+"""On pictures of the real sky, where there are any."""
+SPLITS = {"train": 1, "calibrate": 2, "test": 3, "real-train": 11, "real-test": 12}
 BLOCKS = (8, 4, 8, 2, 8, 8, 4, 8, 8, 8, 8, 4, 8, 2, 8, 8, 16, 8, 8, 8)
 """Blocks of successive shards: mostly that of the paper's telescope."""
-RUN = Path("models/runs/second")
+RUN = Path("models/runs/third")
 """Where training keeps what it draws and learns unless told otherwise."""
 
 
 def shard_path(folder: Path, split: str, number: int) -> Path:
     """Where one shard lies."""
     return folder / f"{split}-{number:04d}.npz"
+
+
+def real_shards(folder: Path | None) -> dict[str, int]:
+    """How many shards each split of real pictures gets; tells what is used and what is not."""
+    if folder is None:
+        return {}
+    _, unknown = backgrounds.find(folder)
+    counts: dict[str, int] = {}
+    for split in REAL_SPLITS:
+        cameras = backgrounds.cameras(folder, split)
+        print(f"{split}: " + (", ".join(cameras) or "no camera"), flush=True)
+        if cameras:
+            counts[split] = REAL_SHARDS[split]
+    if unknown:
+        print("not in models/backgrounds.py, skipped: " + ", ".join(unknown), flush=True)
+    return counts
 
 
 def draw_shard(seed: int, split: str, number: int) -> list[Field]:
@@ -41,17 +64,31 @@ def draw_shard(seed: int, split: str, number: int) -> list[Field]:
     return [draw_field(sensor, block, wanted, rng) for _ in range(FIELDS_PER_SHARD)]
 
 
-def write_shard(folder: Path, seed: int, split: str, number: int) -> None:
-    """Draw one shard unless it is there already."""
+def draw_real_shard(seed: int, split: Split, number: int, folder: Path) -> list[Field]:
+    """The same on the pictures in ``folder``."""
+    rng = frame_rng(seed, SPLITS[split], number)
+    return draw_real_fields(folder, split, number, FIELDS_PER_SHARD, rng)
+
+
+def write_shard(
+    folder: Path, seed: int, split: str, number: int, pictures: Path | None = None
+) -> None:
+    """Draw one shard unless it is there already; ``pictures``: for a split of real ones."""
     path = shard_path(folder, split, number)
-    if not path.exists():
-        write_fields(path, draw_shard(seed, split, number))
+    if path.exists():
+        return
+    for real in REAL_SPLITS:
+        if split == real:
+            assert pictures is not None
+            write_fields(path, draw_real_shard(seed, real, number, pictures))
+            return
+    write_fields(path, draw_shard(seed, split, number))
 
 
 def write_fields(path: Path, fields: list[Field]) -> None:
     """Keep fields on disk; a crash meanwhile leaves no half file."""
     rows = [
-        (i, s.x_a, s.y_a, s.x_b, s.y_b, s.peak_snr, float(s.is_asked))
+        (i, s.x_a, s.y_a, s.x_b, s.y_b, s.peak_snr, s.integrated_snr, float(s.is_asked))
         for i, field in enumerate(fields)
         for s in field.streaks
     ]
@@ -59,7 +96,7 @@ def write_fields(path: Path, fields: list[Field]) -> None:
     np.savez(
         partial,
         values=np.stack([field.values for field in fields]),
-        streaks=np.array(rows, dtype=np.float32).reshape(-1, 7),
+        streaks=np.array(rows, dtype=np.float32).reshape(-1, 8),
         kind=np.array([KINDS.index(field.kind) for field in fields], dtype=np.uint8),
         is_paper=np.array([field.mode == "paper" for field in fields]),
         block=np.array([field.block for field in fields], dtype=np.uint8),
@@ -91,21 +128,28 @@ def _true_streak(row: npt.NDArray[np.float32]) -> TrueStreak:
         x_b=float(row[3]),
         y_b=float(row[4]),
         peak_snr=float(row[5]),
-        is_asked=bool(row[6]),
+        integrated_snr=float(row[6]),
+        is_asked=bool(row[7]),
     )
 
 
-def _write_one(task: tuple[Path, int, str, int]) -> None:
+def _write_one(task: tuple[Path, int, str, int, Path | None]) -> None:
     write_shard(*task)
 
 
 def write_shards(
-    folder: Path, seed: int, counts: dict[str, int], processes: int
+    folder: Path,
+    seed: int,
+    counts: Mapping[str, int],
+    processes: int,
+    pictures: Path | None = None,
 ) -> Iterator[tuple[int, int]]:
     """Draw every missing shard, yielding (done, all) after each."""
     folder.mkdir(parents=True, exist_ok=True)
-    tasks = [(folder, seed, split, n) for split, count in counts.items() for n in range(count)]
-    missing = [task for task in tasks if not shard_path(folder, *task[2:]).exists()]
+    tasks = [
+        (folder, seed, split, n, pictures) for split, count in counts.items() for n in range(count)
+    ]
+    missing = [task for task in tasks if not shard_path(folder, *task[2:4]).exists()]
     with multiprocessing.get_context("spawn").Pool(processes, _one_thread) as pool:
         for done, _ in enumerate(pool.imap_unordered(_write_one, missing), start=1):
             yield done, len(missing)

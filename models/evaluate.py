@@ -126,6 +126,11 @@ def main() -> None:
         shards = len(list((args.run / "data").glob("test-*.npz")))
         fields = read_fields(args.run / "data", "test", shards)
         report["test_fields"] = shards * FIELDS_PER_SHARD
+        real_shards = len(list((args.run / "data").glob("real-test-*.npz")))
+        if real_shards:
+            real = read_fields(args.run / "data", "real-test", real_shards)
+            report["real_test_fields"] = len(real)
+            report["real"] = figures(score(real, network.answer, logit), logit)
         for mode in ("fast", "paper"):
             chosen = [field for field in fields if field.mode == mode]
             report[f"hard_{mode}"] = figures(score(chosen, network.answer, logit), logit)

@@ -141,6 +141,8 @@ def export(
             "seed": seed,
             "steps": step,
             "fields": len(list((run / "data").glob("train-*.npz"))) * FIELDS_PER_SHARD,
+            "fields_on_real_sky": len(list((run / "data").glob("real-train-*.npz")))
+            * FIELDS_PER_SHARD,
             "fields_seen": step * BATCH,
             "parameters": sum(p.numel() for p in net.parameters()),
         },

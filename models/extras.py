@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from models.light import lamp_curve, log_uniform, meteor_curve
-from rsoconsole.simulator.psf import FWHM_PER_SIGMA, annulus
+from rsoconsole.simulator.psf import FWHM_PER_SIGMA, WINGS, annulus
 from rsoconsole.simulator.render import Streak, straight_streak
 
 FloatArray = npt.NDArray[np.float64]
@@ -55,6 +55,36 @@ class Canvas:
         x = np.arange(-3 * len(ring), 3 * len(ring) + 1)
         disc = np.exp(-0.5 * (x / sigma) ** 2) / (np.sqrt(2 * np.pi) * sigma)
         return float(np.convolve(disc, ring).max())
+
+    def line_snr(self, e_per_px: float, length_px: float, spread_px: float = 0.0) -> float:
+        """Integrated SNR of an even line on empty sky: what ``simulator.streak_snr`` works out.
+
+        ``spread_px``: one sigma by which motion widens it, beyond the disc.
+        """
+        light = e_per_px * self._section(spread_px)
+        return float(np.sqrt(length_px * np.sum(light**2 / (self.noise_e**2 + light))))
+
+    def line_of_snr(self, snr: float, length_px: float, spread_px: float = 0.0) -> float:
+        """Electrons per pixel of length that give a line this integrated SNR."""
+        light = snr * self.noise_e
+        # The line's own photons count: a few steps settle them.
+        for _ in range(4):
+            light *= snr / self.line_snr(light, length_px, spread_px)
+        return light
+
+    def _section(self, spread_px: float) -> FloatArray:
+        """Share of a line's light in every pixel across it, wings and ring and all."""
+        sigmas = [
+            np.sqrt((self.fwhm_px * widening / FWHM_PER_SIGMA) ** 2 + 1.0 / 12.0 + spread_px**2)
+            for _, widening in WINGS
+        ]
+        x = np.arange(-60, 61)
+        light = np.zeros(len(x))
+        for (share, _), sigma in zip(WINGS, sigmas, strict=True):
+            light += share * np.exp(-0.5 * (x / sigma) ** 2) / (np.sqrt(2 * np.pi) * sigma)
+        if self.defocus_px > 0.0:
+            light = np.convolve(light, annulus(self.defocus_px).sum(axis=0))
+        return light
 
     def star_e(self, peak_snr: float) -> float:
         """Electrons of a star in focus whose brightest pixel is ``peak_snr`` high."""

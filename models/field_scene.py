@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from models import alterations
 from models.extras import (
     Canvas,
     Points,
@@ -21,7 +22,16 @@ from models.extras import (
     spiked_star,
     wander,
 )
-from models.fields import FIELD_CELLS, KINDS, Conditions, Field, FloatArray, Kind, TrueStreak
+from models.fields import (
+    FIELD_CELLS,
+    KINDS,
+    Conditions,
+    Field,
+    FloatArray,
+    Kind,
+    TrueStreak,
+    clip_to_box,
+)
 from models.light import log_uniform
 from models.satellites import Satellites
 from rsoconsole.records import MapMode
@@ -29,6 +39,7 @@ from rsoconsole.simulator.psf import FWHM_PER_SIGMA
 from rsoconsole.simulator.render import FieldContent, Streak, render
 from rsoconsole.simulator.sensor import SensorModel
 from rsoconsole.vision.maps import make_map
+from rsoconsole.vision.pattern import find_pattern
 
 _SHARES = (0.62, 0.08, 0.11, 0.10, 0.06, 0.03)
 """How often each of ``KINDS`` is drawn."""
@@ -41,6 +52,8 @@ _SATELLITE_SHARE = {
     "meteor": 0.5,
 }
 _MOST_STAR_POINTS = 150_000
+_COVERED_SHARE = 0.5
+"""Of hard fields with trailed stars, those where they have been covered with sky."""
 
 
 def draw_sensor(block: int, rng: np.random.Generator, *, is_hard: bool = True) -> SensorModel:
@@ -52,7 +65,7 @@ def draw_sensor(block: int, rng: np.random.Generator, *, is_hard: bool = True) -
     has_bad_columns = rng.random() < 0.5
     bad, partial, dark = rng.poisson((0.7, 1.0, 1.0)) * has_bad_columns
     # A smaller field is a cut of the frame: as many hot pixels a cell as at a block of 8.
-    return SensorModel(
+    sensor = SensorModel(
         width_px=side,
         height_px=side,
         e_per_adu12=gain,
@@ -67,6 +80,7 @@ def draw_sensor(block: int, rng: np.random.Generator, *, is_hard: bool = True) -
         blooming=float(rng.uniform(0.2, 1.0)) if rng.random() < 0.2 else 0.0,
         seed=int(rng.integers(1 << 30)),
     )
+    return alterations.altered_sensor(sensor, block, rng)
 
 
 def draw_field(
@@ -76,27 +90,35 @@ def draw_field(
     kind = conditions.kind or KINDS[int(rng.choice(len(KINDS), p=_SHARES))]
     mode: MapMode = conditions.mode or ("paper" if rng.random() < 0.15 else "fast")
     is_hard = conditions.is_hard
-    sky_e = log_uniform(rng, 25, 700) if is_hard else rng.uniform(100.0, 170.0)
+    sky_e = alterations.sky_electrons(sensor, rng) if is_hard else rng.uniform(100.0, 170.0)
     canvas = _canvas(sensor, block, sky_e, rng, is_hard=is_hard)
     stars = _stars(canvas, block, rng, is_hard=is_hard)
     trails: list[Streak] = []
     path_px = wander(canvas, rng) if kind == "trailed stars" else None
+    motion_px: FloatArray | None = None
+    are_covered = False
     if path_px is not None:
         stars = _trailed(stars, path_px, canvas, rng)
+        are_covered = is_hard and rng.random() < _COVERED_SHARE
+        if are_covered:
+            stars = alterations.covered(stars, path_px, canvas, rng)
     elif is_hard:
         stars, trails = _mimics(stars, canvas, rng)
+        motion_px = alterations.motion(canvas, rng)
     cloud = clouds(rng) if is_hard and rng.random() < 0.25 else None
     content = FieldContent(
         fwhm_px=canvas.fwhm_px,
         defocus_px=canvas.defocus_px,
         sky_electrons_px=sky_e,
-        sky_gradient=(float(rng.normal(0, 0.15)), float(rng.normal(0, 0.15))),
+        sky_gradient=alterations.gradient(rng) if is_hard else _slight_gradient(rng),
         star_x_px=stars[0],
         star_y_px=stars[1],
         star_electrons=stars[2],
         star_path_px=path_px,
+        stands=None if motion_px is None else alterations.stands(motion_px, canvas),
         cloud_transmission=cloud,
         **_rays(kind, block, canvas, rng, is_hard=is_hard),
+        **(alterations.stripes(canvas, rng) if is_hard else {}),
     )
     truth: list[TrueStreak] = []
     if conditions.streaks is not None or rng.random() < _SATELLITE_SHARE[kind]:
@@ -108,6 +130,8 @@ def draw_field(
             block=block,
             conditions=conditions,
             rng=rng,
+            motion_px=motion_px,
+            are_stars_covered=are_covered,
         )
         drawn, truth = satellites.draw(path_px)
         trails += drawn
@@ -115,9 +139,34 @@ def draw_field(
         trails += aircraft(canvas, rng)
     if kind == "meteor":
         trails += meteor(canvas, rng)
+    if is_hard and conditions.streaks is None:
+        passing = alterations.crossings(canvas, rng)
+        trails += passing
+        truth += [each for streak in passing for each in unasked(streak, block)]
     content = replace(content, streaks=tuple(trails))
-    values = make_map(render(sensor, content, rng), mode, block).values
+    pixels = render(sensor, content, rng)
+    # As the detector does before it makes its map.
+    pattern = find_pattern(pixels)
+    values = make_map(pixels if pattern is None else pattern.removed(pixels), mode, block).values
     return Field(values=values, kind=kind, mode=mode, block=block, streaks=tuple(truth))
+
+
+def _slight_gradient(rng: np.random.Generator) -> tuple[float, float]:
+    return float(rng.normal(0, 0.15)), float(rng.normal(0, 0.15))
+
+
+def unasked(streak: Streak, block: int) -> list[TrueStreak]:
+    """A trail right through: no fault to find it, none to miss it."""
+    a, b = (((streak.x_px[i] + 0.5) / block, (streak.y_px[i] + 0.5) / block) for i in (0, -1))
+    seen = clip_to_box((*a, *b), FIELD_CELLS, FIELD_CELLS)
+    if seen is None:
+        return []
+    x_a, y_a, x_b, y_b = (float(v) for v in seen)
+    return [
+        TrueStreak(
+            x_a=x_a, y_a=y_a, x_b=x_b, y_b=y_b, peak_snr=0.0, integrated_snr=0.0, is_asked=False
+        )
+    ]
 
 
 def _canvas(
@@ -126,11 +175,7 @@ def _canvas(
     """The frame with its seeing: half of the hard ones far from what the paper's camera has."""
     fwhm_px, defocus_px = float(rng.uniform(1.9, 2.8)), 0.0
     if is_hard:
-        fwhm_px = float(rng.uniform(1.6, 3.4))
-        if rng.random() < 0.45:
-            fwhm_px = log_uniform(rng, 1.2, 6.0 if block > 2 else 3.5)
-        if block > 2 and rng.random() < 0.06:
-            fwhm_px, defocus_px = float(rng.uniform(1.4, 2.5)), float(rng.uniform(2.0, 6.0))
+        fwhm_px, defocus_px = alterations.seeing(block, rng)
     return Canvas(
         width_px=sensor.width_px,
         height_px=sensor.height_px,

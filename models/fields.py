@@ -25,6 +25,12 @@ SHORTEST_PAPER_CELLS = 6.0
 SHORT_CELLS = 6.0
 """A shorter one has to be bright to be told from two close stars."""
 LONGEST_CELLS = 75.0
+"""Of most; of the hard ones some reach from corner to corner."""
+DIAGONAL_CELLS = FIELD_CELLS * 2.0**0.5
+FAINTEST_SNR = 12.0
+"""Integrated: so faint a streak is drawn, and asked for where it is long."""
+_FAINTEST_BIN_SNR = 0.8
+"""Light so thin is in no cell of the map, however long the streak."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +43,8 @@ class TrueStreak:
     y_b: float
     peak_snr: float
     """Its ridge over the noise of one pixel, mean along it, clouds and light curve included."""
+    integrated_snr: float
+    """Matched, of what lies in the field."""
     is_asked: bool
     """False: too faint or too little of it in the field; finding it is no fault either."""
 
@@ -99,7 +107,9 @@ def cut_ends(segment: tuple[float, float, float, float], width: float, height: f
     return sum(min(x, y, width - x, height - y) < rim for x, y in ((x_a, y_a), (x_b, y_b)))
 
 
-def is_asked_for(peak_snr: float, visible_cells: float, mode: MapMode, block: int) -> bool:
+def is_asked_for(
+    peak_snr: float, integrated_snr: float, visible_cells: float, mode: MapMode, block: int
+) -> bool:
     """Whether a detector that sees only the map can fairly be asked for this streak."""
     if mode == "paper":
         return visible_cells >= SHORTEST_PAPER_CELLS and peak_snr >= 3.0
@@ -109,4 +119,6 @@ def is_asked_for(peak_snr: float, visible_cells: float, mode: MapMode, block: in
     bin_snr = peak_snr * (1.75 if binning_of(block) == 2 else 1.0)
     if visible_cells < SHORT_CELLS:
         return bin_snr >= 5.0
+    if integrated_snr >= FAINTEST_SNR and bin_snr >= _FAINTEST_BIN_SNR:
+        return True
     return bin_snr >= 2.0 and bin_snr * float(np.sqrt(visible_cells)) >= 9.0

@@ -20,11 +20,11 @@ def satellite_curve(rng: np.random.Generator) -> FloatArray:
         wave = np.sin(2 * np.pi * (rng.uniform(0.5, 3.0) * time + rng.random()))
         return np.asarray(1.0 - rng.uniform(0.1, 0.45) * (1.0 + wave))
     if kind == 1:
-        first, last = rng.permutation([1.0, rng.uniform(0.25, 0.8)])
+        first, last = rng.permutation([1.0, rng.uniform(0.05, 0.8)])
         return np.linspace(first, last, _STEPS)
     if kind == 2:
-        wave = np.sin(2 * np.pi * (rng.uniform(1.0, 5.0) * time + rng.random()))
-        floor = rng.uniform(0.2, 0.5)
+        wave = np.sin(2 * np.pi * (rng.uniform(1.0, 8.0) * time + rng.random()))
+        floor = rng.uniform(0.0, 0.5)
         return np.asarray(floor + (1.0 - floor) * (0.5 + 0.5 * wave) ** rng.uniform(1.0, 3.0))
     glint = np.exp(-0.5 * ((time - rng.uniform(0.05, 0.95)) / rng.uniform(0.02, 0.15)) ** 2)
     return np.asarray(rng.uniform(0.6, 1.0) + rng.uniform(1.0, 6.0) * glint)

@@ -4,8 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.alterations import gaps
 from models.extras import Canvas
 from models.fields import (
+    DIAGONAL_CELLS,
+    FAINTEST_SNR,
     FIELD_CELLS,
     LONGEST_CELLS,
     SHORT_CELLS,
@@ -20,8 +23,9 @@ from models.fields import (
 )
 from models.light import log_uniform, satellite_curve
 from rsoconsole.records import MapMode
+from rsoconsole.simulator.psf import FWHM_PER_SIGMA
 from rsoconsole.simulator.render import FieldContent, Streak, cloud_at, straight_streak
-from rsoconsole.simulator.sensor import SensorModel
+from rsoconsole.simulator.sensor import SensorModel, amplifier_glow
 
 Segment = tuple[float, float, float, float]
 """Middle (x, y in cells), length (cells) and direction (rad)."""
@@ -31,6 +35,12 @@ _LEAST_AMONG_TRAILS_CELLS = 8.0
 _BENT_CELLS = 1.2
 """A trail that leaves its line by more is not asked for."""
 _SHORT_FWHMS = 3.0
+_FAINT_SNR = (FAINTEST_SNR, 80.0)
+"""Integrated, of those whose length does not make them brighter."""
+_FAINT_SHARE, _LONG_SHARE = 0.3, 0.12
+"""Of hard fields' streaks."""
+_LONGER_THAN_MOTION = 3.0
+"""So much longer than the way of the whole image a satellite is told from the stars."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,14 +54,19 @@ class Satellites:
     block: int
     conditions: Conditions
     rng: np.random.Generator
+    motion_px: FloatArray | None = None
+    """(2, m) by which the whole image moved, too little for the stars to be trails."""
+    are_stars_covered: bool = False
+    """Trailed stars have been covered with sky, and what lay under them."""
 
     def draw(self, star_path_px: FloatArray | None) -> tuple[list[Streak], list[TrueStreak]]:
         """Streaks and their truth; the mount's wander, if any, shakes them as it does the stars."""
         trails: list[Streak] = []
         truth: list[TrueStreak] = []
         for segment in self._segments():
-            snr = self._peak_snr(segment[2])
-            streak, seen = self._trail(segment, snr, star_path_px)
+            spread_px = self._spread_px(segment[3])
+            snr = self._peak_snr(segment[2], spread_px)
+            streak, seen = self._trail(segment, snr, star_path_px, spread_px)
             trails.append(streak)
             truth += seen
         return trails, truth
@@ -87,12 +102,20 @@ class Satellites:
             return log_uniform(rng, shortest, max(8.0, 1.5 * shortest))
         if draw < 0.6:
             return log_uniform(rng, 10.0, 20.0)
+        if self.conditions.is_hard and draw > 1.0 - _LONG_SHARE:
+            return log_uniform(rng, LONGEST_CELLS, DIAGONAL_CELLS)
         return log_uniform(rng, shortest, LONGEST_CELLS)
 
-    def _peak_snr(self, length: float) -> float:
+    def _peak_snr(self, length: float, spread_px: float) -> float:
         rng, wanted = self.rng, self.conditions.peak_snr
         if wanted is not None:
             return log_uniform(rng, *wanted)
+        if self.conditions.is_hard and self.mode == "fast" and rng.random() < _FAINT_SHARE:
+            light = self.canvas.line_of_snr(
+                log_uniform(rng, *_FAINT_SNR), length * self.block, spread_px
+            )
+            # As high as a line in a still image would be.
+            return light / self.canvas.line_e_per_px(1.0)
         if length < 1.4 * SHORT_CELLS and rng.random() < 0.7:
             return log_uniform(rng, 3.5, 30.0)
         return log_uniform(rng, 0.8, 6.0 if rng.random() < 0.55 else 30.0)
@@ -105,10 +128,24 @@ class Satellites:
 
     def _segment(self) -> Segment:
         length = self._length()
+        if length > LONGEST_CELLS and self.conditions.streak_cells is None:
+            return self._long_segment(length)
         # One in eight of the hard ones has its middle near or beyond the edge.
         rim = 6.0 if self.conditions.is_hard else -min(length / 2, 80.0)
         x, y = self.rng.uniform(-rim, FIELD_CELLS + rim, size=2)
         return float(x), float(y), length, self._angle()
+
+    def _long_segment(self, length: float) -> Segment:
+        """With both ends in the field; the longest run from corner to corner."""
+        angle = self._angle()
+        if length > FIELD_CELLS:
+            flattest = min(np.arccos(FIELD_CELLS / length), np.pi / 4)
+            angle = float(self.rng.uniform(flattest, np.pi / 2 - flattest))
+            angle = angle if self.rng.random() < 0.5 else np.pi - angle
+        reach = 0.5 * length * np.abs([np.cos(angle), np.sin(angle)])
+        room = np.maximum(FIELD_CELLS / 2 - reach, 0.0)
+        x, y = FIELD_CELLS / 2 + self.rng.uniform(-room, room)
+        return float(x), float(y), length, angle
 
     def _beside(self, of: Segment) -> Segment:
         """A neighbour of the same slot: parallel, alike, not end to end."""
@@ -134,7 +171,11 @@ class Satellites:
         return float(x), float(y), other, angle + float(turn)
 
     def _trail(
-        self, segment: Segment, peak_snr: float, star_path_px: FloatArray | None
+        self,
+        segment: Segment,
+        peak_snr: float,
+        star_path_px: FloatArray | None,
+        spread_px: float,
     ) -> tuple[Streak, list[TrueStreak]]:
         x, y, length, angle = segment
         rng, block = self.rng, self.block
@@ -143,11 +184,15 @@ class Satellites:
         # The curve sets the shape; the mean along the trail is what was asked for.
         if curve is not None:
             curve = curve / curve.mean()
+        if self.are_stars_covered:
+            open_sky = gaps(length, rng)
+            curve = open_sky if curve is None else open_sky * _stretched(curve, len(open_sky))
         light = self.canvas.line_e_per_px(peak_snr) * length * block
         ends = [v * block - 0.5 for v in (x - dx, y - dy, x + dx, y + dy)]
         streak = straight_streak((ends[0], ends[1]), (ends[2], ends[3]), light, curve)
-        if star_path_px is not None:
-            streak = _shaken(streak, star_path_px)
+        path_px = self.motion_px if star_path_px is None else star_path_px
+        if path_px is not None:
+            streak = _shaken(streak, path_px)
         line = tuple(
             float((v + 0.5) / block)
             for v in (streak.x_px[0], streak.y_px[0], streak.x_px[-1], streak.y_px[-1])
@@ -159,23 +204,62 @@ class Satellites:
         # Carried along by a wandering mount the light is spread over another length.
         drawn = max(float(np.hypot(line[2] - line[0], line[3] - line[1])), 1.0)
         snr = peak_snr * self._dimming(seen) * length / drawn
+        integrated = self.canvas.line_snr(
+            self.canvas.line_e_per_px(snr), visible * block, spread_px
+        )
+        snr *= self._narrowness(spread_px)
         dimmest = 1.0 if curve is None else min(1.0, float(np.median(curve)))
-        is_asked = is_asked_for(snr * dimmest, visible, self.mode, block)
+        is_asked = is_asked_for(snr * dimmest, integrated * dimmest, visible, self.mode, block)
         is_asked &= visible * block >= _SHORT_FWHMS * self.canvas.fwhm_px
         is_asked &= cut_ends(seen, FIELD_CELLS, FIELD_CELLS) < 2
-        is_asked &= star_path_px is None or self._stands_out(streak, star_path_px)
+        if star_path_px is not None:
+            is_asked &= self._stands_out(streak, star_path_px)
+        elif self.motion_px is not None:
+            reach = float(np.hypot(*np.ptp(self.motion_px, axis=1)))
+            is_asked &= visible * block >= _LONGER_THAN_MOTION * reach
         true = TrueStreak(
-            x_a=seen[0], y_a=seen[1], x_b=seen[2], y_b=seen[3], peak_snr=snr, is_asked=is_asked
+            x_a=seen[0],
+            y_a=seen[1],
+            x_b=seen[2],
+            y_b=seen[3],
+            peak_snr=snr,
+            integrated_snr=integrated,
+            is_asked=is_asked,
         )
         return streak, [true]
 
+    def _spread_px(self, angle: float) -> float:
+        """One sigma by which the image's motion widens a streak of this direction."""
+        if self.motion_px is None:
+            return 0.0
+        across = self.motion_px[1] * np.cos(angle) - self.motion_px[0] * np.sin(angle)
+        time = np.linspace(-0.5, 0.5, len(across))
+        # An even drift turns it and makes it no wider.
+        drift = (across @ time) / (time @ time)
+        return float(np.std(across - drift * time))
+
+    def _narrowness(self, spread_px: float) -> float:
+        """Height of a widened streak over that of one in a still image."""
+        variance = (self.canvas.fwhm_px / FWHM_PER_SIGMA) ** 2 + 1.0 / 12.0
+        return float(np.sqrt(variance / (variance + spread_px**2)))
+
     def _dimming(self, seen: tuple[float, float, float, float]) -> float:
-        """Mean transmission of the clouds along the visible part."""
+        """Mean transmission of the clouds along the visible part, over the noise by the glow."""
         share = np.linspace(0.0, 1.0, 9)
         x_px = (seen[0] + share * (seen[2] - seen[0])) * self.block - 0.5
         y_px = (seen[1] + share * (seen[3] - seen[1])) * self.block - 0.5
         through = cloud_at(self.sensor, self.content.cloud_transmission, x_px, y_px)
-        return float(through.mean())
+        return float(through.mean()) / self._noise_by_glow(x_px, y_px)
+
+    def _noise_by_glow(self, x_px: FloatArray, y_px: FloatArray) -> float:
+        """Noise of these places over that of a sensor without amplifier glow."""
+        if self.sensor.glow_e_s <= 0.0:
+            return 1.0
+        glow = amplifier_glow(self.sensor)
+        rows = np.clip(np.rint(y_px).astype(int), 0, glow.shape[0] - 1)
+        columns = np.clip(np.rint(x_px).astype(int), 0, glow.shape[1] - 1)
+        glow_e = float(glow[rows, columns].mean()) * self.content.exposure_s
+        return float(np.sqrt(1.0 + glow_e / self.canvas.noise_e**2))
 
     def _stands_out(self, streak: Streak, star_path_px: FloatArray) -> bool:
         """Whether it is straight, and differs from the stars in direction or is far longer."""
@@ -204,3 +288,7 @@ def _shaken(streak: Streak, path_px: FloatArray) -> Streak:
         electrons=streak.electrons,
         brightness=streak.brightness,
     )
+
+
+def _stretched(curve: FloatArray, steps: int) -> FloatArray:
+    return np.interp(np.linspace(0.0, 1.0, steps), np.linspace(0.0, 1.0, len(curve)), curve)

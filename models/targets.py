@@ -47,7 +47,9 @@ def targets_of(
         cuts = cut_ends(seen, width, height)
         is_asked = streak.is_asked and cuts < 2
         is_asked &= cuts == 0 or length >= _LEAST_CUT_CELLS
-        if not (is_asked and is_asked_for(streak.peak_snr, length, field.mode, field.block)):
+        seen_snr = streak.integrated_snr * float(np.sqrt(min(length / max(streak.length, 1e-3), 1)))
+        snrs = streak.peak_snr, seen_snr
+        if not (is_asked and is_asked_for(*snrs, length, field.mode, field.block)):
             is_near = (np.abs(along) < length / 2 + 4) & (np.abs(across) < 5)
             target[6][is_near & (target[0] == 0)] = 0.0
             continue

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 
 from models.batches import CROP_CELLS, batch, read_fields
-from models.dataset import RUN, SEED, SHARDS, write_shards
+from models.dataset import RUN, SEED, SHARDS, real_shards, write_shards
 from models.fields import Field
 from models.loss import loss_of
 from models.scoring import Score, score
@@ -55,13 +55,20 @@ class Training:
     """The network on its way, and what is needed to go on from any checkpoint."""
 
     def __init__(
-        self, run: Path, seed: int, steps: int, *, side: int = CROP_CELLS, is_bfloat16: bool = False
+        self,
+        run: Path,
+        seed: int,
+        steps: int,
+        *,
+        side: int = CROP_CELLS,
+        is_bfloat16: bool = False,
+        real_shards: int = 0,
     ) -> None:
         torch.manual_seed(seed)
         torch.use_deterministic_algorithms(True)
         torch.utils.deterministic.fill_uninitialized_memory = False
         self.run, self.seed, self.steps, self.step = run, seed, steps, 0
-        self.side, self.is_bfloat16 = side, is_bfloat16
+        self.side, self.is_bfloat16, self.real_shards = side, is_bfloat16, real_shards
         self.net = StreakNet().to(memory_format=torch.channels_last)
         self.average = deepcopy(self.net).eval()
         decayed = [p for p in self.net.parameters() if p.ndim > 1]
@@ -99,6 +106,7 @@ class Training:
             "steps": self.steps,
             "side": self.side,
             "bfloat16": self.is_bfloat16,
+            "real_shards": self.real_shards,
         }
 
     @property
@@ -211,6 +219,13 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--steps", type=int, default=16000, help=f"batches of {BATCH} crops")
     parser.add_argument("--shards", type=int, default=SHARDS["train"], help="of 50 fields")
     parser.add_argument("--side", type=int, default=CROP_CELLS, help="of a crop, in cells")
+    parser.add_argument(
+        "--backgrounds",
+        type=Path,
+        default=None,
+        metavar="DIR",
+        help="pictures of the real sky to draw fields on too (models/backgrounds.py)",
+    )
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--every", type=int, default=500, help="steps between checkpoints")
     parser.add_argument("--bfloat16", action="store_true", help="half the digits, faster")
@@ -226,16 +241,26 @@ def main() -> None:
     args.run.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(args.threads)
     data = args.run / "data"
-    counts = SHARDS | {"train": args.shards}
-    for done, missing in write_shards(data, args.seed, counts, args.threads):
+    real = real_shards(args.backgrounds)
+    counts = SHARDS | {"train": args.shards} | real
+    drawing = write_shards(data, args.seed, counts, args.threads, args.backgrounds)
+    for done, missing in drawing:
         show(done, missing, f"drawn {done} of {missing} shards")
     if sys.stderr.isatty():
         print(file=sys.stderr)
     if args.only_draw:
         return
     fields = read_fields(data, "train", args.shards)
+    fields += read_fields(data, "real-train", real.get("real-train", 0))
     judged = read_fields(data, "calibrate", SHARDS["calibrate"])[::_JUDGED_EVERY]
-    training = Training(args.run, args.seed, args.steps, side=args.side, is_bfloat16=args.bfloat16)
+    training = Training(
+        args.run,
+        args.seed,
+        args.steps,
+        side=args.side,
+        is_bfloat16=args.bfloat16,
+        real_shards=real.get("real-train", 0),
+    )
     train(training, fields, judged, args.every)
     if not args.no_export:
         from models.export import export

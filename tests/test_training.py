@@ -1,5 +1,7 @@
 """The making of the network, as far as it can be tested without PyTorch: truth and judgement."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.dataset import SPLITS, draw_shard, read_shard, shard_path, write_shard
+from models.dataset import SHARDS, SPLITS, draw_shard, read_shard, shard_path, write_shard
 from models.extras import Canvas
 from models.field_scene import draw_field, draw_sensor
 from models.fields import FIELD_CELLS, Conditions, Field, TrueStreak, clip_to_box, is_asked_for
@@ -104,7 +106,7 @@ def test_no_two_splits_share_a_field(monkeypatch):
     assert len(set(keys)) == len(keys)
     drawn = [
         field.values.tobytes()
-        for split in SPLITS
+        for split in SHARDS
         for number in range(2)
         for field in draw_shard(9, split, number)
     ]
@@ -142,14 +144,29 @@ def test_a_short_bright_streak_is_asked_for_and_is_where_its_truth_says():
 
 
 def test_a_short_streak_needs_more_light_than_a_long_one():
-    assert is_asked_for(5.0, 3.75, "fast", 8)
-    assert not is_asked_for(2.5, 3.75, "fast", 8)
-    assert is_asked_for(3.0, 12.0, "fast", 8)
-    assert not is_asked_for(5.0, 3.75, "paper", 8)
+    assert is_asked_for(5.0, 20.0, 3.75, "fast", 8)
+    assert not is_asked_for(2.5, 20.0, 3.75, "fast", 8)
+    assert is_asked_for(3.0, 20.0, 12.0, "fast", 8)
+    assert not is_asked_for(5.0, 20.0, 3.75, "paper", 8)
+
+
+def test_a_long_faint_streak_is_asked_for_by_its_integrated_light():
+    assert is_asked_for(0.85, 12.1, 15.0, "fast", 8)
+    assert not is_asked_for(0.85, 11.9, 15.0, "fast", 8)
+    # Spread over the whole field its light is in no cell.
+    assert not is_asked_for(0.3, 20.0, 250.0, "fast", 8)
 
 
 def _one_streak(kind: str, x_a: float, x_b: float) -> Field:
-    streak = TrueStreak(x_a=x_a, y_a=30.0, x_b=x_b, y_b=30.0, peak_snr=9.0, is_asked=True)
+    streak = TrueStreak(
+        x_a=x_a,
+        y_a=30.0,
+        x_b=x_b,
+        y_b=30.0,
+        peak_snr=9.0,
+        integrated_snr=99.0,
+        is_asked=True,
+    )
     values = np.zeros((64, 64), dtype=np.uint8)
     return Field(values=values, kind=kind, mode="fast", block=8, streaks=(streak,))
 
@@ -215,6 +232,18 @@ def test_a_streak_is_as_high_above_the_noise_as_was_asked(defocus_px):
     light = expected_electrons(sensor, lit) - expected_electrons(sensor, dark)
     # The wings of the disc hold an eighth of the light.
     assert light[:, 100].max() / 12.0 == pytest.approx(6.0, rel=0.13)
+
+
+def test_drawing_needs_no_more_than_the_training_environment_has():
+    code = (
+        "import sys, models.batches, models.dataset, models.nights\n"
+        "names = {name.split('.')[0] for name in sys.modules}\n"
+        "print(sorted(names & {'astropy', 'pydantic', 'textual', 'PyIndi', 'ai_edge_litert'}))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout.strip() == "[]"
 
 
 def test_a_kill_costs_nothing_but_time(tmp_path):

@@ -6,12 +6,16 @@ spreads every star about the place where the plate has it.
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rsoconsole.records import FloatArray
 from rsoconsole.simulator.render import frame_rng
-from rsoconsole.simulator.world import World
+
+if TYPE_CHECKING:
+    # Training draws moving images in an environment without pydantic.
+    from rsoconsole.simulator.world import World
 
 AIR_TAU_S = 0.05
 WIND_TAU_S = 0.3
@@ -68,7 +72,7 @@ class ImageMotion:
 
 
 def image_motion(  # noqa: PLR0917 - drawn the way it is spoken: of what, when, how long
-    world: World,
+    world: "World",
     seed: int,
     t_start_utc_ns: int,
     exposure_s: float,

@@ -5,7 +5,8 @@
 
 Run from the project's root in an environment that has ``requirements-peers.txt`` too. Every peer
 runs in a process of its own with a time-out; a frame without an answer counts as one where
-nothing was found. Tuning tries each peer's grid on frames of other seeds.
+nothing was found; a peer that is not installed is named and left out. Tuning tries each peer's
+grid on frames of other seeds.
 """
 
 import argparse
@@ -37,7 +38,7 @@ from tests.bench.peers.frames import (
     drawn_frames,
     independent_frames,
 )
-from tests.bench.peers.roster import PEERS
+from tests.bench.peers.roster import PEERS, present
 from tests.bench.peers.scoring import Candidate, Judged, Line, judge, summary
 
 RESULTS = Path(__file__).parent / "results" / "peers.json"
@@ -241,6 +242,7 @@ def main() -> None:
     parser.add_argument("--peers", nargs="*", default=list(PEERS), choices=list(PEERS))
     parser.add_argument("--out", type=Path, default=RESULTS)
     args = parser.parse_args()
+    args.peers = present(args.peers)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for part in args.parts:

@@ -20,7 +20,7 @@ def joined(candidates: Sequence[Candidate]) -> list[Candidate]:
             if _is_on(best.line, other.line):
                 group.append(other)
                 left.remove(other)
-        whole.append(Candidate(line=_union(group), score=best.score))
+        whole.append(Candidate(line=union(group), score=best.score))
     return whole
 
 
@@ -38,7 +38,8 @@ def _is_on(line: Line, other: Line) -> bool:
     return abs(dy * cos - dx * sin) < _ACROSS_PX and abs(dx * cos + dy * sin) < reach_px
 
 
-def _union(group: Sequence[Candidate]) -> Line:
+def union(group: Sequence[Candidate]) -> Line:
+    """From the first end to the last along the first one's axis."""
     x, y, cos, sin = _frame_of(group[0].line)
     ends = [
         point

@@ -1,8 +1,9 @@
 """Who takes part: name, module and settings."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 from rsoconsole.records import Frame
@@ -17,6 +18,18 @@ class Peer:
     settings_name: str = "SETTINGS"
     is_slow: bool = False
     """It gets the first frames of a long run only: it takes long, or finds nothing by design."""
+    looks_with_ours: bool = False
+    """Whether code of ``rsoconsole.vision`` takes part in what it finds."""
+    package: str = ""
+    """What it needs that the product does not."""
+    remedy: str = "pip install --no-deps -r requirements-peers.txt"
+    """How that is had."""
+
+    def missing(self) -> str:
+        """Why it cannot take part here, and what to do; empty where it can."""
+        if not self.package or find_spec(self.package) is not None:
+            return ""
+        return f"no package {self.package} here: {self.remedy}"
 
     def settings(self) -> Mapping[str, Any]:
         """The settings it runs with."""
@@ -37,14 +50,42 @@ class Peer:
         return import_module(f"tests.bench.peers.{self.module}")
 
 
+_ASTRIDE = (
+    "pip install --no-deps -r requirements-peers.txt git+https://github.com/dwkim78/ASTRiDE@83d9bce"
+)
 PEERS: Mapping[str, Peer] = {
-    "rsoconsole": Peer(module="product"),
-    "rsoconsole, paper's map and box": Peer(module="product", settings_name="PAPER_SETTINGS"),
-    "paper's recipe, full resolution": Peer(module="paper_recipe"),
-    "photutils segmentation": Peer(module="photutils_segments"),
-    "OpenCV LSD": Peer(module="opencv_lsd"),
-    "acstools satdet": Peer(module="acs_satdet", is_slow=True),
-    "satdet's steps, short trails": Peer(module="acs_satdet", settings_name="SHORT_SETTINGS"),
-    "acstools findsat_mrt": Peer(module="acs_findsat", is_slow=True),
-    "findsat_mrt in tiles": Peer(module="acs_findsat", settings_name="TILE_SETTINGS", is_slow=True),
+    "rsoconsole": Peer(module="product", looks_with_ours=True),
+    "rsoconsole, paper's map and box": Peer(
+        module="product", settings_name="PAPER_SETTINGS", looks_with_ours=True
+    ),
+    "paper's recipe, full resolution": Peer(module="paper_recipe", looks_with_ours=True),
+    "photutils segmentation": Peer(module="photutils_segments", package="photutils"),
+    "OpenCV LSD": Peer(module="opencv_lsd", looks_with_ours=True),
+    "ASTRiDE": Peer(module="astride_contours", package="astride", remedy=_ASTRIDE),
+    "acstools satdet": Peer(module="acs_satdet", is_slow=True, package="acstools"),
+    "satdet's steps, short trails": Peer(
+        module="acs_satdet", settings_name="SHORT_SETTINGS", package="skimage"
+    ),
+    "acstools findsat_mrt": Peer(
+        module="acs_findsat", is_slow=True, looks_with_ours=True, package="acstools"
+    ),
+    "findsat_mrt in tiles": Peer(
+        module="acs_findsat",
+        settings_name="TILE_SETTINGS",
+        is_slow=True,
+        looks_with_ours=True,
+        package="acstools",
+    ),
 }
+
+
+def present(names: Iterable[str]) -> list[str]:
+    """Those that can take part here; the others are told with what to do."""
+    there = []
+    for name in names:
+        why = PEERS[name].missing()
+        if why:
+            print(f"{name} takes no part: {why}", flush=True)
+        else:
+            there.append(name)
+    return there

@@ -96,8 +96,14 @@ def touches(candidate: Line, true: Line) -> bool:
     return bool(across <= NEAREST_PX and along <= true.length_px / 2 + NEAREST_PX)
 
 
-def judge(candidates: Sequence[Candidate], truth: Sequence[TrueStreak]) -> Judged:
-    """Match by falling score, each streak once; what merely touches a streak counts neither way."""
+def judge(
+    candidates: Sequence[Candidate], truth: Sequence[TrueStreak], beside: Sequence[Line] = ()
+) -> Judged:
+    """Match by falling score, each streak once.
+
+    What merely touches a streak, or one of the trails ``beside``, counts neither way.
+    """
+    lines = [*(each.line for each in truth), *beside]
     free = list(truth)
     taken: dict[int, tuple[float, float]] = {}
     false_scores: list[float] = []
@@ -107,7 +113,7 @@ def judge(candidates: Sequence[Candidate], truth: Sequence[TrueStreak]) -> Judge
             best = min(fitting, key=lambda t: miss_px(candidate.line, t.line))
             free.remove(best)
             taken[id(best)] = candidate.score, miss_px(candidate.line, best.line)
-        elif not any(touches(candidate.line, t.line) for t in truth):
+        elif not any(touches(candidate.line, line) for line in lines):
             false_scores.append(candidate.score)
     return Judged(
         found=tuple((t, *taken.get(id(t), (None, None))) for t in truth),
@@ -137,14 +143,19 @@ def average_precision(true_scores: FloatArray, false_scores: FloatArray, asked: 
     return float(np.sum(np.diff(recall) * falling[1:]))
 
 
+def threshold_at(false_scores: Sequence[float] | FloatArray, most_false: int) -> float:
+    """The lowest that only ``most_false`` of these false candidates lie above."""
+    ordered = np.sort(np.asarray(false_scores, dtype=np.float64))[::-1]
+    return float(ordered[most_false]) if most_false < len(ordered) else -np.inf
+
+
 def recall_at(
     true_scores: FloatArray, false_scores: FloatArray, asked: int, most_false: int
 ) -> float:
     """Share of the asked streaks above the lowest threshold that lets ``most_false`` through."""
     if asked == 0:
         return float("nan")
-    ordered = np.sort(false_scores)[::-1]
-    above = float(ordered[most_false]) if most_false < len(ordered) else -np.inf
+    above = threshold_at(false_scores, most_false)
     return float(np.count_nonzero(true_scores > above)) / asked
 
 
