@@ -19,6 +19,7 @@ from models.curve_fit import (
     SHARES,
     TAU,
     FittedCurve,
+    counts,
     fit_curve,
     gathered,
     out_of_fold,
@@ -65,7 +66,7 @@ def judged(rows: Sequence[FrameRow], curve: FittedCurve) -> dict[str, Any]:
     place = 0
     for number, row in enumerate(rows):
         for each in row["candidates"]:
-            if each["is_taken"]:
+            if counts(row, each):
                 if each["trail"] is not None:
                     key = number, each["trail"]
                     found[key] = max(found.get(key, 0.0), confidence[place])

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy.optimize import minimize
 
 from models.frames import HARD, Kind
-from models.judging import FrameRow, features_of
+from models.judging import CandidateRow, FrameRow, features_of
 from models.scoring import logit_for_rate
 from rsoconsole.vision.confidence import FEATURES
 
@@ -76,11 +76,15 @@ class Candidates:
 
 
 def gathered(rows: Sequence[FrameRow]) -> Candidates:
-    """All candidates that a confidence counts for: those not refused after it."""
+    """All candidates that a confidence counts for: those not refused after it.
+
+    A steady light of an aircraft that the frame cuts at both ends counts neither way: it is a trail
+    of the sky, starts no track, and what it is its class tells.
+    """
     features, is_true, kinds, frames = [], [], [], []
     for number, row in enumerate(rows):
         for each, seen in zip(row["candidates"], features_of(row), strict=True):
-            if each["is_taken"]:
+            if counts(row, each):
                 features.append(seen)
                 is_true.append(each["trail"] is not None)
                 kinds.append(row["kind"])
@@ -92,6 +96,12 @@ def gathered(rows: Sequence[FrameRow]) -> Candidates:
         frame=np.array(frames, dtype=np.int64),
         frames=Counter(row["kind"] for row in rows),
     )
+
+
+def counts(row: FrameRow, candidate: CandidateRow) -> bool:
+    """Whether a candidate is one of those that confidence is fitted and judged on."""
+    is_light = row["kind"] == "aircraft" and candidate["measured"].get("kind") == "crossing"
+    return candidate["is_taken"] and not is_light
 
 
 def population_weights(them: Candidates, frames_per_satellite: float) -> FloatArray:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from models.curve_fit import gathered, population_weights, reliability
+from models.curve_fit import counts, gathered, population_weights, reliability
 from models.frames import HARD, KINDS, Kind
 from models.intervals import rate_interval, rate_upper_limit, share_interval
 from models.judging import FrameRow, TrailRow, confidences_of
@@ -79,7 +79,7 @@ def outcome_of(rows: Sequence[FrameRow], curve: ConfidenceCurve, tau: float) -> 
         best: dict[int, tuple[float, float | None]] = {}
         for each, confidence in zip(row["candidates"], confidences_of(row, curve), strict=True):
             trail, measured = each["trail"], each["measured"]
-            if not each["is_taken"]:
+            if not counts(row, each):
                 continue
             if trail is None:
                 alarms.append(
