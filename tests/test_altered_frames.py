@@ -50,12 +50,6 @@ def _disc(sigma: float) -> np.ndarray:
     return np.asarray(across @ across.T)
 
 
-def _ring(radius: float) -> np.ndarray:
-    reach = math.ceil(radius) + 4
-    away = np.hypot(*np.mgrid[-reach : reach + 1, -reach : reach + 1])
-    return cv2.GaussianBlur(((away <= radius) & (away >= 0.4 * radius)) * 1.0, (0, 0), 0.8)
-
-
 def _trail(length: float, angle_deg: float) -> np.ndarray:
     reach = math.ceil(length / 2) + 3
     kernel = np.zeros((2 * reach + 1, 2 * reach + 1))
@@ -133,8 +127,8 @@ def test_the_satellite_is_found_and_nothing_else(name: str, detector: Any, frame
 
 @pytest.mark.parametrize(
     "kernel",
-    [_disc(4.0), _ring(8.0), _trail(30.0, 30.0)],
-    ids=["blurred by 4 px", "a ring of 8 px", "stars trailed by 30 px"],
+    [_disc(4.0), _trail(30.0, 30.0)],
+    ids=["blurred by 4 px", "stars trailed by 30 px"],
 )
 def test_where_it_is_not_believed_it_is_measured_all_the_same(
     kernel: np.ndarray, detector: Any, frames: Any

@@ -104,7 +104,9 @@ def test_reasons_are_counted_by_their_words():
     assert without_figures(one) == without_figures(other) == "wider than a star: glare"
 
 
-def test_a_row_tells_what_was_found_and_how_far_off_and_where_the_rest_was_lost(bright):
+def test_a_row_tells_what_was_found_and_how_far_off_and_where_the_rest_was_lost(
+    bright, monkeypatch
+):
     (trail,) = bright.trails
     row = Judge(Oracle(box_on(trail))).row(bright)
     (candidate,) = row["candidates"]
@@ -113,6 +115,9 @@ def test_a_row_tells_what_was_found_and_how_far_off_and_where_the_rest_was_lost(
     half_a_pixel = 0.5
     assert candidate["error_px"] < half_a_pixel
     assert row["trails"][0]["lost"] == ""
+    by_the_filter = Judge(Oracle()).row(bright)
+    assert [each["trail"] for each in by_the_filter["candidates"]] == [0]
+    monkeypatch.setattr("rsoconsole.vision.detector.propose_lines", lambda *_: [])
     blind = Judge(Oracle()).row(bright)
     assert blind["candidates"] == []
     assert blind["trails"][0]["lost"] == NOT_PROPOSED

@@ -216,7 +216,7 @@ def _by_pulse(e: Evidence) -> Likelihood:
 def _by_speed(e: Evidence) -> Likelihood:
     """By degrees a second, and by the degrees that a meteor's way is long."""
     rate = e.rate_deg_s
-    if rate is None or e.scale_arcsec_px is None:
+    if not rate or e.scale_arcsec_px is None:
         return {}
     too_fast = 1.0 / (1.0 + (rate / _FASTEST_SATELLITE_DEG_S) ** 4)
     likely: Likelihood = {"satellite": too_fast, "aircraft": max(too_fast, 0.1)}
