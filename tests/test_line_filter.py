@@ -99,3 +99,4 @@ def test_small_and_slim_frames_are_no_trouble(height, width):
 def test_the_cells_are_as_fine_as_their_number_allows():
     assert [cell_side_px(*shape) for shape in ((480, 640), (1760, 2328), (3520, 4656))] == [4, 4, 8]
     assert cell_side_px(6388, 9576) == 16
+    assert [cell_side_px(*shape, finest_px=2) for shape in ((480, 640), (1760, 2328))] == [2, 4]

@@ -11,6 +11,7 @@ import pytest
 from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.reason_text import text
 from rsoconsole.sky.angles import turn_deg
+from rsoconsole.vision.candidate import Candidate, LineLight
 from rsoconsole.vision.set_aside import not_along
 from rsoconsole.vision.stars import find_stars
 from rsoconsole.vision.trailed_stars import Trail
@@ -80,20 +81,23 @@ def test_stars_that_are_points_are_told_to_be(pattern):
 
 
 @pytest.mark.parametrize(
-    ("angle_deg", "length_px", "confidence", "is_kept"),
+    ("angle_deg", "length_px", "confidence", "roughness", "is_kept"),
     [
-        (62.0, 40.0, 0.99, False),
-        (62.0, 150.0, 0.5, False),
-        (62.0, 150.0, 0.99, True),
-        (62.0, 400.0, 0.5, True),
-        (75.0, 40.0, 0.5, True),
-        (179.0, 40.0, 0.5, True),
+        (62.0, 40.0, 0.99, 0.05, False),
+        (62.0, 150.0, 0.5, 0.6, False),
+        (62.0, 150.0, 0.99, 0.6, True),
+        (62.0, 150.0, 0.5, 0.05, True),
+        (62.0, 400.0, 0.5, 0.6, True),
+        (75.0, 40.0, 0.5, 0.6, True),
+        (179.0, 40.0, 0.5, 0.6, True),
     ],
 )
-def test_some_trails_in_a_row_are_no_streak(angle_deg, length_px, confidence, is_kept):
+def test_some_trails_in_a_row_are_no_streak(angle_deg, length_px, confidence, roughness, is_kept):
     trail = Trail(length_px=20.0, angle_deg=60.0, fwhm_px=3.0)
     found = straight_detection(angle_deg=angle_deg, length_px=length_px, confidence=confidence)
-    kept, chains = not_along([found], trail)
-    assert (kept == [found], len(chains)) == (is_kept, 0 if is_kept else 1)
+    light = LineLight(lower_quartile_snr=20.0, roughness=roughness)
+    candidate = Candidate(found=found, light=light)
+    kept, chains = not_along([candidate], trail)
+    assert (kept == [candidate], len(chains)) == (is_kept, 0 if is_kept else 1)
     if chains:
         assert "along the stars' own trails, of 20 px" in text(chains[0].reason)

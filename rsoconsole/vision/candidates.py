@@ -20,7 +20,6 @@ from rsoconsole.vision.streak_evenness import unevenness
 from rsoconsole.vision.streak_fit import (
     AS_CHAINS_FWHM,
     MARGIN_PX,
-    MOST_UNEVEN,
     StreakFit,
     fit_streak,
 )
@@ -36,7 +35,8 @@ BOX_SIGMA_PX = 3.0
 """One sigma of a box's centre against the streak's midpoint, of boxes about streaks of 119 px."""
 TOLD_CONFIDENCE = 0.01
 """Whom the network believes less is not on record where no line fits either."""
-_SAME_STREAK_DEG = 10.0
+_SAME_STREAK_DEG, _SAME_WIDTHS, _LEAST_WIDTH_PX = 10.0, 1.5, 2.0
+"""Turn, and how far across in widths of it, at least of so many px."""
 _RUNS_ALIKE_DEG = 6.0
 """What a proposal's direction is worth."""
 
@@ -45,7 +45,7 @@ DARK = NotAStreak(kind="no light")
 LONGEST_FIT_PX = 450.0
 """What is longer is measured along itself alone (``streak_trace``): a fit would take seconds."""
 _MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MOST_ROUGH = 8.0, 3.0, 0.15, 0.9
-_NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 4.0
+_NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 3.0
 """Width over the stars', and length in widths of a star."""
 _MOST_BEYOND = 0.6
 _MOST_NARROW = 1.0
@@ -174,12 +174,10 @@ class Measurements:
 
     def _measure(self, proposal: Proposal) -> None:
         box = proposal.box
-        trace, reason = None, None
-        if proposal.is_line:
-            trace, reason = self._traced_well(_ends(box))
-            if trace is None and box.confidence < _BELIEVED:
-                self.refuse(box, reason or NotAStreak(kind="no line"))
-                return
+        trace, reason = self._traced_well(_ends(box))
+        if trace is None and box.confidence < _BELIEVED:
+            self.refuse(box, reason or NotAStreak(kind="no line"))
+            return
         measured: StreakFit | None = None
         traced = None if trace is None else self._from_trace(box, trace)
         is_promising = traced is None or self.promise(traced)
@@ -200,9 +198,6 @@ class Measurements:
                 reason, measured = reason or fit.reason, fit.fit
         if traced is None:
             self.refuse(box, reason or NotAStreak(kind="no line"), measured)
-        elif traced.found.unevenness > MOST_UNEVEN:
-            reason = NotAStreak(kind="patchy")
-            self.rejected.append(Rejection(detection=traced.found, reason=reason))
         else:
             self._take(traced)
 
@@ -288,16 +283,34 @@ class Measurements:
         self.rejected.append(Rejection(detection=found, reason=reason))
 
 
-def distinct(frame: Frame, found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
+def distinct(found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
     """Candidates of maps of several blocks, each streak once, at its most confident."""
     if len(found) == 1:
         return found[0]
-    kept: list[tuple[NetworkBox, Detection]] = []
-    for box in sorted((b for boxes in found for b in boxes), key=lambda b: -b.confidence):
-        plain = from_box(frame, box)
-        if not any(is_same_streak(plain, other) for _, other in kept):
-            kept.append((box, plain))
-    return tuple(box for box, _ in kept)
+    boxes = sorted((b for each in found for b in each), key=lambda b: -b.confidence)
+    if not boxes:
+        return ()
+    same = _are_same(np.array([_ends(box) for box in boxes]))
+    is_kept = np.zeros(len(boxes), dtype=bool)
+    for i in range(len(boxes)):
+        is_kept[i] = not (same[i] & is_kept).any()
+    return tuple(box for box, is_one in zip(boxes, is_kept.tolist(), strict=True) if is_one)
+
+
+def _are_same(ends: FloatArray) -> BoolArray:
+    """``is_same_streak`` of every box with every other, (n, n); ``ends`` (n, 4)."""
+    along = ends[:, 2:] - ends[:, :2]
+    middle, lengths = 0.5 * (ends[:, 2:] + ends[:, :2]), np.hypot(along[:, 0], along[:, 1])
+    cos, sin = (along / np.maximum(lengths, 1e-6)[:, None]).T
+    cross = np.abs(cos[:, None] * sin[None] - sin[:, None] * cos[None])
+    turn = np.degrees(np.arcsin(np.minimum(cross, 1.0)))
+    shortest = np.maximum(np.minimum(lengths[:, None], lengths[None]), 1.0)
+    off = middle[:, None] - middle[None]
+    # Of row i on the line of column j.
+    place = np.abs(off[..., 0] * cos + off[..., 1] * sin)
+    across = np.abs(off[..., 1] * cos - off[..., 0] * sin)
+    lies = (across < _SAME_WIDTHS * _LEAST_WIDTH_PX) & (place < 0.5 * lengths + 1.0)
+    return np.asarray((turn <= _SAME_STREAK_DEG + np.degrees(2.0 / shortest)) & (lies | lies.T))
 
 
 def is_same_streak(one: Detection, other: Detection) -> bool:
@@ -320,7 +333,8 @@ def _lies_on(one: Detection, other: Detection) -> bool:
     dx, dy = one.x_px - other.x_px, one.y_px - other.y_px
     along = abs(dx * np.cos(angle) + dy * np.sin(angle))
     across = abs(dy * np.cos(angle) - dx * np.sin(angle))
-    return bool(across < 1.5 * max(other.width_px, 2.0) and along < 0.5 * other.length_px + 1.0)
+    reach_px = _SAME_WIDTHS * max(other.width_px, _LEAST_WIDTH_PX)
+    return bool(across < reach_px and along < 0.5 * other.length_px + 1.0)
 
 
 def _corners(box: NetworkBox) -> tuple[float, float, float, float]:

@@ -32,6 +32,7 @@ FEATURES = (
     "uneven",
     "faint",
     "rough",
+    "confused",
     "blurred",
     "drifted",
 )
@@ -138,18 +139,19 @@ def confidence_features(
     """What the curve looks at, in the order of ``FEATURES``.
 
     The network's log-odds, no less than ``LEAST_LOGIT``; the logarithm of the fit's matched signal
-    to noise, of the sky beside it as it is, over 20, no more than ``MOST_LOG_SNR``, since a chain
+    to noise over 20, no more than ``MOST_LOG_SNR``, since a chain
     of bright stars is bright too; the same of what its darker parts say of the whole, which stars
     in a row have little of; how much longer than a few widths it is; how far, as a logarithm, it
     is wider and narrower than the stars, beyond what its signal to noise leaves open; how short it
     is against ``SHORT_FWHM`` and how long against ``LONG_FWHM``; how many others lie on its line;
     whether one that is much longer, or bright and of another length, is parallel; how uneven its
     light is; how much fainter than ``FAINT_SNR`` it is; how much of its scatter along the line
-    nothing explains; how wide the stars were, and how long drift has drawn them.
+    nothing explains; how restless the sky beside it is; how wide the stars were, and how long drift
+    has drawn them.
     """
     found, light = candidate.found, candidate.light
     psf_px, length_px = max(focus.fwhm_px, 0.1), max(found.length_px, 0.1)
-    snr = max(found.snr / light.confusion, 0.1)
+    snr = max(found.snr, 0.1)
     steady = max(light.lower_quartile_snr, _LEAST_STEADY)
     width_px = max(found.width_px, 0.1)
     wide = math.log(width_px / max(focus.widest_px(found.angle_deg), 0.1))
@@ -171,6 +173,7 @@ def confidence_features(
         found.unevenness,
         max(0.0, math.log(FAINT_SNR / snr)),
         math.log1p(light.roughness**2 / (_EVEN_ENOUGH**2 + (_ROUGH_BY_NOISE / snr) ** 2)),
+        math.log(max(light.confusion, 1.0)),
         math.log(focus.joined),
         math.log1p(focus.trail_px / psf_px),
     )

@@ -18,6 +18,7 @@ from rsoconsole.vision.background import Background, local_background
 from rsoconsole.vision.bins import bin_frame
 from rsoconsole.vision.candidate import Candidate, Focus
 from rsoconsole.vision.candidates import (
+    TOLD_CONFIDENCE,
     Measurements,
     Proposal,
     at_box_centre,
@@ -29,7 +30,7 @@ from rsoconsole.vision.candidates import (
 )
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.cores import threads_for
-from rsoconsole.vision.line_filter import CellLine, cell_side_px, propose_lines
+from rsoconsole.vision.line_filter import FINEST_PX, CellLine, cell_side_px, propose_lines
 from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map, map_noise
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.pattern import find_pattern
@@ -47,7 +48,7 @@ _MOST_JOININGS = 2
 _MOST_WIDE_STARS = 1500
 """Wide stars cover so much of a frame that faint ones too have to be masked."""
 _WORTH_A_NAME = 0.2
-_PROMISING = 0.2
+_PROMISING = 0.5
 """Of tau: what a trace alone gives less confidence no fit lifts above it."""
 
 
@@ -104,7 +105,7 @@ class StreakDetector:
             if pattern is not None:
                 frame = replace(frame, pixels=pattern.removed(frame.pixels))
         working = WorkingFrame.of(frame, 1)
-        seen = first = self._seen(frame, watch)
+        seen = first = self._seen(frame, watch, looks_again=True)
         for _ in range(_MOST_JOININGS):
             side = pixels_to_join(seen.stars, working.frame)
             if side == 1:
@@ -116,15 +117,21 @@ class StreakDetector:
         with watch.stage("fit"):
             measured = self._measure(working, seen, focus, threshold)
             rejected = measured.rejected
-            taken = sorted(self._judged(measured.taken, focus), key=lambda d: -d.confidence)
-            taken, others = set_aside(taken, stars.trail, working.frame)
+            judged = [
+                replace(each, found=found)
+                for each, found in zip(
+                    measured.taken, self._judged(measured.taken, focus), strict=True
+                )
+            ]
+            judged.sort(key=lambda each: -each.found.confidence)
+            taken, others = set_aside(judged, stars.trail, working.frame)
             rejected += others
             if self._settings.centroid == "box":
                 taken = [at_box_centre(d) for d in taken]
-            faint = [d for d in taken if d.confidence <= threshold]
             rejected += [
                 Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=threshold))
-                for d in faint
+                for d in taken
+                if TOLD_CONFIDENCE < d.confidence <= threshold
             ]
         with watch.stage("class"):
             told = [d for d in taken if d.confidence > threshold]
@@ -150,15 +157,28 @@ class StreakDetector:
             proposals=seen.proposals,
         )
 
-    def _seen(self, frame: Frame, watch: "_Stopwatch", most_stars: int = MAX_STARS) -> "_Seen":
-        """Sky, stars and all that may be a streak."""
+    def _seen(
+        self,
+        frame: Frame,
+        watch: "_Stopwatch",
+        most_stars: int = MAX_STARS,
+        *,
+        looks_again: bool = False,
+    ) -> "_Seen":
+        """Sky, stars and all that may be a streak.
+
+        With ``looks_again`` no streak is looked for where stars are so wide that pixels will be
+        joined first, as far as that is known in time.
+        """
         pixels, workers = frame.pixels, self._workers
         blocks = choose_blocks(
             frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
         )
         mode = self._settings.map_mode
         lines = blocks if mode == "fast" else ()
-        side_px = cell_side_px(frame.height_px, frame.width_px)
+        # Where pixels were joined stars are three of them wide, and streaks short.
+        finest_px = FINEST_PX if looks_again else FINEST_PX // 2
+        side_px = cell_side_px(frame.height_px, frame.width_px, finest_px)
         with watch.stage("background"):
             noises = {block: workers.begin(partial(map_noise, pixels, block)) for block in lines}
             bins = bin_frame(
@@ -171,11 +191,15 @@ class StreakDetector:
                 stars = find_stars(
                     pixels, sky, most_stars, saturation_adu=frame.saturation_adu, bins=bins
                 )
+            if looks_again and pixels_to_join(stars, frame) > 1:
+                return stars, []
             with watch.stage("lines"):
                 assert bins.squares is not None
                 return stars, propose_lines(sky, bins.squares, side_px, stars)
 
         looked = workers.begin(look_for_stars_and_lines)
+        if looks_again and looked.done() and pixels_to_join(looked.result()[0], frame) > 1:
+            return _Seen(sky=sky, stars=looked.result()[0], proposals=())
         with watch.stage("map"):
             noise = {block: begun.result() for block, begun in noises.items()}
             maps = [
@@ -183,7 +207,7 @@ class StreakDetector:
                 for block in blocks
             ]
         with watch.stage("network"):
-            boxes = distinct(frame, [self._network.run(each) for each in maps])
+            boxes = distinct([self._network.run(each) for each in maps])
         stars, found = looked.result()
         wanted = proposals(boxes, found)
         if stars.trail is not None:

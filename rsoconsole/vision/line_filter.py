@@ -21,14 +21,17 @@ from rsoconsole.vision.stars import StarList, lit_radius_px
 
 Float32Array = npt.NDArray[np.float32]
 
-THRESHOLD, LEAST_SNR = 5.8, 7.0
-"""Sigma of the cells' own scatter: of a partial sum that is traced, and of the whole line then."""
-MOST_LINES = 60
-_FINEST_PX, _MOST_CELLS = 4, 300_000
+THRESHOLD, LONG_THRESHOLD, LEAST_SNR = 5.0, 4.6, 5.0
+"""Sigma of the cells' own scatter: of a short and of a long partial sum that is traced, and of the
+whole line then."""
+_LONG_ROWS = 32
+MOST_LINES = 40
+FINEST_PX, _MOST_CELLS = 4, 300_000
 _SHORTEST_FWHM = 4.5
 _SHORTEST, _LONGEST = 2, 7
 """Lines of 2^k rows of cells."""
-_MOST_SEEDS, _MOST_TRACED = 1500, 100
+_MOST_SEEDS, _MOST_TRACED = 300, 12
+_SMALLEST = 1e-9
 _LIMIT, _MOST = 2.0, 6.0
 """Sigma of a cell: what light of no line counts at most, and what light of a line does."""
 _SURELY_LIGHT, _NO_LINE = 4.5, 1.2
@@ -43,6 +46,8 @@ _STILL_THERE = 0.7
 _REACH = 2
 """Cells to either side of a line that are looked at to find where it runs."""
 _CHUNKS = 8
+_MOST_PARTS, _LIT_SHARE = 16, 0.4
+"""Into so many parts a sum is cut; and what the middling ones of them hold at least of it."""
 _BEYOND = 12.0
 _LIT = 0.4
 
@@ -64,15 +69,16 @@ class _Seed:
     """One partial sum that stands out: column and row of both ends, the first cell's middle 0."""
 
     snr: float
+    rows: int
     x_a: int
     y_a: int
     x_b: int
     y_b: int
 
 
-def cell_side_px(height: int, width: int) -> int:
+def cell_side_px(height: int, width: int, finest_px: int = FINEST_PX) -> int:
     """Side of a frame's cells: about a star's width, twice that where so many would be slow."""
-    side = _FINEST_PX
+    side = finest_px
     while height * width > _MOST_CELLS * side**2 and side < CELL_PX:
         side *= 2
     return side
@@ -146,41 +152,68 @@ def limited(cells: Float32Array) -> Float32Array:
     return out
 
 
-def find_lines(cells: Float32Array, threshold: float = THRESHOLD) -> list[CellLine]:
+def find_lines(cells: Float32Array) -> list[CellLine]:
     """Lines in a map of limited signal to noise (rows, columns); the longest and brightest first.
 
-    The scatter of the cells themselves is the noise: faint stars are part of it.
+    The cells themselves, where they are not covered (0), tell level and noise: faint stars, which
+    long sums add up, are part of both.
     """
     import cv2
 
-    sample = cells[::_EVERY, ::_EVERY]
-    median = float(np.median(sample))
-    scatter = 1.4826 * float(np.median(np.abs(sample - median)))
+    is_open = cells != 0.0
+    shown = cells[is_open]
+    scatter = float(shown.std()) if shown.size else 0.0
     if scatter <= 0.0:
         return []
-    left = (cells - np.float32(median)) / np.float32(scatter)
+    left = (cells - np.float32(shown.mean())) / np.float32(scatter)
+    left[~is_open] = 0.0
     # A line between two cells, or where the sums' own course is a cell beside it, counts more so.
     smooth = cv2.GaussianBlur(left, (3, 3), _SMOOTHED)
     smooth /= np.float32(_SMOOTHED_NOISE)
-    seeds = sorted(_seeds(smooth, threshold), key=lambda seed: -seed.snr)[:_MOST_SEEDS]
+    seeds: dict[int, list[_Seed]] = {}
+    for seed in _seeds(smooth):
+        seeds.setdefault(seed.rows, []).append(seed)
     found: list[CellLine] = []
-    traced = 0
-    for seed in seeds:
-        if _what_is_left(smooth, seed) < max(_STILL_THERE * seed.snr, threshold):
-            continue
-        line = _traced(left, seed)
-        traced += 1
-        if line is not None:
-            _erase(left, line)
-            _erase(smooth, line)
-            if line.snr > LEAST_SNR:
-                found.append(line)
-        if len(found) == MOST_LINES or traced == _MOST_TRACED:
-            break
-    return found
+    # What is long first: of short sums in a field of stars thousands stand out.
+    for rows in sorted(seeds, reverse=True):
+        traced = 0
+        best = sorted(seeds[rows], key=lambda seed: -seed.snr)[:_MOST_SEEDS]
+        for seed in _lit_all_along(smooth, best):
+            if traced == _MOST_TRACED or len(found) == MOST_LINES:
+                break
+            if _what_is_left(smooth, seed) < max(_STILL_THERE * seed.snr, _threshold(rows)):
+                continue
+            line = _traced(left, seed)
+            traced += 1
+            if line is not None:
+                _erase(left, line)
+                _erase(smooth, line)
+                if line.snr > LEAST_SNR:
+                    found.append(line)
+    return sorted(found, key=lambda line: -line.snr)
 
 
-def _seeds(cells: Float32Array, threshold: float) -> Iterator[_Seed]:
+def _lit_all_along(cells: Float32Array, seeds: list[_Seed]) -> list[_Seed]:
+    """Those of one length whose light is not that of a few bright places, the steadiest first."""
+    rows = seeds[0].rows
+    t = np.linspace(0.0, 1.0, rows)
+    ends = np.array([(s.x_a, s.y_a, s.x_b, s.y_b) for s in seeds], dtype=np.float64)
+    columns = np.rint(ends[:, :1] + (ends[:, 2:3] - ends[:, :1]) * t).astype(np.intp)
+    lines = np.rint(ends[:, 1:2] + (ends[:, 3:] - ends[:, 1:2]) * t).astype(np.intp)
+    light = cells[lines.clip(0, cells.shape[0] - 1), columns.clip(0, cells.shape[1] - 1)]
+    parts = light.reshape(len(seeds), min(max(rows // 2, 4), _MOST_PARTS), -1).mean(axis=2)
+    middling = np.median(parts, axis=1) * math.sqrt(rows)
+    sums = np.array([seed.snr for seed in seeds])
+    order = np.argsort(-middling)
+    return [seeds[i] for i in order.tolist() if middling[i] > _LIT_SHARE * sums[i]]
+
+
+def _threshold(rows: int) -> float:
+    """Of a sum of so many rows: there are the fewer of them the longer they are."""
+    return THRESHOLD if rows < _LONG_ROWS else LONG_THRESHOLD
+
+
+def _seeds(cells: Float32Array) -> Iterator[_Seed]:
     steps = np.clip(np.rint(cells * np.float32(_STEPS)), -_MOST_STEPS, _MOST_STEPS)
     whole = steps.astype(np.int16)
     for is_turned in (False, True):
@@ -188,16 +221,15 @@ def _seeds(cells: Float32Array, threshold: float) -> Iterator[_Seed]:
             table = whole.T if is_turned else whole
             last = table.shape[1] - 1
             table = np.ascontiguousarray(table[:, ::-1] if is_flipped else table)
-            for snr, row, x, rows, shift in _sums_that_stand_out(table, threshold):
+            for snr, row, x, rows, shift in _sums_that_stand_out(table):
                 x_a, x_b = (last - x, last - x - shift) if is_flipped else (x, x + shift)
                 y_a, y_b = row, row + rows - 1
-                yield (
-                    _Seed(snr, y_a, x_a, y_b, x_b) if is_turned else _Seed(snr, x_a, y_a, x_b, y_b)
-                )
+                ends = (y_a, x_a, y_b, x_b) if is_turned else (x_a, y_a, x_b, y_b)
+                yield _Seed(snr, rows, *ends)
 
 
 def _sums_that_stand_out(
-    table: npt.NDArray[np.int16], threshold: float
+    table: npt.NDArray[np.int16],
 ) -> Iterator[tuple[float, int, int, int, int]]:
     """(snr, first row, first column, rows, shift to the right) of lines no flatter than 45 deg."""
     height, width = table.shape
@@ -220,7 +252,7 @@ def _sums_that_stand_out(
         longer[:, width:] = 0
         sums = longer
         if level >= _SHORTEST:
-            yield from _maxima(sums, rows, threshold * _STEPS)
+            yield from _maxima(sums, rows, _threshold(rows) * _STEPS)
 
 
 def _maxima(
@@ -314,20 +346,20 @@ def _course(u: FloatArray, light: Float32Array) -> tuple[float, float]:
     """Offset and slope of where the light along a line runs, from its middles in a few chunks."""
     count = max(1, min(_CHUNKS, u.size // 4))
     v = np.arange(-_REACH, _REACH + 1)
-    places, middles, weights = [], [], []
-    for part in np.array_split(np.arange(u.size), count):
-        across = light[:, part].mean(axis=1)
-        across = np.maximum(across - np.sort(across)[1], 0.0)
-        total = float(across.sum())
-        if total > 0.0:
-            places.append(float(u[part].mean()))
-            middles.append(float(across @ v) / total)
-            weights.append(total)
-    if not places:
+    # Chunks of one size; what is left over goes with the last.
+    bounds = np.linspace(0, u.size, count + 1).astype(np.intp)
+    across = np.add.reduceat(light, bounds[:-1], axis=1) / np.diff(bounds)
+    across = np.maximum(across - np.sort(across, axis=0)[1], 0.0)
+    weight = across.sum(axis=0)
+    if not weight.any():
         return 0.0, 0.0
-    if len(places) < 2:
-        return middles[0], 0.0
-    slope, offset = np.polyfit(places, middles, 1, w=np.sqrt(weights))
+    middles = v @ across / np.maximum(weight, _SMALLEST)
+    places = np.add.reduceat(u, bounds[:-1]) / np.diff(bounds)
+    middle = float(weight @ places / weight.sum())
+    offset, away = float(weight @ middles / weight.sum()), places - middle
+    spread = float(weight @ away**2)
+    slope = 0.0 if count < 2 or spread <= 0.0 else float(weight @ (middles * away)) / spread
+    offset -= slope * middle
     # No further than the window shows.
     most = _REACH / max(float(np.abs(u).max()), 1.0)
     return float(np.clip(offset, -_REACH, _REACH)), float(np.clip(slope, -most, most))
@@ -361,11 +393,7 @@ _INTERPOLATED = 0.75
 
 def _erase(cells: Float32Array, line: CellLine) -> None:
     """Take away the light about a line, a cell and a half to either side."""
-    count = 2 * int(math.hypot(line.x_b - line.x_a, line.y_b - line.y_a)) + 3
-    x = np.linspace(line.x_a, line.x_b, count).astype(np.intp)
-    y = np.linspace(line.y_a, line.y_b, count).astype(np.intp)
-    height, width = cells.shape
-    for down in (-1, 0, 1):
-        for right in (-1, 0, 1):
-            row, column = np.clip(y + down, 0, height - 1), np.clip(x + right, 0, width - 1)
-            cells[row, column] = np.minimum(cells[row, column], 0.0)
+    import cv2
+
+    x_a, y_a, x_b, y_b = (int(at) for at in (line.x_a, line.y_a, line.x_b, line.y_b))
+    cv2.line(cells, (x_a, y_a), (x_b, y_b), 0.0, 3, cv2.LINE_8)

@@ -24,7 +24,7 @@ OFF_PX = 9.0
 INTERPOLATED_VARIANCE = 1.0 / 6.0
 """px^2 that linear interpolation adds across."""
 _BEYOND, _LEAST_BEYOND_PX = 0.35, 40.0
-_ON_LINE_PX, _FLASHES, _FLASHED_SHARE = 4.0, 3, 0.25
+_ON_LINE_PX, _FLASHES, _FLASHED_SHARE, _LISTED_SHARE = 4.0, 3, 0.25, 0.45
 _LEAST_KNOWN = 0.4
 _SKY_PX, _SKY_LIMIT = 41, 3.0
 _SMALLEST = 1e-9
@@ -112,12 +112,18 @@ def strip_about(
     x, y = x0 + u * dx - v * dy, y0 + u * dy + v * dx
     is_there = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
     strip = LineStrip(values, is_there, x0, y0, dx, dy, reach, (low > wanted[0], high < wanted[1]))
-    _mask_stars(strip, stars, float(np.median(noise)))
+    _mask_stars(strip, stars, float(np.median(noise)), -low, length - low)
     return strip
 
 
-def _mask_stars(strip: LineStrip, stars: StarList, noise: float) -> None:
-    """Mask what listed stars light, unless so many lie on the line that they are its flashes."""
+def _mask_stars(
+    strip: LineStrip, stars: StarList, noise: float, first_px: float, last_px: float
+) -> None:
+    """Mask what listed stars light.
+
+    Unless so many lie on the line that they are its flashes, or between its ends, at these columns,
+    there is little else: a short streak is on the list of stars itself.
+    """
     off_x, off_y = stars.x_px - strip.x0_px, stars.y_px - strip.y0_px
     along, across = off_x * strip.dx + off_y * strip.dy, off_y * strip.dx - off_x * strip.dy
     columns = strip.values.shape[1]
@@ -130,7 +136,10 @@ def _mask_stars(strip: LineStrip, stars: StarList, noise: float) -> None:
     v = np.arange(-strip.reach, strip.reach + 1)[:, None]
     radii = lit_radius_px(stars, noise)
     on_line = near & (np.abs(across) < _ON_LINE_PX) & (along > 0.0) & (along < columns)
-    if on_line.sum() >= _FLASHES and 2.0 * radii[on_line].sum() > _FLASHED_SHARE * columns:
+    is_flashing = on_line.sum() >= _FLASHES
+    between = on_line & (along > first_px) & (along < last_px)
+    is_short = 2.0 * radii[between].sum() > _LISTED_SHARE * (last_px - first_px)
+    if is_short or (is_flashing and 2.0 * radii[on_line].sum() > _FLASHED_SHARE * columns):
         near &= ~on_line
     for i in np.flatnonzero(near).tolist():
         radius = radii[i] + 0.5

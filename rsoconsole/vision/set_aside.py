@@ -7,13 +7,15 @@ import numpy as np
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, Frame, Rejection
 from rsoconsole.sky.angles import turn_deg
+from rsoconsole.vision.candidate import Candidate
 from rsoconsole.vision.candidates import Proposal
 from rsoconsole.vision.trailed_stars import Trail
 
 TRAILED_STREAKS = 9
 """So many streaks of one length and direction are stars; no satellite cluster is as large."""
-_FEW_TRAILS, _MANY_TRAILS, _SURE = 3.0, 8.0, 0.9
-"""Trails of stars in a row that look like one streak: of what is sure, and of what is not."""
+_FEW_TRAILS, _MANY_TRAILS, _SURE, _STEADY = 2.0, 8.0, 0.9, 0.2
+"""Trails of stars in a row that look like one streak: of what is sure or steady, and of what is
+not; the confidence and the roughness."""
 _AS_TRAILS_DEG = 6.0
 _LONG_ROW, _ALONG_ROW_DEG = 0.5, 0.15
 """Share of the frame, and degrees off its rows or columns."""
@@ -23,13 +25,14 @@ _SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
 
 
 def set_aside(
-    taken: list[Detection], trail: Trail | None, frame: Frame
+    judged: list[Candidate], trail: Trail | None, frame: Frame
 ) -> tuple[list[Detection], list[Rejection]]:
     """What is left of a frame's measured lines, and why the others are none of the sky's."""
-    taken, rejected = _without_trailed_stars(taken)
+    rejected: list[Rejection] = []
     if trail is not None:
-        taken, more = not_along(taken, trail)
-        rejected += more
+        judged, rejected = not_along(judged, trail)
+    taken, more = _without_trailed_stars([each.found for each in judged])
+    rejected += more
     taken, more = _without_rows(taken, frame)
     return taken, rejected + more
 
@@ -85,26 +88,27 @@ def _is_saturated(frame: Frame, found: Detection) -> bool:
     return float(np.median(frame.pixels[row, column])) > _SATURATED * frame.saturation_adu
 
 
-def not_along(taken: list[Detection], trail: Trail) -> tuple[list[Detection], list[Rejection]]:
+def not_along(judged: list[Candidate], trail: Trail) -> tuple[list[Candidate], list[Rejection]]:
     """Set aside what runs as the stars' own trails do and is as long as some of them in a row.
 
-    A long one in which there is no doubt stays: a satellite may go the same way.
+    A longer one stays where there is no doubt, or its light is steady: a satellite may go the same
+    way, and trails that meet end to end are seldom alike.
     """
     one_px = trail.length_px + trail.fwhm_px
-    is_chain = [
-        turn_deg(d.angle_deg, trail.angle_deg) < _AS_TRAILS_DEG
-        and d.length_px < (_FEW_TRAILS if d.confidence > _SURE else _MANY_TRAILS) * one_px
-        for d in taken
-    ]
-    kept = [d for d, is_one in zip(taken, is_chain, strict=True) if not is_one]
-    chains = [
-        Rejection(
-            detection=d,
-            reason=NotAStreak(kind="stars' trails", value=d.length_px, limit=trail.length_px),
-        )
-        for d, is_one in zip(taken, is_chain, strict=True)
-        if is_one
-    ]
+    kept: list[Candidate] = []
+    chains: list[Rejection] = []
+    for each in judged:
+        found, light = each.found, each.light
+        is_sure = found.confidence > _SURE or light.roughness < _STEADY
+        longest_px = (_FEW_TRAILS if is_sure else _MANY_TRAILS) * one_px
+        if (
+            turn_deg(found.angle_deg, trail.angle_deg) > _AS_TRAILS_DEG
+            or found.length_px > longest_px
+        ):
+            kept.append(each)
+        else:
+            reason = NotAStreak(kind="stars' trails", value=found.length_px, limit=trail.length_px)
+            chains.append(Rejection(detection=found, reason=reason))
     return kept, chains
 
 

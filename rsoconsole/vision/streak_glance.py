@@ -125,7 +125,7 @@ def width_at_a_glance(
         kernel = cv2.getGaussianKernel(2 * math.ceil(3.0 * each) + 1, each).astype(np.float32)
         smooth = cv2.filter2D(values, -1, kernel, borderType=cv2.BORDER_REFLECT_101)
         smooth /= float(np.sqrt((kernel**2).sum()))
-        # Followed along: a proposal may be turned by a little.
+        # Followed along: a proposal may be turned by a little. Hot pixels are not most of it.
         best = smooth[2:-2].max(axis=0)
-        found.append(float(best.mean()))
+        found.append(float(np.median(best)))
     return found[0], found[1]

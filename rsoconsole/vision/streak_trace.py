@@ -35,6 +35,7 @@ _PARTS = 16
 _LIT = 0.4
 _CLIP = 5.0
 """Sigma of a part that counts at most when the line is looked for: a star is no line."""
+_TIMES_TYPICAL, _MOST_SLOPE = 1.5, 0.45
 _ENOUGH_COLUMNS = 24
 _TIMES_LEVEL, _OUT_SIGMA, _MOST_OUT = 3.0, 5.0, 0.4
 _EDGE_SNR = 6.0
@@ -129,12 +130,15 @@ def _course(strip: LineStrip, columns: IntArray, inside: BoolArray, sigma: float
         row = (strip.values[:, part[0] : part[-1] + 1] * chosen).sum(axis=1) / np.sqrt(known)
         smooth = cv2.filter2D(row[:, None], -1, weight, borderType=cv2.BORDER_REFLECT_101)[:, 0]
         smooth /= float(np.sqrt((weight**2).sum()))
-        lights.append(np.clip(smooth, -2.0, _CLIP))
+        lights.append(smooth)
         places.append(float(part.mean()))
     light, place = np.array(lights), np.array(places)
+    # Of a bright line all that is near it would be alike: most of its parts tell how bright it is.
+    typical = float(np.median(light.max(axis=1)))
+    light = np.clip(light, -2.0, max(_CLIP, _TIMES_TYPICAL * typical))
     half = max(0.5 * float(inside.sum()), 1.0)
     offsets = np.arange(-OFF_PX, OFF_PX + 0.25, 0.5)
-    slopes = np.arange(-OFF_PX, OFF_PX + 0.25, 0.5) / half
+    slopes = np.arange(-OFF_PX, OFF_PX + 0.25, 0.5) / max(half, OFF_PX / _MOST_SLOPE)
     rows = offsets[:, None, None] + slopes[:, None] * (place - middle) + strip.reach
     rows = np.clip(np.rint(rows), 0, light.shape[1] - 1).astype(np.intp)
     total = light[np.arange(place.size), rows].sum(axis=-1)
@@ -300,7 +304,14 @@ def _width(strip: LineStrip, columns: IntArray, course: Course, sigma: float) ->
     bins = np.rint(2.0 * off[good]).astype(np.int64)
     low = int(bins.min()) if bins.size else 0
     count = np.bincount(bins - low).astype(np.float64)
-    total = np.bincount(bins - low, strip.values[:, columns][good].astype(np.float64))
+    values = strip.values[:, columns]
+    ridge = values[
+        np.clip(np.rint(strip.reach + course.at(columns)), 0, 2 * strip.reach).astype(int),
+        np.arange(columns.size),
+    ]
+    # A star beside the line is none of its width.
+    most = max(_CLIP, _TIMES_LEVEL * float(np.median(ridge)))
+    total = np.bincount(bins - low, np.clip(values, -_CLIP, most)[good].astype(np.float64))
     used = count > 0
     place = 0.5 * (np.arange(count.size) + low)[used]
     value, weight = total[used] / count[used], count[used]
