@@ -10,8 +10,9 @@ from tests.campaign import runner
 from tests.campaign.cases import shutter, worlds
 
 WORLD_FRAMES, SHUTTER_FRAMES = 3, 6
-NOT_SOLVED = {5}
-"""So far out of focus that the plate solver finds no match: autonomy does not start there."""
+HARDLY_SOLVED = {5}
+"""So far out of focus that the plate solver finds no match, or only just: where it finds none
+autonomy does not start."""
 
 
 @pytest.mark.timeout(600)
@@ -19,7 +20,7 @@ NOT_SOLVED = {5}
 def test_a_random_world_comes_to_its_end_and_is_judged(seed):
     [case] = worlds((seed,), WORLD_FRAMES)
     answer = runner.run(case)
-    if seed in NOT_SOLVED:
+    if seed in HARDLY_SOLVED and "error" in answer:
         assert "the run ended early: frame 1 is not solved" in answer["error"]
         return
     assert "error" not in answer, answer

@@ -524,7 +524,7 @@ def test_why_a_measurement_was_not_taken_is_told_again_in_the_same_words(words: 
     assert reason_text.text(reason) == words
 
 
-NEVER_A_SENTENCE = {"stars' trails"}
+NEVER_A_SENTENCE = {"stars' trails", "row or column"}
 """Kinds that came after records had kinds."""
 
 

@@ -56,6 +56,7 @@ _LEAST, _MOST = 1e-7, 1.0 - 1e-7
 _SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
 """Logarithm of width over the stars' that says nothing: at best, and times the signal to noise."""
 _SAME_LINE_PX, _MOST_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
+_COMPANY_ROUGH, _COMPANY_UNEVEN = 0.4, 0.8
 _MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
 """Times as long that says enough alone, and beside a bright one; both within so many degrees."""
 
@@ -157,7 +158,7 @@ def confidence_features(
     wide = math.log(width_px / max(focus.widest_px(found.angle_deg), 0.1))
     narrow = math.log(psf_px / width_px)
     leeway = _SAME_WIDTH + _WIDTH_PER_SNR / snr
-    rest = [other.found for other in others if other is not candidate]
+    rest = [other.found for other in others if other is not candidate and _is_company(other)]
     return (
         1.0,
         _heard(_logit(found.confidence), length_px / psf_px),
@@ -177,6 +178,12 @@ def confidence_features(
         math.log(focus.joined),
         math.log1p(focus.trail_px / psf_px),
     )
+
+
+def _is_company(other: Candidate) -> bool:
+    """Whether another candidate is a light that tells of this one, no few stars in a row."""
+    is_even = other.light.roughness < _COMPANY_ROUGH and other.found.unevenness < _COMPANY_UNEVEN
+    return is_even and other.found.snr / other.light.confusion > FAINT_SNR
 
 
 def _is_in_line(one: Detection, other: Detection) -> bool:
