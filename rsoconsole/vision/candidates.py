@@ -59,7 +59,8 @@ _BELIEVED = 0.01
 _PERIODIC = 0.12
 """Roughness up to which a slow change or one period explains how the light varies."""
 _DRAWN_OUT, _MORE = 1.3, 1.1
-_AGREE_SNR, _AGREE_LENGTH = 0.9, 0.15
+_SURE, _MUCH_LONGER = 0.2, 1.6
+_AGREE_SNR, _AGREE_LENGTH = 0.75, 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,14 +78,24 @@ def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Pr
     is_left = np.ones(len(boxes), dtype=bool)
     said = np.array([box.confidence for box in boxes])
     ends = np.array([_ends(box) for box in boxes]).reshape(-1, 4)
+    lengths = np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
     found = []
     for line in lines:
         box = _box_about(line)
         same = _of_one_streak(ends, _ends(box)) & is_left
         if same.any():
             best = boxes[int(np.argmax(np.where(same, said, -1.0)))]
-            box = replace(best, x_a_px=line.x_a, y_a_px=line.y_a, x_b_px=line.x_b, y_b_px=line.y_b)
-            is_left &= ~same
+            longer = box.length_px / np.maximum(lengths, 1.0)
+            is_its_own = best.confidence > _SURE and best.length_px * _MUCH_LONGER > box.length_px
+            if is_its_own:
+                # It knows the ends of what it knows better than a sum along cells.
+                box = best
+            else:
+                box = replace(
+                    best, x_a_px=line.x_a, y_a_px=line.y_a, x_b_px=line.x_b, y_b_px=line.y_b
+                )
+            # What the network is sure of may be one of several in a row.
+            is_left &= ~same | ((said > _SURE) & (longer > _MUCH_LONGER))
         found.append(Proposal(box=box, is_line=True))
     left = (box for box, is_one in zip(boxes, is_left.tolist(), strict=True) if is_one)
     return found + [Proposal(box=box, is_line=False) for box in left]

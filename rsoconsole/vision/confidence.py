@@ -56,7 +56,7 @@ _LEAST, _MOST = 1e-7, 1.0 - 1e-7
 _SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
 """Logarithm of width over the stars' that says nothing: at best, and times the signal to noise."""
 _SAME_LINE_PX, _MOST_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
-_COMPANY_ROUGH, _COMPANY_UNEVEN = 0.4, 0.8
+_COMPANY_LONG, _COMPANY_ROUGH, _COMPANY_UNEVEN = 4.0, 0.4, 0.8
 _MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
 """Times as long that says enough alone, and beside a bright one; both within so many degrees."""
 
@@ -182,8 +182,10 @@ def confidence_features(
 
 def _is_company(other: Candidate) -> bool:
     """Whether another candidate is a light that tells of this one, no few stars in a row."""
-    is_even = other.light.roughness < _COMPANY_ROUGH and other.found.unevenness < _COMPANY_UNEVEN
-    return is_even and other.found.snr / other.light.confusion > FAINT_SNR
+    found, light = other.found, other.light
+    is_line = found.length_px > _COMPANY_LONG * found.width_px
+    is_even = light.roughness < _COMPANY_ROUGH and found.unevenness < _COMPANY_UNEVEN
+    return is_line and is_even and found.snr / light.confusion > _BRIGHT_SNR
 
 
 def _is_in_line(one: Detection, other: Detection) -> bool:
@@ -209,9 +211,6 @@ def _is_parallel_unlike(one: Detection, other: Detection) -> bool:
     shorter, longer = sorted((one, other), key=lambda each: each.length_px)
     if longer is other and longer.length_px > _MUCH_LONGER * shorter.length_px:
         return True
-    if other.snr < _BRIGHT_SNR:
-        # It may be a few stars in a row.
-        return False
     sigma_px = 2.0 * math.hypot(one.sigma_along_px, other.sigma_along_px)
     apart_px = longer.length_px - _UNLIKE * shorter.length_px
     return not shorter.is_clipped and apart_px > (0.0 if longer.is_clipped else 3.0 * sigma_px)

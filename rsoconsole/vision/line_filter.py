@@ -36,6 +36,8 @@ _LIMIT, _MOST = 2.0, 6.0
 """Sigma of a cell: what light of no line counts at most, and what light of a line does."""
 _SURELY_LIGHT, _NO_LINE = 4.5, 1.2
 """So bright, and so little of it along any line: a star, of which nothing counts."""
+_MOST_GAP, _LEAST_GAP, _DARK = 0.3, 6, 0.15
+"""Longest dark part of a streak as a share of it, in cells at least; and how dark is dark."""
 _EVERY = 3
 _STEPS = 24.0
 """Of whole numbers in one sigma: they add up twice as fast."""
@@ -46,8 +48,9 @@ _STILL_THERE = 0.7
 _REACH = 2
 """Cells to either side of a line that are looked at to find where it runs."""
 _CHUNKS = 8
-_MOST_PARTS, _LIT_SHARE = 16, 0.4
-"""Into so many parts a sum is cut; and what the middling ones of them hold at least of it."""
+_MOST_PARTS, _LIT_SHARE, _LEAST_LIT = 16, 0.4, 3.0
+"""Into so many parts a sum is cut; what the middling ones of them hold at least of it, and sigma of
+the whole, were all like them."""
 _BEYOND = 12.0
 _LIT = 0.4
 
@@ -173,39 +176,46 @@ def find_lines(cells: Float32Array) -> list[CellLine]:
     seeds: dict[int, list[_Seed]] = {}
     for seed in _seeds(smooth):
         seeds.setdefault(seed.rows, []).append(seed)
+    lit = [each for alike in seeds.values() for each in _lit_all_along(smooth, alike)]
     found: list[CellLine] = []
-    # What is long first: of short sums in a field of stars thousands stand out.
-    for rows in sorted(seeds, reverse=True):
-        traced = 0
-        best = sorted(seeds[rows], key=lambda seed: -seed.snr)[:_MOST_SEEDS]
-        for seed in _lit_all_along(smooth, best):
-            if traced == _MOST_TRACED or len(found) == MOST_LINES:
-                break
-            if _what_is_left(smooth, seed) < max(_STILL_THERE * seed.snr, _threshold(rows)):
-                continue
-            line = _traced(left, seed)
-            traced += 1
-            if line is not None:
-                _erase(left, line)
-                _erase(smooth, line)
-                if line.snr > LEAST_SNR:
-                    found.append(line)
+    traced = dict.fromkeys(seeds, 0)
+    for _, seed in sorted(lit, key=lambda each: -each[0]):
+        # In a field of stars thousands of short sums stand out: every length has its share.
+        if traced[seed.rows] == _MOST_TRACED:
+            continue
+        if _what_is_left(smooth, seed) < max(_STILL_THERE * seed.snr, _threshold(seed.rows)):
+            continue
+        line = _traced(left, seed)
+        traced[seed.rows] += 1
+        if line is not None:
+            _erase(left, line)
+            _erase(smooth, line)
+            if line.snr > LEAST_SNR:
+                found.append(line)
+        if len(found) == MOST_LINES:
+            break
     return sorted(found, key=lambda line: -line.snr)
 
 
-def _lit_all_along(cells: Float32Array, seeds: list[_Seed]) -> list[_Seed]:
-    """Those of one length whose light is not that of a few bright places, the steadiest first."""
+def _lit_all_along(cells: Float32Array, seeds: list[_Seed]) -> list[tuple[float, _Seed]]:
+    """Sums of one length whose light is not that of a few bright places, best first.
+
+    Each with what its middling parts say of the whole.
+    """
     rows = seeds[0].rows
+    seeds = sorted(seeds, key=lambda seed: -seed.snr)[:_MOST_SEEDS]
     t = np.linspace(0.0, 1.0, rows)
     ends = np.array([(s.x_a, s.y_a, s.x_b, s.y_b) for s in seeds], dtype=np.float64)
     columns = np.rint(ends[:, :1] + (ends[:, 2:3] - ends[:, :1]) * t).astype(np.intp)
     lines = np.rint(ends[:, 1:2] + (ends[:, 3:] - ends[:, 1:2]) * t).astype(np.intp)
     light = cells[lines.clip(0, cells.shape[0] - 1), columns.clip(0, cells.shape[1] - 1)]
     parts = light.reshape(len(seeds), min(max(rows // 2, 4), _MOST_PARTS), -1).mean(axis=2)
-    middling = np.median(parts, axis=1) * math.sqrt(rows)
-    sums = np.array([seed.snr for seed in seeds])
-    order = np.argsort(-middling)
-    return [seeds[i] for i in order.tolist() if middling[i] > _LIT_SHARE * sums[i]]
+    middling = (np.median(parts, axis=1) * math.sqrt(rows)).tolist()
+    return [
+        (value, seed)
+        for value, seed in zip(middling, seeds, strict=True)
+        if value > max(_LIT_SHARE * seed.snr, _LEAST_LIT)
+    ]
 
 
 def _threshold(rows: int) -> float:
@@ -383,8 +393,25 @@ def _stretch(
     start = int(np.argmin(total[: end + 1]))
     if end - start < 2:
         return None
+    start, end = _without_gap(profile, start, end, level)
     snr = float(light[_REACH, start:end].sum()) / math.sqrt(end - start) / _INTERPOLATED
     return snr, float(u[start]) - 0.5, float(u[end - 1]) + 0.5
+
+
+def _without_gap(profile: Float32Array, start: int, end: int, level: float) -> tuple[int, int]:
+    """The stretch, or the brighter of its parts where much between them is dark: two streaks."""
+    most = int(_MOST_GAP * (end - start))
+    if most < _LEAST_GAP:
+        return start, end
+    # Mean light of every window as long as the longest gap that one streak may have.
+    total = np.concatenate([[0.0], np.cumsum(np.clip(profile[start:end], -level, 2.0 * level))])
+    means = (total[most:] - total[:-most]) / most
+    darkest = int(np.argmin(means))
+    lit = (float(total[-1]) - float(means[darkest]) * most) / (end - start - most)
+    if means[darkest] > _DARK * lit:
+        return start, end
+    first, second = float(total[darkest]), float(total[-1] - total[darkest + most])
+    return (start, start + darkest) if first > second else (start + darkest + most, end)
 
 
 _INTERPOLATED = 0.75

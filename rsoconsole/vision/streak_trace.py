@@ -38,7 +38,7 @@ _CLIP = 5.0
 _TIMES_TYPICAL, _MOST_SLOPE = 1.5, 0.45
 _ENOUGH_COLUMNS = 24
 _TIMES_LEVEL, _OUT_SIGMA, _MOST_OUT = 3.0, 5.0, 0.4
-_EDGE_SNR = 6.0
+_EDGE_SNR, _HIDDEN_PX = 6.0, 3.0
 _SMALLEST = 1e-9
 
 
@@ -292,7 +292,10 @@ def _edge(profile: LineProfile, place: float, sense: int, length: float) -> tupl
     # Two sigma to either side: of a faint step the likelihood is no parabola.
     close = gain > gain[best] - 4.0
     spread = 0.25 * float(tried[close].max() - tried[close].min())
-    return float(tried[best]) * sense, max(spread, 0.1)
+    # Where a star hides it, it is anywhere behind it.
+    is_near = np.abs(inner - tried[best]) < _HIDDEN_PX + 2.0 * sigma
+    hidden = float(np.count_nonzero(is_near & ~profile.is_known)) / math.sqrt(12.0)
+    return float(tried[best]) * sense, max(spread, hidden, 0.1)
 
 
 def _width(strip: LineStrip, columns: IntArray, course: Course, sigma: float) -> float:
