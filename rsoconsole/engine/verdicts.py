@@ -17,7 +17,7 @@ from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import measure
 from rsoconsole.pipeline.rulings import Folds
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Cause, CommandResult
+from rsoconsole.reasons import BelowTau, Cause, CommandResult
 from rsoconsole.records import (
     Detection,
     Measurement,
@@ -135,7 +135,7 @@ def _accept(shown: Shown, folds: Folds, by: str, config: Config) -> Ruling:
     out = {(m.x_px, m.y_px) for m in (*refused, already) if m is not None}
     measured = [m for m in shown.measurements if (m.x_px, m.y_px) not in out]
     rejected = [
-        each.detection
+        each
         for each in shown.detections.rejected
         if (each.detection.x_px, each.detection.y_px) not in out
     ]
@@ -143,8 +143,11 @@ def _accept(shown: Shown, folds: Folds, by: str, config: Config) -> Ruling:
     if measured:
         taken = max(measured, key=lambda m: m.confidence)
     elif rejected:
-        likeliest = max(rejected, key=lambda d: d.confidence)
-        taken = _measurement_of(likeliest, shown, config)
+        # A line of light that is only below tau before what was no line at all.
+        likeliest = max(
+            rejected, key=lambda r: (isinstance(r.reason, BelowTau), r.detection.confidence)
+        )
+        taken = _measurement_of(likeliest.detection, shown, config)
     if taken is not None:
         return Ruling(frame_id=shown.taken.frame_id, taken=taken, refused=refused, by=by)
     raise ValueError(
