@@ -52,7 +52,7 @@ ELEMENTS = "rsoconsole/simulator/data/belt_20230622.tle"
 OPERATOR = Sender.console("observer@demo")
 COMMANDS: Mapping[int, Sequence[Command]] = {
     5: (Note(text="one satellite in the field, no clouds"),),
-    8: (Set(name="detector.tau", value=0.95),),
+    8: (Set(name="detector.tau", value=0.75),),
     12: (Accept(frame_id=11), Set(name="detector.tau", value=0.1)),
     14: (
         Set(name="filter.q_multiplier", value=2.0, frames=4),

@@ -36,7 +36,7 @@ from tests.samples import SAMPLE, SCHEMA_1
 
 MOST_BYTES = 8_000_000
 FRAMES = 36
-TAU_AT = {9: 0.95, 11: 0.95}
+TAU_AT = {9: 0.75, 11: 0.75}
 """The frames that kept their pixels, and the tau that was in force."""
 SAME_PX, SAME_CONFIDENCE = 0.01, 1e-3
 EVERY_SAMPLE = ("shipped", "schema 1", "busy", "ruled")
