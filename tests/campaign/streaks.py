@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from models.intervals import rate_interval, share_interval
 from rsoconsole.config import DetectorConfig
@@ -32,6 +32,8 @@ PAGE = Path(__file__).with_name("README.md")
 RESULTS = Path(__file__).with_name("results") / "streaks"
 BEGIN, END = "<!-- streaks: begin -->\n", "<!-- streaks: end -->"
 TAU = 0.10
+Trail: TypeAlias = tuple[float, float, float, float]
+"""Both ends: x, y, x, y in px."""
 _ACROSS_PX, _ALONG_SHARE, _TURN_DEG = 6.0, 0.25, 4.0
 """A detection is of the streak where its midpoint lies so near to it, and both run alike."""
 
@@ -39,7 +41,7 @@ _ACROSS_PX, _ALONG_SHARE, _TURN_DEG = 6.0, 0.25, 4.0
 def row_of(name: str, number: int) -> dict[str, Any]:
     """One frame through the detector that the engine has."""
     frame, truth, others = draw(name, number)
-    found = _detector().detect(frame, tau=TAU)
+    found = detector().detect(frame, tau=TAU)
     middle = (0.5 * (truth.x_a_px + truth.x_b_px), 0.5 * (truth.y_a_px + truth.y_b_px))
     trail = (truth.x_a_px, truth.y_a_px, truth.x_b_px, truth.y_b_px)
     on_it = [d for d in found.detections if _is_on(d, trail)]
@@ -73,7 +75,7 @@ def _kind(refused: Rejection) -> str:
 _detectors: list[StreakDetector] = []
 
 
-def _detector() -> StreakDetector:
+def detector() -> StreakDetector:
     """One a process."""
     if not _detectors:
         network = Network.load(None, 1)
@@ -82,22 +84,22 @@ def _detector() -> StreakDetector:
     return _detectors[0]
 
 
-def _is_on(found: Detection, trail: Sequence[float]) -> bool:
+def _is_on(found: Detection, trail: Trail) -> bool:
     """Whether a detection is of this streak: its midpoint near the true one, both alike in way."""
     length_px = math.hypot(trail[2] - trail[0], trail[3] - trail[1])
-    along, _ = _off(found, trail)
+    along, _ = off(found, trail)
     return _is_along(found, trail) and abs(along) < max(_ALONG_SHARE * length_px, _ACROSS_PX)
 
 
-def _is_along(found: Detection, trail: Sequence[float]) -> bool:
+def _is_along(found: Detection, trail: Trail) -> bool:
     length_px = math.hypot(trail[2] - trail[0], trail[3] - trail[1])
     angle_deg = math.degrees(math.atan2(trail[3] - trail[1], trail[2] - trail[0]))
     leeway_deg = _TURN_DEG + math.degrees(3.0 / max(length_px, 1.0))
     is_alike = turn_deg(found.angle_deg, angle_deg % 180.0) < leeway_deg
-    return is_alike and abs(_off(found, trail)[1]) < _ACROSS_PX
+    return is_alike and abs(off(found, trail)[1]) < _ACROSS_PX
 
 
-def _off(found: Detection, trail: Sequence[float]) -> tuple[float, float]:
+def off(found: Detection, trail: Trail) -> tuple[float, float]:
     """Along and across, px, of the midpoint from the trail's."""
     x, y = 0.5 * (trail[0] + trail[2]), 0.5 * (trail[1] + trail[3])
     angle = math.atan2(trail[3] - trail[1], trail[2] - trail[0])
