@@ -28,7 +28,7 @@ from rsoconsole.simulator.streak_snr import integrated_snr
 QUARTER = SensorModel(width_px=2328, height_px=1760)
 EXPOSURE_S = 10.0
 LENGTH_PX, LONG_PX = (30.0, 600.0), (600.0, 3000.0)
-SNR = (20.0, 340.0)
+SNR, FAINT_SNR = (20.0, 340.0), (10.0, 20.0)
 _SEED = 20271123
 _CALIBRATE = 77
 _RIM_PX = 20.0
@@ -65,6 +65,9 @@ class Family:
     """Where the severity is the camera's."""
     is_counted: bool = False
     """Whether the severity is a whole number."""
+    length_px: tuple[float, float] = LENGTH_PX
+    snr: tuple[float, float] = SNR
+    """Integrated; both log-uniform."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,8 +246,15 @@ FAMILIES: Mapping[str, Family] = {
             dark_columns=round(n / 3), blooming=0.9,
         ),
     ),
-    "long": Family(title="600 to 3,000 px", low=0.0, high=0.0, alter=plain),
+    "long": Family(
+        title="600 to 3,000 px", low=0.0, high=0.0, alter=plain, length_px=LONG_PX,
+        sensor=lambda _: replace(QUARTER, width_px=4656, height_px=3520),
+    ),
+    "faint": Family(
+        title="any of these, SNR 10 to 20", low=0.0, high=0.0, alter=plain, snr=FAINT_SNR
+    ),
 }  # fmt: skip
+_ALTERING = tuple(name for name in FAMILIES if name not in {"long", "faint"})
 
 
 def draw(name: str, number: int, split: Split = "test") -> tuple[Frame, Truth, tuple[Streak, ...]]:
@@ -295,8 +305,15 @@ def _true_trail(scene: Scene, ends: tuple[float, ...], truth: Truth) -> TrueTrai
     )
 
 
+def _family(name: str, number: int) -> Family:
+    """What is done to one frame of a family."""
+    if name != "faint":
+        return FAMILIES[name]
+    return replace(FAMILIES[_ALTERING[number % len(_ALTERING)]], snr=FAMILIES[name].snr)
+
+
 def _drawn(name: str, number: int, split: Split) -> tuple[Frame, Truth, Scene]:
-    family = FAMILIES[name]
+    family = _family(name, number)
     key: tuple[int, ...] = (_SEED, list(FAMILIES).index(name), number)
     if split == "calibrate":
         key = (*key, _CALIBRATE)
@@ -305,14 +322,12 @@ def _drawn(name: str, number: int, split: Split) -> tuple[Frame, Truth, Scene]:
     if family.is_counted:
         severity = float(rng.integers(round(family.low), round(family.high) + 1))
     sensor = family.sensor(severity)
-    if name == "long":
-        sensor = replace(sensor, width_px=4656, height_px=3520)
     scene = Scene(sensor=sensor, content=sky_field(split, "satellites", sensor, rng))
     scene = family.alter(scene, severity, rng)
     sensor = scene.sensor
-    length_px = math.exp(float(rng.uniform(*np.log(LONG_PX if name == "long" else LENGTH_PX))))
+    length_px = math.exp(float(rng.uniform(*np.log(family.length_px))))
     ends = _place(sensor, length_px, rng)
-    wanted = math.exp(float(rng.uniform(*np.log(SNR))))
+    wanted = math.exp(float(rng.uniform(*np.log(family.snr))))
     streak, snr = _lit(scene, _path(scene, ends), length_px, wanted)
     content = replace(scene.content, streaks=(streak, *scene.others))
     frame = Frame(
@@ -362,12 +377,15 @@ def _lit(scene: Scene, path: Streak, length_px: float, wanted: float) -> tuple[S
 
 
 def _truth_ends(scene: Scene, ends: FloatArray) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Where the shutter opened and closed on it, the image's motion counted."""
+    """Ends of the straight line that the satellite's path in the image is on average.
+
+    Of a drift that is the path itself; wind shakes it to either side.
+    """
     shifts = np.zeros((2, 2))
     if scene.motion is not None:
-        motion = scene.motion
-        shifts = np.array(
-            [[motion.dx_px[0], motion.dy_px[0]], [motion.dx_px[-1], motion.dy_px[-1]]]
-        )
+        t = np.linspace(-1.0, 1.0, _STEPS)
+        for axis, path in enumerate((scene.motion.dx_px, scene.motion.dy_px)):
+            slope, middle = np.polyfit(t, path, 1)
+            shifts[:, axis] = middle - slope, middle + slope
     (x_a, y_a), (x_b, y_b) = (ends + shifts).tolist()
     return (x_a, y_a), (x_b, y_b)

@@ -36,6 +36,9 @@ SHARES: Mapping[str, float] = {
 """Of all frames, the stated population."""
 FRAMES_PER_SATELLITE = (2, 3, 5, 10, 20, 30, 50, 100, 200, 300, 400, 500, 1000)
 """One clear or cloudy frame in so many holds one to three satellites: which are tried."""
+ALTERED_PER_SATELLITE = 3
+"""Altered frames of which one holds a satellite: who looks for one through wind or out of focus
+knows that it is there, and twenty times as many false ones are allowed as in ordinary frames."""
 FALSE_PER_ORDINARY, FALSE_PER_HARD = 0.5 / 1000.0, 1.3 / 100.0
 """Expected above tau: well below what is promised, since the rows of the fit foretell it."""
 ORDINARY: tuple[Kind, ...] = ("empty", "satellites")
@@ -43,7 +46,7 @@ HARD_COUNTS = 0.3
 """How much a false candidate of a hard frame counts in the weights: there are dozens a frame."""
 _AT_TAU = math.log(TAU / (1.0 - TAU))
 _FOR = ("network", "log_snr", "steady", "extent")
-_AGAINST = FEATURES[5:]
+_AGAINST = FEATURES[5:-2]
 _RIDGE, _HELD = 0.1, 1e-7
 
 
@@ -112,7 +115,10 @@ def population_weights(them: Candidates, frames_per_satellite: float) -> FloatAr
     for index, (kind, is_true) in enumerate(zip(them.kind, them.is_true, strict=True)):
         share = SHARES["clear" if kind in ORDINARY else kind]
         if is_true:
-            weights[index] = share / frames[kind] / frames_per_satellite
+            per_satellite = min(
+                frames_per_satellite, ALTERED_PER_SATELLITE if kind == "altered" else math.inf
+            )
+            weights[index] = share / frames[kind] / per_satellite
         else:
             weights[index] = share / (clear if kind in ORDINARY else frames[kind])
     return weights

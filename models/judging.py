@@ -21,7 +21,7 @@ from rsoconsole.vision.detector import FrameAnalysis, StreakDetector
 from rsoconsole.vision.network import Network, NetworkBox
 from rsoconsole.vision.working_frame import WorkingFrame, to_original
 
-ON_TRAIL_PX = 5.0
+ON_TRAIL_PX, _ON_TRAIL_WIDTHS = 5.0, 0.6
 BOX_ON_TRAIL_PX = 16.0
 NOT_PROPOSED = "not proposed"
 
@@ -84,7 +84,10 @@ class Judge:
         analysis = self._detector.analyse(true.frame, tau=0.0)
         found, working = analysis.detections, analysis.working
         placed = [working.original(each.found) for each in analysis.candidates]
-        met = [trail_of(each, true.trails) for each in placed]
+        # Where stars are wide so is a trail.
+        width_px = analysis.focus.fwhm_px * analysis.focus.joined
+        within_px = max(ON_TRAIL_PX, _ON_TRAIL_WIDTHS * width_px)
+        met = [trail_of(each, true.trails, within_px) for each in placed]
         taken = {_place_of(each) for each in found.detections}
         seen = {index for each, index in zip(placed, met, strict=True) if _place_of(each) in taken}
         trails = [
@@ -162,10 +165,12 @@ def measured_of(row: CandidateRow, focus: dict[str, Any]) -> Detection:
     return to_original(candidate_of(row).found, int(focus["joined"]))
 
 
-def trail_of(detection: Detection, trails: tuple[TrueTrail, ...]) -> int | None:
+def trail_of(
+    detection: Detection, trails: tuple[TrueTrail, ...], within_px: float = ON_TRAIL_PX
+) -> int | None:
     """Index of the trail that a detection lies on; None: it is no satellite."""
     return next(
-        (at for at, trail in enumerate(trails) if _is_on(detection, trail, ON_TRAIL_PX)), None
+        (at for at, trail in enumerate(trails) if _is_on(detection, trail, within_px)), None
     )
 
 

@@ -49,11 +49,13 @@ def test_confidence_is_a_probability_and_grows_with_what_is_seen(network, snr, l
 )
 def test_no_measurement_lifts_a_proposal_above_the_highest(network, snr, length_px, width_px):
     seen = seen_so(confidence=network, snr=snr, length_px=length_px, width_px=width_px)
-    highest = CURVE.highest(network, length_px / LENGTH_ERROR, PSF_PX)
+    highest = CURVE.highest(network, length_px / LENGTH_ERROR, FOCUS)
     assert CURVE.confidence(seen, FOCUS) <= highest * (1 + 1e-9)
-    assert highest <= CURVE.highest(network) * (1 + 1e-9)
+    assert highest <= CURVE.highest(network, focus=FOCUS) * (1 + 1e-9)
     best = seen_so(confidence=network, snr=500.0, length_px=150.0, width_px=PSF_PX)
-    assert CURVE.confidence(best, FOCUS) == pytest.approx(CURVE.highest(network), rel=0.02)
+    assert CURVE.confidence(best, FOCUS) == pytest.approx(
+        CURVE.highest(network, focus=FOCUS), rel=0.02
+    )
 
 
 def test_a_bright_chain_of_stars_that_the_network_does_not_believe_stays_below_tau():

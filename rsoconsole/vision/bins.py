@@ -6,6 +6,7 @@ once and never copied at full size. Beyond its right and lower edge it goes on a
 image, up to whole cells: the rim then has the noise of the rest.
 """
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
@@ -19,6 +20,7 @@ from rsoconsole.vision.workers import CALLER_ALONE, Workers
 Float32Array = npt.NDArray[np.float32]
 
 CELL_PX = 16
+_MOST_CODE = 65535.0
 LINE_REACH = 2
 """Bins on either side of one that a line through it needs."""
 
@@ -250,14 +252,23 @@ def mirrored(index: npt.NDArray[np.intp], size: int) -> npt.NDArray[np.intp]:
 
 def median_5x5(cells: Float32Array) -> Float32Array:
     """Median over 5 x 5 cells, through 16 bits: OpenCV's median of 5 takes no floats."""
-    import cv2
-
     low, high = (float(v) for v in np.percentile(cells, (0.0, 98.0)))
     # Cells brighter than most are stars: where exactly they lie cannot move a median.
     high += 0.25 * (high - low)
-    step = max(high - low, 1e-6) / 65535.0
-    coded = np.clip((cells - low) / step, 0.0, 65535.0).astype(np.uint16)
+    step = max(high - low, 1e-6) / _MOST_CODE
+    coded = _median_of_codes((cells - low) / step)
+    if int(coded.max()) < _MOST_CODE:
+        return coded.astype(np.float32) * np.float32(step) + np.float32(low)
+    # Of an amplifier's glow they are not. A median is the same on any scale that rises.
+    most = math.log1p((float(cells.max()) - low) / step)
+    coded = _median_of_codes(np.log1p((cells - low) / step) * (_MOST_CODE / most))
+    return np.asarray(np.expm1(coded * np.float32(most / _MOST_CODE)) * step + low, np.float32)
+
+
+def _median_of_codes(codes: Float32Array) -> npt.NDArray[np.uint16]:
+    import cv2
+
+    whole = np.clip(codes, 0.0, _MOST_CODE).astype(np.uint16)
     # Mirrored, not repeated: a star in a corner must not count nine times.
-    framed = cv2.copyMakeBorder(coded, 2, 2, 2, 2, cv2.BORDER_REFLECT_101)
-    level: Float32Array = cv2.medianBlur(framed, 5)[2:-2, 2:-2].astype(np.float32)
-    return level * np.float32(step) + np.float32(low)
+    framed = cv2.copyMakeBorder(whole, 2, 2, 2, 2, cv2.BORDER_REFLECT_101)
+    return np.asarray(cv2.medianBlur(framed, 5)[2:-2, 2:-2])

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 
 from rsoconsole.records import Detection
 
+SHARP_PX = 3.2
+"""Width of a star that neither wind nor the mount has widened: a streak may be as narrow."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineLight:
@@ -16,6 +19,15 @@ class LineLight:
     """Scatter of its parts over their mean that neither a slow change nor one period explains."""
     confusion: float = 1.0
     """Scatter of the sky beside it over its pixels' noise."""
+    bend: float = 0.0
+    lumpiness: float = 0.0
+    """How much more than noise explains its path and its light vary, of a short one
+    (``streak_evenness``)."""
+
+    @property
+    def unevenness(self) -> float:
+        """The larger of the two."""
+        return max(self.bend, self.lumpiness)
 
 
 UNMEASURED = LineLight(lower_quartile_snr=0.0, roughness=1.0)

@@ -12,8 +12,9 @@ from rsoconsole.reasons import NotAStreak, NotAStreakKind
 from rsoconsole.records import Detection, FloatArray, Frame, Rejection
 from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.background import Background
-from rsoconsole.vision.candidate import UNMEASURED, Candidate, Focus, LineLight
+from rsoconsole.vision.candidate import SHARP_PX, UNMEASURED, Candidate, Focus, LineLight
 from rsoconsole.vision.line_filter import CellLine
+from rsoconsole.vision.line_strip import OFF_PX
 from rsoconsole.vision.network import LOWEST_CONFIDENCE, NetworkBox
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
 from rsoconsole.vision.streak_evenness import unevenness
@@ -46,7 +47,7 @@ LONGEST_FIT_PX = 450.0
 """What is longer is measured along itself alone (``streak_trace``): a fit would take seconds."""
 _MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MOST_ROUGH = 8.0, 3.0, 0.15, 0.9
 _NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 3.0
-"""Width over the stars', and length in widths of a star."""
+"""Width over the stars' (``SHARP_PX`` at most for the first), and length in widths of a star."""
 _MOST_BEYOND = 0.6
 _MOST_NARROW = 1.0
 """Signal to noise of a line much narrower than the stars over that of one as wide as they are."""
@@ -58,8 +59,10 @@ _BELIEVED = 0.01
 """What the network believes so much is fitted though its light is not seen all along."""
 _PERIODIC = 0.12
 """Roughness up to which a slow change or one period explains how the light varies."""
+_FINER_WHERE_JOINED = 0.5
+"""Of the pixels that a proposal is off its line: there the filter's cells are half as large."""
 _DRAWN_OUT, _MORE = 1.3, 1.1
-_SURE, _MUCH_LONGER = 0.2, 1.6
+_SURE, _MUCH_LONGER, _MUCH_BETTER = 0.2, 1.6, 1.3
 _AGREE_SNR, _AGREE_LENGTH = 0.75, 0.15
 
 
@@ -167,6 +170,9 @@ class Measurements:
         where the line filter does: a cosmic ray or a column of the sensor.
         """
         box, width_px = proposal.box, self.stars.median_fwhm_px
+        if proposal.is_line and self.focus.joined > 1:
+            # Wind that widened the stars did not widen what moved on: a streak may be any width.
+            return None
         if proposal.is_line:
             matched, narrow = width_at_a_glance(self.frame.pixels, self.sky, _ends(box), width_px)
             is_narrow = narrow > max(_MOST_NARROW * matched, _SURELY_NARROW)
@@ -203,7 +209,8 @@ class Measurements:
             )
             if isinstance(fit, StreakFit) and (trace is None or _agree(fit, trace)):
                 light = _light_of(trace or self._traced(_ends_of(fit)))
-                self._take(Candidate(found=_from_fit(self.frame, box, fit), light=light))
+                light = replace(light, bend=fit.bend, lumpiness=fit.lumpiness)
+                self._take(self._candidate(_from_fit(self.frame, box, fit), light))
                 return
             if not isinstance(fit, StreakFit):
                 reason, measured = reason or fit.reason, fit.fit
@@ -214,26 +221,32 @@ class Measurements:
 
     def _from_trace(self, box: NetworkBox, trace: Trace) -> Candidate:
         found = _from_trace(self.frame, box, trace)
-        found = replace(found, unevenness=self._unevenness(found, trace))
-        return Candidate(found=found, light=_light_of(trace))
+        return self._candidate(found, self._irregularity(found, trace))
 
-    def _unevenness(self, found: Detection, trace: Trace) -> float:
-        """Of a short one: of its path, and of its light where that follows no one period.
+    def _candidate(self, found: Detection, light: LineLight) -> Candidate:
+        """With the irregularity of its path and light, where that tells a cosmic ray.
 
-        Where stars are so wide that pixels were joined, no cosmic ray is as wide, and wind bends
-        whatever is in the frame.
+        No ray is as wide as stars are that are many pixels wide, and wind bends whatever is in the
+        frame.
         """
-        width_px = self.stars.median_fwhm_px
-        if found.length_px > AS_CHAINS_FWHM * width_px or self.focus.joined > 1:
-            return 0.0
+        if self.focus.joined > 1 or found.width_px > SHARP_PX:
+            light = replace(light, bend=0.0, lumpiness=0.0)
+        found = replace(found, unevenness=light.unevenness)
+        return Candidate(found=found, light=light)
+
+    def _irregularity(self, found: Detection, trace: Trace) -> LineLight:
+        """Of a short one: of its path, and of its light where that follows no one period."""
+        light, width_px = _light_of(trace), self.stars.median_fwhm_px
+        if found.length_px > AS_CHAINS_FWHM * width_px:
+            return light
         ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
         box = min(ends[::2]), min(ends[1::2]), max(ends[::2]), max(ends[1::2])
         cutout = cut_out(self.frame.pixels, self.sky, box, MARGIN_PX, self.stars)
         width_px = self._width_px(trace)
-        light, path = unevenness(
+        lumpiness, bend = unevenness(
             cutout, ends, width_px / FWHM_PER_SIGMA, found.snr / trace.confusion
         )
-        return max(path, light) if trace.roughness > _PERIODIC else path
+        return replace(light, bend=bend, lumpiness=lumpiness * (trace.roughness > _PERIODIC))
 
     def _traced_well(self, ends: Box) -> tuple[Trace | None, NotAStreak | None]:
         """A trace that passes the gates, or the first that it does not."""
@@ -244,11 +257,13 @@ class Measurements:
     def _traced(self, ends: Box) -> Trace | None:
         """The line, as wide as a star, or as drift has drawn it out where that shows more."""
         width_px = self.focus.fwhm_px
-        trace = trace_line(self.frame.pixels, self.sky, ends, self.stars, width_px)
+        off_px = OFF_PX if self.focus.joined == 1 else OFF_PX * _FINER_WHERE_JOINED
+        look = self.frame.pixels, self.sky, ends, self.stars
+        trace = trace_line(*look, width_px, off_px)
         widest_px = self.focus.widest_px(_angle_deg(ends))
         if widest_px < _DRAWN_OUT * width_px:
             return trace
-        wide = trace_line(self.frame.pixels, self.sky, ends, self.stars, widest_px)
+        wide = trace_line(*look, widest_px, off_px)
         is_better = wide is not None and (trace is None or wide.snr > _MORE * trace.snr)
         return wide if is_better else trace
 
@@ -259,22 +274,28 @@ class Measurements:
         return min(max(trace.width_px, self.focus.fwhm_px), most)
 
     def _take(self, candidate: Candidate) -> None:
-        found = candidate.found
-        if any(is_same_streak(found, other.found) for other in self.taken):
-            reason = NotAStreak(kind="same streak")
+        """Keep a candidate, the better of those of one streak, with the network's best word."""
+        found, reason = candidate.found, NotAStreak(kind="same streak")
+        same = [each for each in self.taken if is_same_streak(found, each.found)]
+        if any(found.snr < _MUCH_BETTER * each.found.snr for each in same):
             self.rejected.append(Rejection(detection=found, reason=reason))
-        else:
-            self.taken.append(candidate)
+            return
+        for each in same:
+            self.taken.remove(each)
+            self.rejected.append(Rejection(detection=each.found, reason=reason))
+        said = max([found.confidence, *(each.found.confidence for each in same)])
+        self.taken.append(replace(candidate, found=replace(found, confidence=said)))
 
     def _fault(self, trace: Trace) -> NotAStreak | None:
         """The first gate that a trace does not pass; None where it passes all."""
         width_px = self._width_px(trace)
         length_px = math.hypot(trace.x_b_px - trace.x_a_px, trace.y_b_px - trace.y_a_px)
         ratio = trace.width_px / width_px
+        least_px = _NARROWEST * min(width_px, SHARP_PX) if self.focus.joined == 1 else 0.0
         quartile = max(_MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE * trace.snr / trace.confusion)
         gates: tuple[tuple[bool, NotAStreakKind, float | None, float | None], ...] = (
             (trace.snr < _MIN_TRACE_SNR, "too faint", trace.snr, _MIN_TRACE_SNR),
-            (ratio < _NARROWEST, "too narrow", trace.width_px, width_px),
+            (trace.width_px < least_px, "too narrow", trace.width_px, width_px),
             (ratio > _WIDEST, "too wide", trace.width_px, width_px),
             (length_px < _SHORTEST * self.focus.fwhm_px, "too short", length_px, None),
             (trace.lower_quartile_snr < quartile, "dark in between", None, None),
@@ -386,7 +407,6 @@ def _from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
         kind="crossing" if fit.is_crossing else "clipped" if fit.is_clipped else "streak",
         sigma_angle_deg=fit.sigma_angle_deg,
         method="line",
-        unevenness=fit.unevenness,
     )
 
 

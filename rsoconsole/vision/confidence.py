@@ -15,7 +15,7 @@ from typing import Any
 from rsoconsole.errors import ModelError
 from rsoconsole.records import Detection
 from rsoconsole.sky.angles import turn_deg
-from rsoconsole.vision.candidate import Candidate, Focus
+from rsoconsole.vision.candidate import SHARP_PX, Candidate, Focus
 
 FEATURES = (
     "constant",
@@ -30,13 +30,15 @@ FEATURES = (
     "in_line",
     "parallel_unlike",
     "uneven",
+    "lumpy",
     "faint",
     "rough",
     "confused",
     "blurred",
     "drifted",
 )
-"""All from ``wide`` on are 0 or more, speak against a streak and weigh nothing at 0."""
+"""All from ``wide`` on are 0 or more and weigh nothing at 0; but for the last two, which tell how
+the frame shows stars, they speak against a streak."""
 LEAST_LOGIT = -7.0
 """Of the network: what it does not see at all the line filter may."""
 MOST_LOG_SNR, MOST_LOG_STEADY, _LEAST_STEADY = 0.3, 1.5, 0.5
@@ -57,6 +59,7 @@ _SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
 """Logarithm of width over the stars' that says nothing: at best, and times the signal to noise."""
 _SAME_LINE_PX, _MOST_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
 _COMPANY_LONG, _COMPANY_ROUGH, _COMPANY_UNEVEN = 4.0, 0.4, 0.8
+_SHARP = Focus(fwhm_px=1.0)
 _MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
 """Times as long that says enough alone, and beside a bright one; both within so many degrees."""
 
@@ -97,20 +100,22 @@ class ConfidenceCurve:
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
     def highest(
-        self, network_confidence: float, proposed_px: float = math.inf, psf_fwhm_px: float = 1.0
+        self, network_confidence: float, proposed_px: float = math.inf, focus: Focus = _SHARP
     ) -> float:
-        """What a proposal can come to, measured as well as may be.
+        """What a proposal can come to in a frame, measured as well as may be.
 
         A proposal's length is taken to be up to ``LENGTH_ERROR`` times too short.
         """
         table = dict(zip(FEATURES, self.weights, strict=True))
-        longest_px = max(LENGTH_ERROR * proposed_px, 0.1)
-        heard = _heard(_logit(network_confidence), longest_px / max(psf_fwhm_px, 0.1))
+        longest_px, psf_px = max(LENGTH_ERROR * proposed_px, 0.1), max(focus.fwhm_px, 0.1)
+        heard = _heard(_logit(network_confidence), longest_px / psf_px)
         z = table["constant"] + table["network"] * heard
         z += max(table["log_snr"], 0.0) * MOST_LOG_SNR
         z += max(table["steady"], 0.0) * MOST_LOG_STEADY
         z += max(table["extent"], 0.0) * _MOST_EXTENT
-        z += table["shortness"] * math.log(max(SHORT_FWHM * psf_fwhm_px / longest_px, 1.0))
+        z += table["shortness"] * math.log(max(SHORT_FWHM * psf_px / longest_px, 1.0))
+        blurred, drifted = _shown(focus)
+        z += table["blurred"] * blurred + table["drifted"] * drifted
         # None of the others speaks for a satellite.
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
@@ -146,9 +151,9 @@ def confidence_features(
     is wider and narrower than the stars, beyond what its signal to noise leaves open; how short it
     is against ``SHORT_FWHM`` and how long against ``LONG_FWHM``; how many others lie on its line;
     whether one that is much longer, or bright and of another length, is parallel; how uneven its
-    light is; how much fainter than ``FAINT_SNR`` it is; how much of its scatter along the line
-    nothing explains; how restless the sky beside it is; how wide the stars were, and how long drift
-    has drawn them.
+    path is, and its light; how much fainter than ``FAINT_SNR`` it is; how much of its scatter along
+    the line nothing explains; how restless the sky beside it is; how wide the stars were, and how
+    long drift has drawn them.
     """
     found, light = candidate.found, candidate.light
     psf_px, length_px = max(focus.fwhm_px, 0.1), max(found.length_px, 0.1)
@@ -156,7 +161,7 @@ def confidence_features(
     steady = max(light.lower_quartile_snr, _LEAST_STEADY)
     width_px = max(found.width_px, 0.1)
     wide = math.log(width_px / max(focus.widest_px(found.angle_deg), 0.1))
-    narrow = math.log(psf_px / width_px)
+    narrow = math.log(min(psf_px, SHARP_PX) / width_px)
     leeway = _SAME_WIDTH + _WIDTH_PER_SNR / snr
     rest = [other.found for other in others if other is not candidate and _is_company(other)]
     return (
@@ -171,13 +176,18 @@ def confidence_features(
         max(0.0, math.log(length_px / (LONG_FWHM * psf_px))),
         float(min(sum(_is_in_line(found, other) for other in rest), MOST_IN_LINE)),
         float(any(_is_parallel_unlike(found, other) for other in rest)),
-        found.unevenness,
+        light.bend,
+        light.lumpiness,
         max(0.0, math.log(FAINT_SNR / snr)),
         math.log1p(light.roughness**2 / (_EVEN_ENOUGH**2 + (_ROUGH_BY_NOISE / snr) ** 2)),
         math.log(max(light.confusion, 1.0)),
-        math.log(focus.joined),
-        math.log1p(focus.trail_px / psf_px),
+        *_shown(focus),
     )
+
+
+def _shown(focus: Focus) -> tuple[float, float]:
+    """How wide the stars were, and how far drift has drawn them out; logarithms."""
+    return math.log(focus.joined), math.log1p(focus.trail_px / max(focus.fwhm_px, 0.1))
 
 
 def _is_company(other: Candidate) -> bool:

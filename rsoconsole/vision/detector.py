@@ -124,7 +124,9 @@ class StreakDetector:
                 )
             ]
             judged.sort(key=lambda each: -each.found.confidence)
-            taken, others = set_aside(judged, stars.trail, working.frame)
+            taken, others = set_aside(
+                judged, stars.trail, working.frame, is_striped=pattern is not None
+            )
             rejected += others
             if self._settings.centroid == "box":
                 taken = [at_box_centre(d) for d in taken]
@@ -260,7 +262,7 @@ class StreakDetector:
         said, length_px = proposal.box.confidence, proposal.box.length_px
         if proposal.is_line or said < LEAST_BELIEVED or self._curve is None:
             return proposal.is_line or said >= LEAST_BELIEVED
-        return self._curve.highest(said, length_px, focus.fwhm_px) > threshold
+        return self._curve.highest(said, length_px, focus) > threshold
 
     def _judged(self, taken: list[Candidate], focus: Focus) -> list[Detection]:
         """With the confidence that each earns by its measurement and among the others."""

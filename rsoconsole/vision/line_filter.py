@@ -99,7 +99,7 @@ def propose_lines(
     cells = squares - resample(sky.level, per_cell, rows, columns)
     cells *= np.float32(side_px) / resample(sky.noise, per_cell, rows, columns)
     cells = limited(cells)
-    cells -= median_5x5(cells)
+    cells -= _around(cells, FINEST_PX // side_px)
     _cover(cells, side_px, stars, float(np.median(sky.noise)))
     return [
         replace(
@@ -113,6 +113,21 @@ def propose_lines(
         if math.hypot(line.x_b - line.x_a, line.y_b - line.y_a) * side_px
         > _SHORTEST_FWHM * stars.median_fwhm_px
     ]
+
+
+def _around(cells: Float32Array, finer: int) -> Float32Array:
+    """Median about every cell, of 5 x 5 of the usual size, which are so many times as large.
+
+    As wide as the stars are, whatever the cells: a streak is never most of it.
+    """
+    import cv2
+
+    if finer <= 1:
+        return median_5x5(cells)
+    rows, columns = cells.shape
+    coarse = (-(-columns // finer), -(-rows // finer))
+    level = median_5x5(cv2.resize(cells, coarse, interpolation=cv2.INTER_AREA))
+    return np.asarray(cv2.resize(level, (columns, rows), interpolation=cv2.INTER_LINEAR))
 
 
 def _cover(cells: Float32Array, side_px: int, stars: StarList, noise: float) -> None:

@@ -9,6 +9,7 @@ from rsoconsole.records import Detection, Frame, Rejection
 from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.candidate import Candidate
 from rsoconsole.vision.candidates import Proposal
+from rsoconsole.vision.stars import FWHM_PER_SIGMA
 from rsoconsole.vision.trailed_stars import Trail
 
 TRAILED_STREAKS = 9
@@ -19,21 +20,27 @@ not; the confidence and the roughness."""
 _AS_TRAILS_DEG = 6.0
 _LONG_ROW, _ALONG_ROW_DEG = 0.5, 0.15
 """Share of the frame, and degrees off its rows or columns."""
+_ROW_PX, _LEFT_OF_ROWS = 2.5, 0.5
+"""So far a line may turn away from its row, and the ridge's signal to noise up to which the errors
+of several rows' offsets look like one."""
 _BLOOMING_DEG, _SATURATED = 3.0, 0.9
 _ONE_TRAIL = 1.5
 _SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
 
 
 def set_aside(
-    judged: list[Candidate], trail: Trail | None, frame: Frame
+    judged: list[Candidate], trail: Trail | None, frame: Frame, *, is_striped: bool = False
 ) -> tuple[list[Detection], list[Rejection]]:
-    """What is left of a frame's measured lines, and why the others are none of the sky's."""
+    """What is left of a frame's measured lines, and why the others are none of the sky's.
+
+    ``is_striped``: whether offsets of rows or columns were taken from the frame.
+    """
     rejected: list[Rejection] = []
     if trail is not None:
         judged, rejected = not_along(judged, trail)
     taken, more = _without_trailed_stars([each.found for each in judged])
     rejected += more
-    taken, more = _without_rows(taken, frame)
+    taken, more = _without_rows(taken, frame, is_striped=is_striped)
     return taken, rejected + more
 
 
@@ -63,8 +70,13 @@ def _without_trailed_stars(
     return kept, trailed
 
 
-def _without_rows(taken: list[Detection], frame: Frame) -> tuple[list[Detection], list[Rejection]]:
-    """Set aside what runs along a row or column for half of the frame, or is all saturated."""
+def _without_rows(
+    taken: list[Detection], frame: Frame, *, is_striped: bool
+) -> tuple[list[Detection], list[Rejection]]:
+    """Set aside what runs along a row or column for half of the frame, or is all saturated.
+
+    Where offsets of rows or columns were taken away, also what is no brighter than their errors.
+    """
     kept: list[Detection] = []
     ruled: list[Rejection] = []
     for d in taken:
@@ -72,11 +84,20 @@ def _without_rows(taken: list[Detection], frame: Frame) -> tuple[list[Detection]
         is_row = turn_deg(d.angle_deg, 0.0) < turn_deg(d.angle_deg, 90.0)
         side_px = frame.width_px if is_row else frame.height_px
         is_long = d.length_px > _LONG_ROW * side_px and off_deg < _ALONG_ROW_DEG
-        if is_long or (off_deg < _BLOOMING_DEG and _is_saturated(frame, d)):
+        along_deg = max(_ALONG_ROW_DEG, math.degrees(_ROW_PX / max(d.length_px, 1.0)))
+        is_left = is_striped and off_deg < along_deg and _ridge_snr(d) < _LEFT_OF_ROWS
+        if is_long or is_left or (off_deg < _BLOOMING_DEG and _is_saturated(frame, d)):
             ruled.append(Rejection(detection=d, reason=NotAStreak(kind="row or column")))
         else:
             kept.append(d)
     return kept, ruled
+
+
+def _ridge_snr(found: Detection) -> float:
+    """Peak of its cross-section over the noise of a pixel, of a line matched by a Gaussian."""
+    sigma = max(found.width_px, 1.0) / FWHM_PER_SIGMA
+    area = math.sqrt(math.pi) * sigma * max(found.length_px, 1.0)
+    return found.snr / math.sqrt(area)
 
 
 def _is_saturated(frame: Frame, found: Detection) -> bool:

@@ -74,8 +74,14 @@ class StreakFit:
     is_crossing: bool = False
     """Neither end is in the frame."""
     sigma_angle_deg: float | None = None
-    unevenness: float = 0.0
-    """Of its light and path, beyond what noise explains; looked at in short ones alone."""
+    bend: float = 0.0
+    lumpiness: float = 0.0
+    """Of its path and its light, beyond what noise explains; looked at in short ones alone."""
+
+    @property
+    def unevenness(self) -> float:
+        """The larger of the two."""
+        return max(self.bend, self.lumpiness)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,7 +141,8 @@ def _seen_again(
     reason = None
     if fit.length_px < AS_CHAINS_FWHM * fwhm:
         cutout = cut_out(pixels, sky, _box_of(ends, ends), MARGIN_PX, stars)
-        fit = replace(fit, unevenness=max(unevenness(cutout, ends, psf_sigma, fit.snr)))
+        lumpiness, bend = unevenness(cutout, ends, psf_sigma, fit.snr)
+        fit = replace(fit, bend=bend, lumpiness=lumpiness)
     if fit.unevenness > MOST_UNEVEN:
         reason = NotAStreak(kind="patchy")
     elif fit.snr < _FAINT_SNR and is_broken(pixels, sky, ends, psf_sigma):

@@ -38,8 +38,9 @@ _NEEDED_OF_MOST = 0.9
 """Of what a line so short can give at most."""
 _SMALLEST = 1e-7
 _GLANCE_PX = 300.0
-_NARROW = 0.45
-"""Of the stars' width: what fits light better that is narrower than theirs."""
+_NARROW, _RAY_PX = 0.45, 0.55
+"""Of the stars' width, and sigma at most: what fits light better that is narrower than theirs. What
+widens stars alone, wind and drift, leaves a satellite's streak narrower; a ray is a pixel wide."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +122,7 @@ def width_at_a_glance(
     noise = max(sky.at(sky.noise, x, y), 1e-9)
     values = (strip.astype(np.float32) - np.float32(sky.at(sky.level, x, y))) / np.float32(noise)
     found = []
-    for each in (sigma, _NARROW * sigma):
+    for each in (sigma, min(_NARROW * sigma, _RAY_PX)):
         kernel = cv2.getGaussianKernel(2 * math.ceil(3.0 * each) + 1, each).astype(np.float32)
         smooth = cv2.filter2D(values, -1, kernel, borderType=cv2.BORDER_REFLECT_101)
         smooth /= float(np.sqrt((kernel**2).sum()))

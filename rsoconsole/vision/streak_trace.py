@@ -39,6 +39,7 @@ _TIMES_TYPICAL, _MOST_SLOPE = 1.5, 0.45
 _ENOUGH_COLUMNS = 24
 _TIMES_LEVEL, _OUT_SIGMA, _MOST_OUT = 3.0, 5.0, 0.4
 _EDGE_SNR, _HIDDEN_PX = 6.0, 3.0
+_NOT_NOISE = 2.5
 _SMALLEST = 1e-9
 
 
@@ -71,11 +72,17 @@ class Trace:
 
 
 def trace_line(
-    pixels: PixelArray, sky: Background, ends: Box, stars: StarList, psf_fwhm_px: float
+    pixels: PixelArray,
+    sky: Background,
+    ends: Box,
+    stars: StarList,
+    psf_fwhm_px: float,
+    off_px: float = OFF_PX,
 ) -> Trace | None:
     """Measure the light along a line from a to b, ``ends`` (x_a, y_a, x_b, y_b), a few px off.
 
-    ``pixels`` (height, width), ADU. None where no line stands out there.
+    ``pixels`` (height, width), ADU; ``off_px``: how far off it may be, at its middle and at its
+    ends. None where no line stands out there.
     """
     sigma = math.sqrt((psf_fwhm_px / FWHM_PER_SIGMA) ** 2 + INTERPOLATED_VARIANCE)
     strip = strip_about(pixels, sky, ends, stars, sigma)
@@ -85,7 +92,7 @@ def trace_line(
     columns = np.arange(strip.values.shape[1])
     middle = 0.5 * (columns.size - 1)
     inside = np.abs(columns - middle) <= 0.5 * length
-    course = _course(strip, columns, inside, sigma)
+    course = _course(strip, columns, inside, sigma, off_px)
     level(strip, course, sigma)
     for _ in range(2):
         profile = profile_of(strip, course, sigma)
@@ -115,7 +122,9 @@ def _mask_what_stands_out(strip: LineStrip, profile: LineProfile, lit: tuple[flo
         strip.is_good[:, bright] = False
 
 
-def _course(strip: LineStrip, columns: IntArray, inside: BoolArray, sigma: float) -> Course:
+def _course(
+    strip: LineStrip, columns: IntArray, inside: BoolArray, sigma: float, off_px: float
+) -> Course:
     """The line on which the limited light of a proposal's parts adds up to most."""
     import cv2
 
@@ -137,8 +146,8 @@ def _course(strip: LineStrip, columns: IntArray, inside: BoolArray, sigma: float
     typical = float(np.median(light.max(axis=1)))
     light = np.clip(light, -2.0, max(_CLIP, _TIMES_TYPICAL * typical))
     half = max(0.5 * float(inside.sum()), 1.0)
-    offsets = np.arange(-OFF_PX, OFF_PX + 0.25, 0.5)
-    slopes = np.arange(-OFF_PX, OFF_PX + 0.25, 0.5) / max(half, OFF_PX / _MOST_SLOPE)
+    offsets = np.arange(-off_px, off_px + 0.25, 0.5)
+    slopes = np.arange(-off_px, off_px + 0.25, 0.5) / max(half, off_px / _MOST_SLOPE)
     rows = offsets[:, None, None] + slopes[:, None] * (place - middle) + strip.reach
     rows = np.clip(np.rint(rows), 0, light.shape[1] - 1).astype(np.intp)
     total = light[np.arange(place.size), rows].sum(axis=-1)
@@ -154,11 +163,14 @@ def _lit_stretch(profile: LineProfile, middle: float, half: float) -> tuple[floa
         inside = profile.between(*span)
         if np.count_nonzero(inside) < 4:
             return None
-        limit = 6.0 * float(np.median(profile.error[inside])) if typical is None else 2.5 * typical
+        noise = float(np.median(profile.error[inside]))
+        limit = 6.0 * noise if typical is None else max(2.5 * typical, _NOT_NOISE * noise)
         typical = float(np.mean(np.minimum(profile.light[inside], limit)))
         if typical <= 0.0:
             return None
-        gain = np.minimum(profile.light, 2.0 * typical) - _LIT * typical
+        # A star is held down to the line's own light; what noise does must not be, one-sidedly.
+        limit = max(2.0 * typical, _NOT_NOISE * noise)
+        gain = np.minimum(profile.light, limit) - _LIT * typical
         total = np.concatenate([[0.0], np.cumsum(np.where(profile.is_known, gain, 0.0))])
         end = int(np.argmax(total - np.minimum.accumulate(total)))
         start = int(np.argmin(total[: end + 1]))
