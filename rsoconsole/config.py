@@ -193,6 +193,29 @@ class LimitsConfig(_Section):
         return points
 
 
+class CalibrationConfig(_Section):
+    """Master frames of the camera, applied to every frame before anything is looked for."""
+
+    darks: tuple[Path, ...] = Field(
+        (),
+        description="master darks, the camera's offset still in them: one for each exposure (and"
+        " binning); FITS",
+    )
+    flat: Path | None = Field(
+        None, description="master flat, its own dark or bias already taken off; any level"
+    )
+    bias: Path | None = Field(
+        None, description="master bias: with it a dark is scaled to exposures that have none"
+    )
+
+    @property
+    def files(self) -> tuple[tuple[str, Path], ...]:
+        """(name of the setting, file) of every master."""
+        darks = [("darks", path) for path in self.darks]
+        others = [("flat", self.flat), ("bias", self.bias)]
+        return (*darks, *((name, path) for name, path in others if path is not None))
+
+
 class DetectorConfig(_Section):
     """The streak detector."""
 
@@ -360,6 +383,7 @@ class Config(_Section):
     exposure: ExposureConfig = ExposureConfig()
     mount: MountConfig = MountConfig()
     limits: LimitsConfig = LimitsConfig()
+    calibration: CalibrationConfig = CalibrationConfig()
     detector: DetectorConfig = DetectorConfig()
     solver: SolverConfig = SolverConfig()
     filter: FilterConfig = FilterConfig()

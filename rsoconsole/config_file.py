@@ -3,7 +3,7 @@
 import difflib
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from rsoconsole.config import Config, default_config_path, load_config, walk
+from rsoconsole.config import CalibrationConfig, Config, default_config_path, load_config, walk
 from rsoconsole.errors import ConfigError
 
 Origin = Literal["default", "file", "command line"]
@@ -165,7 +165,24 @@ def _contradictions(config: Config) -> tuple[ConfigFault, ...]:
                 remedy="name a .tflite file, or leave the setting out for the shipped network",
             )
         )
-    return tuple(faults)
+    return (*faults, *_calibration_faults(config.calibration))
+
+
+def _calibration_faults(calibration: CalibrationConfig) -> Iterator[ConfigFault]:
+    for name, path in calibration.files:
+        if not path.is_file():
+            problem = "is no file" if path.exists() else "does not exist"
+            yield ConfigFault(
+                name=f"calibration.{name}",
+                problem=f"{path} {problem}",
+                remedy="name a FITS file, or leave the setting out",
+            )
+    if calibration.flat is not None and not calibration.darks and calibration.bias is None:
+        yield ConfigFault(
+            name="calibration.flat",
+            problem="a flat alone would divide the camera's offset too, and is not used",
+            remedy="name a dark in calibration.darks, or calibration.bias",
+        )
 
 
 def _fault(found: Mapping[str, Any]) -> ConfigFault:

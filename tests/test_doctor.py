@@ -98,6 +98,7 @@ def test_every_check_reports_and_what_is_not_well_has_a_remedy(
         "python",
         "network",
         "camera",
+        "calibration",
         "index files",
         "catalogue",
         "site",

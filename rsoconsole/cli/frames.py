@@ -202,11 +202,11 @@ def detect(
     """
     from rsoconsole.instruments.frame_files import read_frames
     from rsoconsole.instruments.frame_header import EXTENSION_KEY
+    from rsoconsole.pipeline.calibration import Calibration
     from rsoconsole.pipeline.cautions import cautions
     from rsoconsole.pipeline.reports import detections_report
     from rsoconsole.vision.confidence import ConfidenceCurve
     from rsoconsole.vision.detector import StreakDetector
-    from rsoconsole.vision.mosaic import evened
     from rsoconsole.vision.network import Network
 
     overrides = {"detector.tau": tau, "detector.map_mode": map_mode}
@@ -214,14 +214,16 @@ def detect(
     settings = whole.detector
     network = Network.load(settings.model, settings.threads)
     detector = StreakDetector(network, settings, ConfidenceCurve.from_card(network.card))
+    calibration = Calibration(whole)
 
     def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
         for frame in read_frames(path, number, extension=extension):
+            prepared, told = calibration.prepare(frame)
             yield detections_report(
                 str(path),
-                detector.analyse(evened(frame)).detections,
+                detector.analyse(prepared).detections,
                 extension=frame.header.get(EXTENSION_KEY),
-                notes=[each.words for each in cautions(frame, None, whole)],
+                notes=[each.words for each in (*told, *cautions(frame, None, whole))],
             )
 
     _each(frames, json_, work, _detect_words)
@@ -252,25 +254,25 @@ def solve(
     from rsoconsole.instruments.frame_files import read_frames
     from rsoconsole.instruments.index_files import series_name
     from rsoconsole.instruments.solver import PlateSolver
+    from rsoconsole.pipeline.calibration import Calibration
     from rsoconsole.pipeline.cautions import cautions
     from rsoconsole.pipeline.hints import WrongHint, hint_of, overridden, wrong_hints
     from rsoconsole.pipeline.plate import PlateFinder
     from rsoconsole.pipeline.reports import solved_report
     from rsoconsole.records import Solution
-    from rsoconsole.vision.mosaic import evened
     from rsoconsole.vision.stars import find_stars
 
     if (ra is None) != (dec is None):
         raise typer.BadParameter("--ra and --dec go together")
     settings = load_config(config)
     with PlateSolver(settings.solver.index_dirs, start_s=settings.waits.process_s) as solver:
-        finder = PlateFinder(solver, settings)
+        finder, calibration = PlateFinder(solver, settings), Calibration(settings)
 
         def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
             frames_of = read_frames(path, number, extension=extension, max_nonfinite_fraction=0.2)
             for frame in frames_of:
-                even = evened(frame)
-                stars = find_stars(even.pixels, saturation_adu=even.saturation_adu)
+                prepared, calibrated = calibration.prepare(frame)
+                stars = find_stars(prepared.pixels, saturation_adu=prepared.saturation_adu)
                 hint = overridden(hint_of(frame, settings), ra, dec, radius, scale)
                 solution = finder.solve_in_full(frame, stars, hint)
                 wrong: tuple[WrongHint, ...] = ()
@@ -279,7 +281,7 @@ def solve(
                     wrong = wrong_hints(hint, solution, frame, settings)
                 else:
                     missing = solver.missing_index(hint, frame.width_px, frame.height_px)
-                told = cautions(frame, solution, settings)
+                told = (*calibrated, *cautions(frame, solution, settings))
                 yield solved_report(
                     str(path),
                     solution,

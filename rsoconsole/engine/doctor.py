@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from rsoconsole import setup_check
 from rsoconsole.config import Config, SiteConfig
-from rsoconsole.engine import doctor_indi, doctor_machine, doctor_system
+from rsoconsole.engine import doctor_calibration, doctor_indi, doctor_machine, doctor_system
 from rsoconsole.engine.doctor_check import Check
 from rsoconsole.engine.retention import DISK_REMEDY, disk_outlook
 from rsoconsole.errors import InstrumentError, RsoconsoleError
@@ -53,6 +53,7 @@ def run_checks(config: Config) -> Iterator[Check]:
         ("python", check_libraries),
         ("network", check_network),
         ("camera", check_camera),
+        ("calibration", doctor_calibration.check_calibration),
         ("index files", check_index_files),
         ("catalogue", check_catalogue),
         ("site", check_site),

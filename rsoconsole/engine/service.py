@@ -86,6 +86,7 @@ def run_engine(
             # Before anything else: two engines must never speak to one mount.
             lock = stack.enter_context(EngineLock(path))
         reducer, model_sha256 = stack.enter_context(open_reducer(config))
+        reducer.make_ready()
         instruments = stack.enter_context(connect_instruments(config))
         site_fault = _site_fault(instruments.mount, config)
         now_ns = instruments.clock.now_utc_ns()

@@ -11,6 +11,7 @@ NOTES_KEY = "NOTES"
 
 EXTENSION_KEY = "EXTENSION"
 """Key under which it carries which of its file's images it is; absent where there is only one."""
+ABSOLUTE_ZERO_C = -273.15
 POSSIBLE_ARCSEC_PX = (0.01, 3600.0)
 """Finer than any telescope's, coarser than any lens's: a scale beyond is a slip of the header."""
 
@@ -40,6 +41,15 @@ def exposure_s(header: Mapping[str, Any]) -> float | None:
     for key in ("EXPTIME", "EXPOSURE"):
         value = _number(header.get(key))
         if value is not None and value > 0:
+            return value
+    return None
+
+
+def sensor_temperature_c(header: Mapping[str, Any]) -> float | None:
+    """Temperature of the sensor in degrees Celsius; None where the header does not tell it."""
+    for key in ("CCD-TEMP", "DET-TEMP", "CCDTEMP", "SET-TEMP"):
+        value = _number(header.get(key))
+        if value is not None and ABSOLUTE_ZERO_C < value < 100.0:
             return value
     return None
 

@@ -1,6 +1,7 @@
 """What a user should know of a frame besides what was found in it, each in one sentence."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from rsoconsole.config import Config
 from rsoconsole.instruments.frame_header import NOTES_KEY
@@ -11,11 +12,12 @@ from rsoconsole.vision.calibrated_range import range_cautions
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Caution:
-    """A warning."""
+    """A warning, or what is to be known of every frame that follows."""
 
     kind: str
     """Who repeats frames says each kind once."""
     words: str
+    level: Literal["info", "warning"] = "warning"
 
 
 def cautions(

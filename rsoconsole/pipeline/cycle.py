@@ -63,7 +63,7 @@ class Cycle:
         solution = () if reduction.solution is None else (reduction.solution,)
         fresh = [each for each in reduction.cautions if each.kind not in self._said]
         self._said |= {each.kind for each in fresh}
-        events = (Event(level="warning", text=each.words, frame_id=frame_id) for each in fresh)
+        events = (Event(level=each.level, text=each.words, frame_id=frame_id) for each in fresh)
         return (reduction.detections, *solution, *reduction.measurements, *events)
 
     @property

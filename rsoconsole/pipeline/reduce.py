@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from rsoconsole.config import Config
+from rsoconsole.pipeline.calibration import Calibration
 from rsoconsole.pipeline.cautions import Caution, cautions
 from rsoconsole.pipeline.measure import measured
 from rsoconsole.reason_text import text
@@ -16,7 +17,6 @@ from rsoconsole.reasons import Missed
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.detector import Proposer, StreakDetector
-from rsoconsole.vision.mosaic import evened
 from rsoconsole.vision.stars import StarList
 
 BRIGHTEST_STARS = slice(20, 60)
@@ -56,19 +56,32 @@ class FrameReducer:
     """Detector and plate finder in the order of Algorithm 1."""
 
     def __init__(
-        self, network: Proposer, curve: ConfidenceCurve, plate: Plate, config: Config
+        self,
+        network: Proposer,
+        curve: ConfidenceCurve,
+        plate: Plate,
+        config: Config,
+        calibration: Calibration | None = None,
     ) -> None:
+        """``calibration``: of the same configuration, where it has been made already."""
         self._network = network
         self._curve = curve
         self._detector = StreakDetector(network, config.detector, curve)
         self._plate = plate
         self._config = config
+        self._calibration = calibration or Calibration(config)
 
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next frame."""
         self._config = config
+        if not self._calibration.is_for(config):
+            self._calibration = Calibration(config)
         self._detector = StreakDetector(self._network, config.detector, self._curve)
         self._plate.configure(config)
+
+    def make_ready(self) -> None:
+        """Read the master frames now, so that the first frame does not wait for them."""
+        self._calibration.make_ready(self._config)
 
     def forget_plate(self) -> None:
         """The camera has turned: the next frame is solved in full."""
@@ -84,7 +97,8 @@ class FrameReducer:
         """
         stage_ms: dict[str, float] = {}
         with _timed(stage_ms, "detect"):
-            analysis = self._detector.analyse(evened(frame))
+            prepared, told = self._calibration.prepare(frame)
+            analysis = self._detector.analyse(prepared)
         found = analysis.detections
         network_ms = sum(found.stage_ms.get(each, 0.0) for each in ("network", "fit", "class"))
         stage_ms["process"] = stage_ms["detect"] - network_ms
@@ -110,7 +124,7 @@ class FrameReducer:
             fwhm_px=analysis.stars.median_fwhm_px,
             absence=text(plain_absence(found, solution, frame.t_mid_utc_ns)),
             stage_ms=stage_ms,
-            cautions=cautions(frame, solution, self._config),
+            cautions=(*told, *cautions(frame, solution, self._config)),
         )
 
 

@@ -15,6 +15,7 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import FrameError, RsoconsoleError, SessionError
 from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.instruments.solver import PlateSolver
+from rsoconsole.pipeline.calibration import Calibration
 from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.pipeline.reduce import FrameReducer, Plate
 from rsoconsole.pipeline.rerun import RecordedPlate
@@ -34,7 +35,6 @@ from rsoconsole.session.reader import SessionReader
 from rsoconsole.vision.candidates import is_same_streak
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map
-from rsoconsole.vision.mosaic import evened
 from rsoconsole.vision.network import Network
 
 log = logging.getLogger(__name__)
@@ -218,6 +218,10 @@ class Reprocessor:
         settings = self._recorded.config.detector
         return Network.load(settings.model, settings.threads)
 
+    @cached_property
+    def _calibration(self) -> Calibration:
+        return Calibration(self._recorded.config)
+
     def close(self) -> None:
         """End the solver's process."""
         if self._solver is not None:
@@ -245,7 +249,8 @@ class Reprocessor:
         curve = ConfidenceCurve.from_card(network.card)
         plate = self._plate(config) if solves_anew else _on_record(recorded.seen.solution)
         began_s = time.perf_counter()
-        reduction = FrameReducer(network, curve, plate, config).reduce(self._frame)
+        reducer = FrameReducer(network, curve, plate, config, self._calibration)
+        reduction = reducer.reduce(self._frame)
         stage_ms = dict(reduction.detections.stage_ms)
         if solves_anew:
             stage_ms["solve"] = reduction.stage_ms.get("solve", 0.0)
@@ -268,7 +273,7 @@ class Reprocessor:
 
     def maps(self, map_mode: MapMode) -> tuple[FrameMap, ...]:
         """What the network sees of the frame: one map, or several where its scale is unknown."""
-        frame = evened(self._frame)
+        frame, _ = self._calibration.prepare(self._frame)
         blocks = choose_blocks(
             frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
         )
