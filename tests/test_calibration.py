@@ -333,7 +333,9 @@ def test_process_puts_the_masters_in_force_on_record_once(night: Path, tmp_path:
     assert not any(each.level != "info" and "calibration" in each.text for each in events)
 
 
-def test_a_kept_frame_is_processed_again_with_the_masters(tmp_path: Path):
+def test_a_kept_frame_is_processed_again_with_the_masters(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
     """A dark that holds the frame's own light leaves nothing to be found."""
     folder = Path(shutil.copytree(SCHEMA_1, tmp_path / "night"))
     recorded = recorded_frame(SessionReader(folder), 9)
@@ -351,6 +353,11 @@ def test_a_kept_frame_is_processed_again_with_the_masters(tmp_path: Path):
     found = calibrated.run()
     assert found.now.detections.detections == ()
     assert not np.array_equal(plain.maps("fast")[0].values, calibrated.maps("fast")[0].values)
+    assert "calibration" not in caplog.text
+    dark.unlink()
+    gone = Reprocessor(replace(recorded, config=calibrated._recorded.config), frame)
+    assert gone.run().now.measurements == plain.run().now.measurements
+    assert "dark.fits does not exist" in caplog.text
 
 
 # -- configuration and doctor ------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """What a user should know of a frame besides what was found in it, each in one sentence."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -8,6 +9,9 @@ from rsoconsole.instruments.frame_header import NOTES_KEY
 from rsoconsole.pipeline.hints import hint_of, wrong_hints
 from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.vision.calibrated_range import range_cautions
+
+CALIBRATION = "calibration"
+"""How the kinds of cautions about master frames begin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,3 +40,10 @@ def cautions(
         found += [Caution(kind=f"{each.hint} hint", words=each.words) for each in wrong]
     about = range_cautions(scale_arcsec_px, frame.exposure_s, frame.width_px, frame.height_px)
     return (*found, *(Caution(kind=kind, words=words) for kind, words in about.items()))
+
+
+def calibration_warnings(told: Iterable[Caution]) -> Iterator[str]:
+    """Warnings about master frames: a comparison with the record depends on them."""
+    for each in told:
+        if each.level == "warning" and each.kind.startswith(CALIBRATION):
+            yield each.words

@@ -16,6 +16,7 @@ from rsoconsole.errors import FrameError, RsoconsoleError, SessionError
 from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.instruments.solver import PlateSolver
 from rsoconsole.pipeline.calibration import Calibration
+from rsoconsole.pipeline.cautions import calibration_warnings
 from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.pipeline.reduce import FrameReducer, Plate
 from rsoconsole.pipeline.rerun import RecordedPlate
@@ -251,6 +252,8 @@ class Reprocessor:
         began_s = time.perf_counter()
         reducer = FrameReducer(network, curve, plate, config, self._calibration)
         reduction = reducer.reduce(self._frame)
+        for words in calibration_warnings(reduction.cautions):
+            log.warning("%s", words)
         stage_ms = dict(reduction.detections.stage_ms)
         if solves_anew:
             stage_ms["solve"] = reduction.stage_ms.get("solve", 0.0)

@@ -4,6 +4,7 @@ A frame that was not kept, or can no longer be read, keeps what was recorded of 
 moved from frame to frame as it was that night: where the engine solved in full, so does this.
 """
 
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ from dataclasses import dataclass, replace
 from rsoconsole.config import Config
 from rsoconsole.errors import FrameError
 from rsoconsole.instruments.frame_files import read_frame
+from rsoconsole.pipeline.cautions import calibration_warnings
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import measured, numbered_like
 from rsoconsole.pipeline.open import open_reducer
@@ -20,6 +22,8 @@ from rsoconsole.session.reader import SessionReader
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.network import Network
 from rsoconsole.vision.stars import StarList
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -50,6 +54,7 @@ class Rerun:
         self._with_detector = with_detector
         self._on_frame = on_frame
         self._config: Config | None = None
+        self._said: set[str] = set()
 
     def __call__(self, shown: Shown, config: Config) -> Shown:
         """What the frame shows now; what was recorded where its pixels are gone."""
@@ -66,6 +71,10 @@ class Rerun:
             self._reducer.forget_plate()
         reduction = self._reducer.reduce(frame)
         self.counts.rerun += 1
+        for words in calibration_warnings(reduction.cautions):
+            if words not in self._said:
+                self._said.add(words)
+                log.warning("%s", words)
         if self._with_detector:
             return replace(
                 shown,
