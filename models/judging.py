@@ -19,6 +19,7 @@ from rsoconsole.vision.candidate import Candidate, Focus, LineLight
 from rsoconsole.vision.confidence import ConfidenceCurve, confidence_features
 from rsoconsole.vision.detector import FrameAnalysis, StreakDetector
 from rsoconsole.vision.network import Network, NetworkBox
+from rsoconsole.vision.psf_field import PsfField
 from rsoconsole.vision.working_frame import WorkingFrame, to_original
 
 ON_TRAIL_PX, _ON_TRAIL_WIDTHS = 5.0, 0.6
@@ -143,14 +144,28 @@ def _where_lost(trail: TrueTrail, analysis: FrameAnalysis) -> str:
 
 def features_of(row: FrameRow) -> list[tuple[float, ...]]:
     """What the curve looks at, of each of the frame's candidates."""
-    measured, focus = [candidate_of(each) for each in row["candidates"]], Focus(**row["focus"])
+    measured, focus = [candidate_of(each) for each in row["candidates"]], focus_of(row)
     return [confidence_features(each, focus, measured) for each in measured]
 
 
 def confidences_of(row: FrameRow, curve: ConfidenceCurve) -> list[float]:
     """What the product says of each of the frame's candidates with this curve."""
     measured = [candidate_of(each) for each in row["candidates"]]
-    return [each.confidence for each in curve.judged(measured, Focus(**row["focus"]))]
+    return [each.confidence for each in curve.judged(measured, focus_of(row))]
+
+
+def focus_of(row: FrameRow) -> Focus:
+    """How the frame showed a point."""
+    values = dict(row["focus"])
+    field = values.pop("psf_field", None)
+    if field is not None:
+        field = PsfField(**{name: _kept(value) for name, value in field.items()})
+    return Focus(**values, psf_field=field)
+
+
+def _kept(value: Any) -> Any:
+    """A record's tuple, which JSON keeps as a list."""
+    return tuple(value) if isinstance(value, list) else value
 
 
 def candidate_of(row: CandidateRow) -> Candidate:

@@ -1,9 +1,10 @@
 """A measured candidate: what was found, and all else that its confidence depends on."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rsoconsole.records import Detection
+from rsoconsole.vision.psf_field import PsfField, WidthSource
 
 SHARP_PX = 3.2
 """Width of a star that neither wind nor the mount has widened: a streak may be as narrow."""
@@ -47,12 +48,22 @@ class Focus:
     """How the frame shows a point, in the pixels in which it was searched."""
 
     fwhm_px: float
+    """Of the stars: their median, or at the place that ``at`` was asked for."""
     joined: int = 1
     """Pixels of the camera along one of these: stars were so wide."""
     trail_px: float = 0.0
     """What drift has drawn the stars out to."""
     trail_deg: float = 0.0
     """Its direction, x towards y."""
+    psf_field: PsfField | None = None
+    """How the stars' width changes over the frame; None where it does not."""
+    width_source: WidthSource = "measured"
+
+    def at(self, x_px: float, y_px: float) -> "Focus":
+        """The same about one place, with the stars' width there; itself where nothing changes."""
+        if self.psf_field is None:
+            return self
+        return replace(self, fwhm_px=self.psf_field.at(x_px, y_px), psf_field=None)
 
     def widest_px(self, angle_deg: float) -> float:
         """How wide a streak of this direction may be.

@@ -169,7 +169,8 @@ class Measurements:
         Too little light where the network alone proposes it; light that is narrower than stars
         where the line filter does: a cosmic ray or a column of the sensor.
         """
-        box, width_px = proposal.box, self.stars.median_fwhm_px
+        box = proposal.box
+        width_px = self._focus_at(_ends(box)).fwhm_px
         if proposal.is_line and self.focus.joined > 1:
             # Wind that widened the stars did not widen what moved on: a streak may be any width.
             return None
@@ -236,10 +237,10 @@ class Measurements:
 
     def _irregularity(self, found: Detection, trace: Trace) -> LineLight:
         """Of a short one: of its path, and of its light where that follows no one period."""
-        light, width_px = _light_of(trace), self.stars.median_fwhm_px
-        if found.length_px > AS_CHAINS_FWHM * width_px:
-            return light
+        light = _light_of(trace)
         ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
+        if found.length_px > AS_CHAINS_FWHM * self._focus_at(ends).fwhm_px:
+            return light
         box = min(ends[::2]), min(ends[1::2]), max(ends[::2]), max(ends[1::2])
         cutout = cut_out(self.frame.pixels, self.sky, box, MARGIN_PX, self.stars)
         width_px = self._width_px(trace)
@@ -256,11 +257,11 @@ class Measurements:
 
     def _traced(self, ends: Box) -> Trace | None:
         """The line, as wide as a star, or as drift has drawn it out where that shows more."""
-        width_px = self.focus.fwhm_px
-        off_px = OFF_PX if self.focus.joined == 1 else OFF_PX * _FINER_WHERE_JOINED
+        focus = self._focus_at(ends)
+        width_px, widest_px = focus.fwhm_px, focus.widest_px(_angle_deg(ends))
+        off_px = OFF_PX if focus.joined == 1 else OFF_PX * _FINER_WHERE_JOINED
         look = self.frame.pixels, self.sky, ends, self.stars
         trace = trace_line(*look, width_px, off_px)
-        widest_px = self.focus.widest_px(_angle_deg(ends))
         if widest_px < _DRAWN_OUT * width_px:
             return trace
         wide = trace_line(*look, widest_px, off_px)
@@ -270,8 +271,13 @@ class Measurements:
     def _width_px(self, trace: Trace) -> float:
         """Width that a streak is expected to have which was traced."""
         ends = trace.x_a_px, trace.y_a_px, trace.x_b_px, trace.y_b_px
-        most = max(self.focus.widest_px(_angle_deg(ends)), self.focus.fwhm_px)
-        return min(max(trace.width_px, self.focus.fwhm_px), most)
+        focus = self._focus_at(ends)
+        most = max(focus.widest_px(_angle_deg(ends)), focus.fwhm_px)
+        return min(max(trace.width_px, focus.fwhm_px), most)
+
+    def _focus_at(self, ends: Box) -> Focus:
+        """How the frame shows a point about the middle of a line."""
+        return self.focus.at(*_middle_of(ends))
 
     def _take(self, candidate: Candidate) -> None:
         """Keep a candidate, the better of those of one streak, with the network's best word."""
@@ -289,7 +295,9 @@ class Measurements:
     def _fault(self, trace: Trace) -> NotAStreak | None:
         """The first gate that a trace does not pass; None where it passes all."""
         width_px = self._width_px(trace)
-        length_px = math.hypot(trace.x_b_px - trace.x_a_px, trace.y_b_px - trace.y_a_px)
+        ends = trace.x_a_px, trace.y_a_px, trace.x_b_px, trace.y_b_px
+        length_px = math.hypot(ends[2] - ends[0], ends[3] - ends[1])
+        star_px = self._focus_at(ends).fwhm_px
         ratio = trace.width_px / width_px
         least_px = _NARROWEST * min(width_px, SHARP_PX) if self.focus.joined == 1 else 0.0
         quartile = max(_MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE * trace.snr / trace.confusion)
@@ -297,7 +305,7 @@ class Measurements:
             (trace.snr < _MIN_TRACE_SNR, "too faint", trace.snr, _MIN_TRACE_SNR),
             (trace.width_px < least_px, "too narrow", trace.width_px, width_px),
             (ratio > _WIDEST, "too wide", trace.width_px, width_px),
-            (length_px < _SHORTEST * self.focus.fwhm_px, "too short", length_px, None),
+            (length_px < _SHORTEST * star_px, "too short", length_px, None),
             (trace.lower_quartile_snr < quartile, "dark in between", None, None),
             (trace.roughness > _MOST_ROUGH, "uneven", trace.roughness, _MOST_ROUGH),
             (trace.beyond > _MOST_BEYOND, "longer trail", None, None),
@@ -408,6 +416,10 @@ def _from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
         sigma_angle_deg=fit.sigma_angle_deg,
         method="line",
     )
+
+
+def _middle_of(ends: Box) -> tuple[float, float]:
+    return 0.5 * (ends[0] + ends[2]), 0.5 * (ends[1] + ends[3])
 
 
 def _angle_deg(ends: Box) -> float:

@@ -104,7 +104,8 @@ class ConfidenceCurve:
     ) -> float:
         """What a proposal can come to in a frame, measured as well as may be.
 
-        A proposal's length is taken to be up to ``LENGTH_ERROR`` times too short.
+        ``focus`` is that of its place (``Focus.at``). A proposal's length is taken to be up to
+        ``LENGTH_ERROR`` times too short.
         """
         table = dict(zip(FEATURES, self.weights, strict=True))
         longest_px, psf_px = max(LENGTH_ERROR * proposed_px, 0.1), max(focus.fwhm_px, 0.1)
@@ -156,6 +157,7 @@ def confidence_features(
     long drift has drawn them.
     """
     found, light = candidate.found, candidate.light
+    focus = focus.at(found.x_px, found.y_px)
     psf_px, length_px = max(focus.fwhm_px, 0.1), max(found.length_px, 0.1)
     snr = max(found.snr, 0.1)
     steady = max(light.lower_quartile_snr, _LEAST_STEADY)

@@ -262,7 +262,9 @@ class StreakDetector:
         said, length_px = proposal.box.confidence, proposal.box.length_px
         if proposal.is_line or said < LEAST_BELIEVED or self._curve is None:
             return proposal.is_line or said >= LEAST_BELIEVED
-        return self._curve.highest(said, length_px, focus) > threshold
+        box = proposal.box
+        here = focus.at(0.5 * (box.x_a_px + box.x_b_px), 0.5 * (box.y_a_px + box.y_b_px))
+        return self._curve.highest(said, length_px, here) > threshold
 
     def _judged(self, taken: list[Candidate], focus: Focus) -> list[Detection]:
         """With the confidence that each earns by its measurement and among the others."""
@@ -278,6 +280,8 @@ def _focus(stars: StarList, joined: int) -> Focus:
         joined=joined,
         trail_px=0.0 if trail is None else trail.length_px,
         trail_deg=0.0 if trail is None else trail.angle_deg,
+        psf_field=stars.psf_field,
+        width_source=stars.width_source,
     )
 
 

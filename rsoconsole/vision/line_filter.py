@@ -111,8 +111,14 @@ def propose_lines(
         )
         for line in find_lines(cells)
         if math.hypot(line.x_b - line.x_a, line.y_b - line.y_a) * side_px
-        > _SHORTEST_FWHM * stars.median_fwhm_px
+        > _SHORTEST_FWHM * _star_fwhm_px(line, side_px, stars)
     ]
+
+
+def _star_fwhm_px(line: CellLine, side_px: int, stars: StarList) -> float:
+    """Width of a star in the middle of a line in cells."""
+    x, y = 0.5 * (line.x_a + line.x_b), 0.5 * (line.y_a + line.y_b)
+    return stars.fwhm_at(x * side_px - 0.5, y * side_px - 0.5)
 
 
 def _around(cells: Float32Array, finer: int) -> Float32Array:

@@ -22,6 +22,14 @@ from rsoconsole.vision.bins import (
     block_maximum,
     mirrored,
 )
+from rsoconsole.vision.one_line import MOST_POINTS, on_one_line
+from rsoconsole.vision.psf_field import (
+    FEWEST_STARS,
+    Psf,
+    PsfField,
+    WidthSource,
+    fit_psf_field,
+)
 from rsoconsole.vision.trailed_stars import Trail, Trailed, trailed_stars
 
 IntArray = npt.NDArray[np.intp]
@@ -41,11 +49,15 @@ _PROBE_HALF_PX = 10
 _PROBE_SIGMA_PX = 2.0
 _ITERATIONS = 8
 _DEFAULT_FWHM_PX = 2.5
+_FEWEST = 5
+"""Unsaturated stars from which on their median width holds."""
+_FWHM_PX = (1.2, 12.0)
+"""What a first look can measure."""
 _MAX_PEAK_SHARE = 0.6
 """Of the light in 3 x 3 pixels; more in one pixel is a hot pixel or a cosmic ray."""
 _MAX_AXIS_RATIO = 1.5
 _SHARPEST, _WIDEST = 0.62, 2.5
-"""Width relative to the median star beyond which it is none."""
+"""Width relative to the stars' beyond which it is none."""
 _SATURATED_SHARE = 0.95
 _FEWEST_TRAILS, _MAX_POINTS, _DRAWN_OUT = 12, 0.5, 1.35
 """Bright pieces of light, share of them that are points, axis ratio: beyond it stars are trails."""
@@ -64,9 +76,24 @@ class StarList:
     snr: FloatArray
     is_saturated: BoolArray
     median_fwhm_px: float
-    """Of unsaturated stars; a guess of 2.5 where there are fewer than five. Of trails: across."""
+    """Of unsaturated stars; where there are fewer than five as ``width_source`` says. Of trails:
+    across."""
     trail: Trail | None = None
     """What drift has drawn every star out to; None where they are points."""
+    psf_field: PsfField | None = None
+    """How the width changes over the frame; None where it is the median everywhere."""
+    width_source: WidthSource = "measured"
+    """Guessed: 2.5 px."""
+
+    def fwhm_at(self, x_px: float, y_px: float) -> float:
+        """Width of a star at a place of the frame, px."""
+        return self.median_fwhm_px if self.psf_field is None else self.psf_field.at(x_px, y_px)
+
+    def expected_fwhm_px(self) -> FloatArray | float:
+        """Width that each star should have, (n,); one for all where it does not change."""
+        if self.psf_field is None:
+            return self.median_fwhm_px
+        return self.psf_field.all_at(self.x_px, self.y_px)
 
     def __len__(self) -> int:
         return int(self.x_px.size)
@@ -95,34 +122,40 @@ def find_stars(
     saturation_adu: float = 65535.0,
     *,
     bins: FrameBins | None = None,
+    expected: Psf | None = None,
 ) -> StarList:
     """Measure up to ``max_stars`` stars of ``pixels`` (height, width), ADU.
 
     Streaks (elongated), cosmic rays and hot pixels (sharper than the stars) and blends are left
     out; saturated stars are kept and flagged. The selection takes the brightest of each part of
     the field, so that no corner goes empty. ``background`` and ``bins`` of the same frame, where
-    they are known already; what is missing is computed here.
+    they are known already; what is missing is computed here. ``expected``, of earlier frames, holds
+    as far as there are too few stars to measure it.
     """
     if bins is None or STAR_BLOCK_PX not in bins.brightest:
         bins = bin_frame(pixels, (STAR_BLOCK_PX,))
     sky = background or local_background(pixels, bins=bins)
     x_px, y_px = _candidates(pixels, sky, bins, 2 * max_stars)
     probe = (x_px[:_PROBE_STARS], y_px[:_PROBE_STARS])
-    fwhm_px, is_drawn_out = _psf_fwhm(pixels, sky, *probe, saturation_adu)
+    probed_px, is_drawn_out = _psf_fwhm(pixels, sky, *probe, saturation_adu)
     if is_drawn_out:
         trailed = trailed_stars(pixels, sky, x_px, y_px, saturation_adu)
         if trailed is not None:
             return _of_trails(trailed, sky, max_stars)
+    fwhm_px, source = _known_fwhm(probed_px, expected)
     sigma_px = fwhm_px / FWHM_PER_SIGMA
     half_px = max(5, int(np.ceil(4.0 * sigma_px)))
     found = _measure(pixels, sky, x_px, y_px, sigma_px=sigma_px, half_px=half_px)
     is_saturated = found.peak_adu >= _SATURATED_SHARE * saturation_adu
     is_star = _is_point(found, is_saturated)
     is_star &= found.shift_px < np.where(is_saturated, half_px, 1.5 + 0.5 * fwhm_px)
-    if np.count_nonzero(is_star & ~is_saturated) >= 5:
-        fwhm_px = float(np.median(found.fwhm_px[is_star & ~is_saturated]))
+    is_good = _without_streak(found, is_star & ~is_saturated)
+    if np.count_nonzero(is_good) >= _FEWEST:
+        fwhm_px, source = float(np.median(found.fwhm_px[is_good])), "measured"
+    field = _psf_field(found, is_good, expected, pixels.shape)
+    local_px = fwhm_px if field is None else field.all_at(found.x_px, found.y_px)
     is_star &= is_saturated | (
-        (found.fwhm_px > _SHARPEST * fwhm_px) & (found.fwhm_px < _WIDEST * fwhm_px)
+        (found.fwhm_px > _SHARPEST * local_px) & (found.fwhm_px < _WIDEST * local_px)
     )
     kept = np.flatnonzero(is_star)
     kept = kept[np.argsort(-found.flux[kept], kind="stable")]
@@ -136,12 +169,14 @@ def find_stars(
         snr=found.snr[kept],
         is_saturated=is_saturated[kept],
         median_fwhm_px=fwhm_px,
+        psf_field=field,
+        width_source=source,
     )
 
 
 def lit_radius_px(stars: StarList, noise_adu: float) -> FloatArray:
     """How far from its middle, across a trail, each star still lights a pixel by half a sigma."""
-    sigma = np.maximum(stars.fwhm_px, stars.median_fwhm_px) / FWHM_PER_SIGMA
+    sigma = np.maximum(stars.fwhm_px, stars.expected_fwhm_px()) / FWHM_PER_SIGMA
     area = 2.0 * np.pi * sigma**2
     if stars.trail is not None:
         area += np.sqrt(2.0 * np.pi) * sigma * stars.trail.length_px
@@ -213,14 +248,16 @@ def _spread(x_px: npt.ArrayLike, y_px: npt.ArrayLike, sky: Background, count: in
 
 def _psf_fwhm(
     pixels: PixelArray, sky: Background, x_px: IntArray, y_px: IntArray, saturation_adu: float
-) -> tuple[float, bool]:
+) -> tuple[float | None, bool]:
     """Median width of bright unsaturated stars, from a window wide enough for poor seeing.
 
-    And whether most of what is bright, and no hot pixel, is longer than it is wide.
+    None where there are fewer than five. And whether most of what is bright, and no hot pixel, is
+    longer than it is wide.
     """
     probe = _measure(pixels, sky, x_px, y_px, sigma_px=_PROBE_SIGMA_PX, half_px=_PROBE_HALF_PX)
     is_saturated = probe.peak_adu >= _SATURATED_SHARE * saturation_adu
     is_good = _is_point(probe, is_saturated) & ~is_saturated & (probe.snr > 2 * MIN_SNR)
+    is_good = _without_streak(probe, is_good)
     is_light = ~is_saturated & (probe.snr > 2 * MIN_SNR) & (probe.peak_share < _MAX_PEAK_SHARE)
     lit, good = np.count_nonzero(is_light), np.count_nonzero(is_good)
     is_drawn_out = bool(
@@ -228,9 +265,45 @@ def _psf_fwhm(
         and good < _MAX_POINTS * lit
         and np.median(probe.axis_ratio[is_light]) > _DRAWN_OUT
     )
-    if good < 5:
-        return _DEFAULT_FWHM_PX, is_drawn_out
-    return float(np.clip(np.median(probe.fwhm_px[is_good]), 1.2, 12.0)), is_drawn_out
+    if good < _FEWEST:
+        return None, is_drawn_out
+    return float(np.clip(np.median(probe.fwhm_px[is_good]), *_FWHM_PX)), is_drawn_out
+
+
+def _known_fwhm(probed_px: float | None, expected: Psf | None) -> tuple[float, WidthSource]:
+    """Width to look for stars with, and where it is from."""
+    if probed_px is not None:
+        return probed_px, "measured"
+    if expected is not None:
+        return float(np.clip(expected.fwhm_px, *_FWHM_PX)), "remembered"
+    return _DEFAULT_FWHM_PX, "guessed"
+
+
+def _psf_field(
+    found: _Measured, is_good: BoolArray, expected: Psf | None, shape: tuple[int, ...]
+) -> PsfField | None:
+    """How the width changes over the frame: by its stars, or as it did where they are too few."""
+    is_fit = is_good & (found.snr > 2 * MIN_SNR)
+    if np.count_nonzero(is_fit) >= FEWEST_STARS:
+        stars = found.x_px[is_fit], found.y_px[is_fit], found.fwhm_px[is_fit]
+        return fit_psf_field(*stars, (shape[0], shape[1]))
+    if expected is None or expected.field is None:
+        return None
+    if np.count_nonzero(is_good) < _FEWEST:
+        return expected.field
+    stars = found.x_px[is_good], found.y_px[is_good], found.fwhm_px[is_good]
+    return expected.field.through(*stars)
+
+
+def _without_streak(found: _Measured, is_good: BoolArray) -> BoolArray:
+    """Those that tell a star's width: where few are seen, pieces of one streak may be most."""
+    if not _FEWEST <= np.count_nonzero(is_good) <= MOST_POINTS:
+        return is_good
+    good = np.flatnonzero(is_good)
+    reach_px = 0.5 * float(np.median(found.fwhm_px[good]))
+    told = is_good.copy()
+    told[good[on_one_line(found.x_px[good], found.y_px[good], reach_px)]] = False
+    return told
 
 
 def _of_trails(found: Trailed, sky: Background, max_stars: int) -> StarList:

@@ -104,10 +104,11 @@ def fit_streak(
     """Measure the streak in ``box`` (x0, y0, x1, y1), or say why there is none.
 
     ``ends`` (x_a, y_a, x_b, y_b) is a first guess at the ends. ``stars`` are masked. The width
-    of the stars is taken from ``stars`` unless ``psf_fwhm_px`` is given. The covariance is that
-    of least squares with the source's own noise measured from the residuals.
+    of the stars there is taken from ``stars`` unless ``psf_fwhm_px`` is given. The covariance is
+    that of least squares with the source's own noise measured from the residuals.
     """
-    fwhm = psf_fwhm_px or (stars.median_fwhm_px if stars is not None else 2.5)
+    middle = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
+    fwhm = psf_fwhm_px or (stars.fwhm_at(*middle) if stars is not None else 2.5)
     psf_sigma = fwhm / FWHM_PER_SIGMA
 
     def measured(about: Box, guess: Box | None) -> StreakFit | NoStreak:

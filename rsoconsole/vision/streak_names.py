@@ -87,7 +87,7 @@ def _looked_at(
         length_px=streak.length_px,
         width_px=streak.width_px,
         snr=streak.snr,
-        star_fwhm_px=stars.median_fwhm_px,
+        star_fwhm_px=stars.fwhm_at(streak.x_px, streak.y_px),
         star_scatter=_scatter(stars),
         unevenness=streak.unevenness,
         scale_arcsec_px=frame.scale_arcsec_px,
@@ -118,8 +118,14 @@ def _is_bright(light: StreakLight) -> bool:
 
 
 def _scatter(stars: StarList) -> float:
-    """Relative scatter of single stars' widths: they differ over the field and with their light."""
-    widths = stars.fwhm_px[~stars.is_saturated]
+    """Relative scatter of single stars' widths about what is expected at their places.
+
+    They differ with their light, and over the field where that is not known.
+    """
+    widths = stars.fwhm_px
+    if stars.psf_field is not None:
+        widths = widths / stars.expected_fwhm_px()
+    widths = widths[~stars.is_saturated]
     if widths.size < _LEAST_STARS:
         return _UNKNOWN_SCATTER
     low, high = np.percentile(np.log(np.maximum(widths, 0.1)), (25.0, 75.0))

@@ -75,7 +75,7 @@ class WorkingFrame:
         """Stars in pixels of the original frame, ADU as there."""
         if self.side == 1:
             return stars
-        trail = stars.trail
+        trail, field = stars.trail, stars.psf_field
         if trail is not None:
             trail = replace(
                 trail, length_px=trail.length_px * self.side, fwhm_px=trail.fwhm_px * self.side
@@ -88,6 +88,7 @@ class WorkingFrame:
             fwhm_px=stars.fwhm_px * self.side,
             median_fwhm_px=stars.median_fwhm_px * self.side,
             trail=trail,
+            psf_field=None if field is None else field.of_joined(1.0 / self.side),
         )
 
 

@@ -1,0 +1,203 @@
+"""How the width of the stars changes over the field: curved focal surface, tilt, soft corners.
+
+The logarithm of the width is a low polynomial in the place: a slope in x and y and a bowl in the
+distance from the middle (a bowl with a slope is a bowl about another place), where the stars ask
+for it with a steeper rim. It is fitted robustly, because a blend of two stars is wide wherever it
+stands, and taken only where it is significant and large enough to matter: elsewhere one width
+holds for the whole frame.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from rsoconsole.records import FloatArray
+
+WidthSource: TypeAlias = Literal["measured", "remembered", "guessed"]
+"""Where the width of a frame's stars is from: its own stars, earlier frames', or nowhere."""
+
+FEWEST_STARS = 40
+"""Of fewer, scatter makes a change as large as the one that counts."""
+_LEAST_CHANGE = 0.08
+"""Largest over smallest width among the stars' places, less 1, from which on it counts."""
+_LEAST_F = 12.0
+"""Of the change over its error, squared, a term: 1e-7 by chance; blends are more than chance."""
+_MOST_SCATTER = 0.2
+"""Of single stars about the surface, relative: beyond it they are no discs of one telescope, but
+lights near the horizon or the brightest of many video frames, and no star's width follows."""
+_BISQUARE = 4.685
+"""Residual over its scatter from which on a star counts nothing (Maronna et al. 2006, ch. 2)."""
+_SIGMA_PER_MAD = 1.4826
+_STEPS = 4
+_SLOPE_AND_BOWL = 4
+"""Coefficients, the constant among them, without the steeper rim's."""
+_BEYOND = 0.25
+"""Of the range of widths where there are stars: so much further it may go where there are none."""
+_SMALLEST = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PsfField:
+    """Width of a star at any place of a frame that is known to change over it."""
+
+    middle_px: tuple[float, float]
+    """Column and row of the frame's middle; 0 is the centre of the first pixel."""
+    half_diagonal_px: float
+    """Unit of the distance from there."""
+    log_fwhm: tuple[float, ...]
+    """Natural logarithm of the width in px: constant, x, y, r^2 and, where needed, r^4."""
+    log_range: tuple[float, float]
+    """Smallest and largest that it takes."""
+
+    def at(self, x_px: float, y_px: float) -> float:
+        """Full width at half maximum at one place, px."""
+        return math.exp(float(self._log_at(np.array(x_px), np.array(y_px))))
+
+    def all_at(self, x_px: FloatArray, y_px: FloatArray) -> FloatArray:
+        """The same at many places, (n,) each."""
+        return np.asarray(np.exp(self._log_at(x_px, y_px)))
+
+    def _log_at(self, x_px: FloatArray, y_px: FloatArray) -> FloatArray:
+        design = _design(x_px, y_px, self.middle_px, self.half_diagonal_px)
+        value = design[..., : len(self.log_fwhm)] @ np.array(self.log_fwhm)
+        return np.asarray(np.clip(value, *self.log_range))
+
+    def of_joined(self, side: float) -> "PsfField":
+        """The same in a frame with ``side`` x ``side`` of its pixels joined.
+
+        1 / side: the way back.
+        """
+        x, y = ((place + 0.5) / side - 0.5 for place in self.middle_px)
+        return replace(
+            self._times(1.0 / side),
+            middle_px=(x, y),
+            half_diagonal_px=self.half_diagonal_px / side,
+        )
+
+    def through(self, x_px: FloatArray, y_px: FloatArray, fwhm_px: FloatArray) -> "PsfField":
+        """The same change about the level of other stars' widths, (n,) each, n at least 1."""
+        factor = np.median(fwhm_px / self.all_at(x_px, y_px))
+        return self._times(float(factor))
+
+    def _times(self, factor: float) -> "PsfField":
+        more = math.log(factor)
+        low, high = self.log_range
+        return replace(
+            self,
+            log_fwhm=(self.log_fwhm[0] + more, *self.log_fwhm[1:]),
+            log_range=(low + more, high + more),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Psf:
+    """Width of a frame's stars, all that is asked of a point-spread function here."""
+
+    fwhm_px: float
+    """Median over the frame."""
+    field: PsfField | None = None
+    """None: the same everywhere."""
+
+    def of_joined(self, side: float) -> "Psf":
+        """The same in a frame with ``side`` x ``side`` of its pixels joined."""
+        if side == 1:
+            return self
+        field = None if self.field is None else self.field.of_joined(side)
+        return Psf(fwhm_px=self.fwhm_px / side, field=field)
+
+
+def fit_psf_field(
+    x_px: FloatArray, y_px: FloatArray, fwhm_px: FloatArray, shape: tuple[int, int]
+) -> PsfField | None:
+    """How unsaturated stars' widths, (n,) each, change over a frame of ``shape`` (height, width).
+
+    None where there are fewer than ``FEWEST_STARS``, where their widths follow no surface, and
+    where the change is no more than their scatter explains or too small to matter.
+    """
+    if x_px.size < FEWEST_STARS:
+        return None
+    height, width = shape
+    middle_px = 0.5 * (width - 1), 0.5 * (height - 1)
+    half_diagonal_px = 0.5 * math.hypot(width, height)
+    design = _design(x_px, y_px, middle_px, half_diagonal_px)
+    log_fwhm = np.log(np.maximum(fwhm_px, _SMALLEST))
+    bowl = design[:, :_SLOPE_AND_BOWL]
+    found = _robust(bowl, log_fwhm)
+    is_wild = _scatter(log_fwhm - bowl @ found) > _MOST_SCATTER
+    if is_wild or _f_value(bowl, log_fwhm, found, 1) < _LEAST_F:
+        return None
+    steeper = _robust(design, log_fwhm, np.append(found, 0.0))
+    if _f_value(design, log_fwhm, steeper, _SLOPE_AND_BOWL) > _LEAST_F:
+        found = steeper
+    at_stars = design[:, : found.size] @ found
+    low, high = float(at_stars.min()), float(at_stars.max())
+    more = _BEYOND * (high - low)
+    field = PsfField(
+        middle_px=middle_px,
+        half_diagonal_px=half_diagonal_px,
+        log_fwhm=tuple(found.tolist()),
+        log_range=(low - more, high + more),
+    )
+    return field if high - low > math.log1p(_LEAST_CHANGE) else None
+
+
+def _design(
+    x_px: FloatArray, y_px: FloatArray, middle_px: tuple[float, float], unit_px: float
+) -> FloatArray:
+    """1, x, y, r^2, r^4 of each place, (..., 5)."""
+    x, y = (x_px - middle_px[0]) / unit_px, (y_px - middle_px[1]) / unit_px
+    r2 = x * x + y * y
+    return np.stack([np.ones_like(x), x, y, r2, r2 * r2], axis=-1)
+
+
+def _robust(design: FloatArray, values: FloatArray, start: FloatArray | None = None) -> FloatArray:
+    """Coefficients by Tukey's bisquare, from least absolute residuals where there is no start."""
+    solution = start
+    if solution is None:
+        solution = np.zeros(design.shape[1])
+        solution[0] = np.median(values)
+        for _ in range(_STEPS):
+            residual = values - design @ solution
+            ratio = np.abs(residual) / _scatter(residual)
+            solution = _weighted(design, values, 1.0 / np.maximum(ratio, 0.1))
+    for _ in range(_STEPS):
+        residual = values - design @ solution
+        ratio = np.abs(residual) / _scatter(residual)
+        weight = (1.0 - np.minimum(ratio / _BISQUARE, 1.0) ** 2) ** 2
+        solution = _weighted(design, values, weight)
+    return solution
+
+
+def _weighted(design: FloatArray, values: FloatArray, weight: FloatArray) -> FloatArray:
+    """Least squares; the least bit of weight closes what stars in a row leave open."""
+    normal = design.T @ (weight[:, None] * design)
+    normal.flat[:: design.shape[1] + 1] += _SMALLEST * values.size
+    return np.asarray(np.linalg.solve(normal, design.T @ (weight * values)))
+
+
+def _f_value(design: FloatArray, values: FloatArray, found: FloatArray, first: int) -> float:
+    """How far the coefficients from ``first`` on are from none.
+
+    Wald's statistic over their number: an F value where there are no outliers.
+    """
+    tested = found[first:]
+    covariance = _covariance(design, values - design @ found)[first:, first:]
+    return float(tested @ np.linalg.pinv(covariance) @ tested) / tested.size
+
+
+def _scatter(residual: FloatArray) -> float:
+    """One sigma of residuals by their median size."""
+    middle = residual.size // 2
+    return max(_SIGMA_PER_MAD * float(np.partition(np.abs(residual), middle)[middle]), _SMALLEST)
+
+
+def _covariance(design: FloatArray, residual: FloatArray) -> FloatArray:
+    """Of coefficients by Tukey's bisquare. Source: Huber, Robust Statistics, 1981, eq. 7.6.6."""
+    count, terms = design.shape
+    u2 = np.minimum((residual / _scatter(residual) / _BISQUARE) ** 2, 1.0)
+    psi = residual * (1.0 - u2) ** 2
+    slope = max(float(np.mean((1.0 - u2) * (1.0 - 5.0 * u2))), 0.1)
+    variance = float(psi @ psi) / (count - terms) / slope**2
+    return np.asarray(variance * np.linalg.pinv(design.T @ design))
