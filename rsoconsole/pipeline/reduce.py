@@ -17,6 +17,7 @@ from rsoconsole.reasons import Missed
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.detector import Proposer, StreakDetector
+from rsoconsole.vision.psf_memory import PsfMemory
 from rsoconsole.vision.stars import StarList
 
 BRIGHTEST_STARS = slice(20, 60)
@@ -32,6 +33,7 @@ class Reduction:
     measurements: tuple[Measurement, ...]
     star_count: int
     fwhm_px: float | None
+    """Of the frame's own stars; None where they are too few to tell."""
     absence: str
     """Why there is no measurement, when there is none; ``pipeline.absence`` tells what hides it."""
     stage_ms: dict[str, float] = field(default_factory=dict)
@@ -66,7 +68,8 @@ class FrameReducer:
         """``calibration``: of the same configuration, where it has been made already."""
         self._network = network
         self._curve = curve
-        self._detector = StreakDetector(network, config.detector, curve)
+        self._memory = PsfMemory()
+        self._detector = StreakDetector(network, config.detector, curve, self._memory)
         self._plate = plate
         self._config = config
         self._calibration = calibration or Calibration(config)
@@ -76,7 +79,7 @@ class FrameReducer:
         self._config = config
         if not self._calibration.is_for(config):
             self._calibration = Calibration(config)
-        self._detector = StreakDetector(self._network, config.detector, self._curve)
+        self._detector = StreakDetector(self._network, config.detector, self._curve, self._memory)
         self._plate.configure(config)
 
     def make_ready(self) -> None:
@@ -111,17 +114,19 @@ class FrameReducer:
         if isinstance(solution, Solution):
             measurements = measured(found, solution, frame, self._config.exposure)
         star_count = len(analysis.stars.x_px)
+        is_measured = analysis.stars.width_source == "measured" and star_count > 0
+        fwhm_px = analysis.stars.median_fwhm_px if is_measured else None
         return Reduction(
             detections=replace(
                 found,
                 star_count=star_count,
-                star_fwhm_px=analysis.stars.median_fwhm_px if star_count else None,
+                star_fwhm_px=fwhm_px,
                 star_flux_adu=typical_flux_adu(analysis.stars),
             ),
             solution=solution,
             measurements=measurements,
             star_count=star_count,
-            fwhm_px=analysis.stars.median_fwhm_px,
+            fwhm_px=fwhm_px,
             absence=text(plain_absence(found, solution, frame.t_mid_utc_ns)),
             stage_ms=stage_ms,
             cautions=(*told, *cautions(frame, solution, self._config)),

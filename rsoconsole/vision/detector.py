@@ -34,6 +34,8 @@ from rsoconsole.vision.line_filter import FINEST_PX, CellLine, cell_side_px, pro
 from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map, map_noise
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.pattern import find_pattern
+from rsoconsole.vision.psf_field import Psf
+from rsoconsole.vision.psf_memory import PsfMemory
 from rsoconsole.vision.set_aside import is_of_stars, set_aside
 from rsoconsole.vision.stars import MAX_STARS, STAR_BLOCK_PX, StarList, find_stars
 from rsoconsole.vision.streak_names import named
@@ -79,12 +81,21 @@ class StreakDetector:
     """Finds and measures streaks. Not for use by two threads at once (nor is its network)."""
 
     def __init__(
-        self, network: Proposer, settings: DetectorConfig, curve: ConfidenceCurve | None = None
+        self,
+        network: Proposer,
+        settings: DetectorConfig,
+        curve: ConfidenceCurve | None = None,
+        memory: PsfMemory | None = None,
     ) -> None:
-        """``curve`` None: a streak keeps the confidence of its proposal."""
+        """``curve`` None: a streak keeps the confidence of its proposal.
+
+        ``memory`` of the stars' width, where frames come in order from one camera; None: each
+        frame stands alone.
+        """
         self._network = network
         self._settings = settings
         self._curve = curve
+        self._memory = memory
         self._workers = Workers(threads_for(settings.threads))
 
     def detect(self, frame: Frame, tau: float | None = None) -> Detections:
@@ -104,15 +115,19 @@ class StreakDetector:
             pattern = find_pattern(frame.pixels)
             if pattern is not None:
                 frame = replace(frame, pixels=pattern.removed(frame.pixels))
+        known = None if self._memory is None else self._memory.recall(frame)
         working = WorkingFrame.of(frame, 1)
-        seen = first = self._seen(frame, watch, looks_again=True)
+        seen = first = self._seen(frame, watch, known, looks_again=True)
         for _ in range(_MOST_JOININGS):
             side = pixels_to_join(seen.stars, working.frame)
             if side == 1:
                 break
             working = WorkingFrame.of(frame, side * working.side)
-            seen = self._seen(working.frame, watch, _MOST_WIDE_STARS)
+            joined = None if known is None else known.of_joined(working.side)
+            seen = self._seen(working.frame, watch, joined, _MOST_WIDE_STARS)
         stars = seen.stars
+        if self._memory is not None:
+            self._memory.remember(frame, working.original_stars(stars))
         focus = _focus(stars, working.side)
         with watch.stage("fit"):
             measured = self._measure(working, seen, focus, threshold)
@@ -163,11 +178,12 @@ class StreakDetector:
         self,
         frame: Frame,
         watch: "_Stopwatch",
+        expected: Psf | None,
         most_stars: int = MAX_STARS,
         *,
         looks_again: bool = False,
     ) -> "_Seen":
-        """Sky, stars and all that may be a streak.
+        """Sky, stars and all that may be a streak; ``expected`` of the stars where they are few.
 
         With ``looks_again`` no streak is looked for where stars are so wide that pixels will be
         joined first, as far as that is known in time.
@@ -191,7 +207,12 @@ class StreakDetector:
         def look_for_stars_and_lines() -> tuple[StarList, list[CellLine]]:
             with watch.stage("stars"):
                 stars = find_stars(
-                    pixels, sky, most_stars, saturation_adu=frame.saturation_adu, bins=bins
+                    pixels,
+                    sky,
+                    most_stars,
+                    saturation_adu=frame.saturation_adu,
+                    bins=bins,
+                    expected=expected,
                 )
             if looks_again and pixels_to_join(stars, frame) > 1:
                 return stars, []
