@@ -191,17 +191,31 @@ def _straight(length_px: float, rng: Rng) -> Path_px:
     return at * math.cos(angle), at * math.sin(angle)
 
 
+def _walk(rms_px: float, rng: Rng) -> Path_px:
+    """Wind: a random walk that is drawn back within half a second."""
+    kept, path = math.exp(-EXPOSURE_S / _STEPS / 0.5), [rng.normal(0.0, 1.0, 2)]
+    for _ in range(_STEPS - 1):
+        path.append(kept * path[-1] + math.sqrt(1 - kept**2) * rng.normal(0.0, 1.0, 2))
+    x, y = rms_px * np.array(path).T
+    return x, y
+
+
 def drifted(look: Look, length_px: float, rng: Rng) -> tuple[Image, float]:
     return _moved(look, _straight(length_px, rng), rng), 1.0
 
 
 def windy(look: Look, rms_px: float, rng: Rng) -> tuple[Image, float]:
-    """A random walk that is drawn back within half a second."""
-    kept, path = math.exp(-EXPOSURE_S / _STEPS / 0.5), [rng.normal(0.0, 1.0, 2)]
-    for _ in range(_STEPS - 1):
-        path.append(kept * path[-1] + math.sqrt(1 - kept**2) * rng.normal(0.0, 1.0, 2))
-    x, y = rms_px * np.array(path).T
-    return _moved(look, (x, y), rng), 1.0
+    return _moved(look, _walk(rms_px, rng), rng), 1.0
+
+
+_PATHS: dict[str, Callable[[float, Rng], Path_px]] = {"drift": _straight, "wind": _walk}
+
+
+def _carried(ends: Ends, path: Path_px) -> Ends:
+    """Ends of the straight line that a satellite's way is on average, the image's counted."""
+    t = np.linspace(-1.0, 1.0, path[0].size)
+    (dx, _), (dy, _) = (np.polyfit(t, each - each.mean(), 1) for each in path)
+    return ends[0] - dx, ends[1] - dy, ends[2] + dx, ends[3] + dy
 
 
 def vibrating(look: Look, length_px: float, rng: Rng) -> tuple[Image, float]:
@@ -400,10 +414,15 @@ def drawn(name: str, number: int) -> tuple[Frame, tuple[Ends, ...], float]:
         scale_arcsec_px=look.scale_arcsec_px / times,
         saturation_adu=float(bits),
     )
+    seen = look.streaks
+    if name in _PATHS:
+        again = _rng(name, number)
+        path = _PATHS[name](float(again.uniform(family.low, family.high)), again)
+        seen = tuple(_carried(each, path) for each in seen)
     middle = 0.5 * (times - 1.0)
     streaks = tuple(
         (x_a * times + middle, y_a * times + middle, x_b * times + middle, y_b * times + middle)
-        for x_a, y_a, x_b, y_b in look.streaks
+        for x_a, y_a, x_b, y_b in seen
     )
     return frame, streaks, severity
 
