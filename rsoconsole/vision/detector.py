@@ -5,9 +5,9 @@ network held possible is kept with the reason why it was not taken.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
 
@@ -38,7 +38,8 @@ from rsoconsole.vision.psf_field import Psf
 from rsoconsole.vision.psf_memory import PsfMemory
 from rsoconsole.vision.set_aside import is_of_stars, set_aside
 from rsoconsole.vision.stars import MAX_STARS, STAR_BLOCK_PX, StarList, find_stars
-from rsoconsole.vision.streak_names import named
+from rsoconsole.vision.streak_class import Likelihood
+from rsoconsole.vision.streak_names import named_with_shares
 from rsoconsole.vision.workers import Workers
 from rsoconsole.vision.working_frame import WorkingFrame, pixels_to_join
 
@@ -75,6 +76,8 @@ class FrameAnalysis:
     working: WorkingFrame
     proposals: tuple[Proposal, ...] = ()
     """Likewise."""
+    class_shares: Mapping[Detection, Likelihood] = field(default_factory=dict)
+    """Probabilities of all classes, by streak of ``detections``, taken or not, where it has any."""
 
 
 class StreakDetector:
@@ -154,7 +157,7 @@ class StreakDetector:
             told = [d for d in taken if d.confidence > threshold]
             doubted = [r for r in rejected if r.detection.confidence > _WORTH_A_NAME * threshold]
             others = [r for r in rejected if r.detection.confidence <= _WORTH_A_NAME * threshold]
-            told, doubted = named(working.frame, seen.sky, stars, told, doubted)
+            told, doubted, shares = named_with_shares(working.frame, seen.sky, stars, told, doubted)
             rejected = doubted + others
         rejected.sort(key=lambda r: -r.detection.confidence)
         return FrameAnalysis(
@@ -172,6 +175,7 @@ class StreakDetector:
             focus=focus,
             working=working,
             proposals=seen.proposals,
+            class_shares={working.original(each): of_all for each, of_all in shares.items()},
         )
 
     def _seen(

@@ -5,7 +5,8 @@ width (aircraft and meteors are too near to be in focus, rays are sharper than a
 from end to end (meteors flare up and die away), its pulse (strobes), the speed where time and
 scale are known, the stars that lie on it. What is not measured says nothing. The likelihoods are
 rough, by what the objects are and by the few real ones at hand; none of them is near zero, so that
-no single figure decides against all others.
+no single figure decides against all others. What an earlier frame of the field and the star
+catalogue say of it comes last, by the same rule.
 """
 
 import math
@@ -18,6 +19,8 @@ from rsoconsole.vision.streak_light import Fading, Modulation
 
 Named: TypeAlias = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain"]
 Likelihood: TypeAlias = dict[Named, float]
+Comparison: TypeAlias = Literal["same light", "new light", "catalogue stars", "no catalogue stars"]
+"""Of a streak with an earlier frame of its field (the first two), and with the star catalogue."""
 
 PRIOR: Likelihood = {
     "satellite": 0.45,
@@ -27,6 +30,15 @@ PRIOR: Likelihood = {
     "star chain": 0.10,
 }
 """Of what passes for a streak under any sky: what nothing is known of is undetermined."""
+COMPARED: dict[Comparison, Likelihood] = {
+    # What moves is seldom where another one of the same light was.
+    "same light": {"satellite": 0.002, "aircraft": 0.002, "meteor": 0.002, "cosmic ray": 0.002},
+    "new light": {"star chain": 0.01},
+    "catalogue stars": {"satellite": 0.02, "aircraft": 0.02, "meteor": 0.02, "cosmic ray": 0.02},
+    # Red stars are brighter to a camera without a filter than the catalogue has them.
+    "no catalogue stars": {"star chain": 0.05},
+}
+"""How likely a comparison comes out so for each class, over the likeliest one."""
 SATELLITE_FROM, OTHERS_FROM = 0.5, 2.0 / 3.0
 """A class is named from here on; more is asked for those that start no track."""
 
@@ -88,7 +100,11 @@ class Evidence:
 
 def classify(evidence: Evidence) -> tuple[ObjectClass, float]:
     """The class and its probability; of "undetermined" what the likeliest one lacks to 1."""
-    shares = probabilities(evidence)
+    return decided(probabilities(evidence))
+
+
+def decided(shares: Likelihood) -> tuple[ObjectClass, float]:
+    """The same of the probabilities of all classes."""
     best = max(shares, key=lambda name: shares[name])
     asked = SATELLITE_FROM if best == "satellite" else OTHERS_FROM
     if shares[best] > asked:
@@ -110,8 +126,20 @@ def probabilities(evidence: Evidence) -> Likelihood:
     )
     shares = dict(PRIOR)
     for part in parts:
-        likely = part(evidence)
-        shares = {name: share * likely.get(name, 1.0) for name, share in shares.items()}
+        shares = _times(shares, part(evidence))
+    return _normalised(shares)
+
+
+def updated(shares: Likelihood, comparison: Comparison) -> Likelihood:
+    """The probabilities of all classes after a comparison."""
+    return _normalised(_times(shares, COMPARED[comparison]))
+
+
+def _times(shares: Likelihood, likely: Likelihood) -> Likelihood:
+    return {name: share * likely.get(name, 1.0) for name, share in shares.items()}
+
+
+def _normalised(shares: Likelihood) -> Likelihood:
     whole = sum(shares.values())
     return {name: share / whole for name, share in shares.items()}
 

@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import Detection, Frame, Rejection
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.stars import StarList
-from rsoconsole.vision.streak_class import Evidence, classify
+from rsoconsole.vision.streak_class import Evidence, Likelihood, decided, probabilities
 from rsoconsole.vision.streak_light import (
     StreakLight,
     fading_of,
@@ -30,7 +30,7 @@ _PER_QUARTILES = 0.7413
 """Sigma of a normal law over the distance of its quartiles."""
 _LEAST_STARS = 8
 _UNKNOWN_SCATTER = 0.25
-_STREAKS = ("satellite", "aircraft", "undetermined")
+SHINES_ON = ("satellite", "aircraft", "undetermined")
 """What may shine all through an exposure, so that places along it are times."""
 
 
@@ -46,15 +46,41 @@ def named(
     What was not measured by a line stays undetermined. Raises nothing: a streak that cannot be
     looked at keeps what it has.
     """
+    found, others, _ = named_with_shares(frame, sky, stars, detections, rejected)
+    return found, others
+
+
+def named_with_shares(
+    frame: Frame,
+    sky: Background,
+    stars: StarList,
+    detections: Iterable[Detection],
+    rejected: Iterable[Rejection] = (),
+) -> tuple[list[Detection], list[Rejection], Mapping[Detection, Likelihood]]:
+    """The same, and the probabilities of all classes, by streak as it is named.
+
+    They are those of the streak alone, whatever its company makes of it; of what could not be
+    looked at there are none.
+    """
     per_px = None
     if frame.scale_arcsec_px is not None and frame.exposure_s:
         per_px = frame.scale_arcsec_px / 3600.0 / frame.exposure_s
-    found = with_company([_named(frame, sky, stars, each) for each in detections], per_px)
+    told = [_named(frame, sky, stars, each) for each in detections]
+    found = with_company([streak for streak, _ in told], per_px)
+    rejected = list(rejected)
+    doubted = [_named(frame, sky, stars, each.detection, each) for each in rejected]
     others = [
-        replace(each, detection=_named(frame, sky, stars, each.detection, each))
-        for each in rejected
+        replace(each, detection=streak) for each, (streak, _) in zip(rejected, doubted, strict=True)
     ]
-    return found, others
+    shares = {
+        streak: of_all
+        for streak, of_all in (
+            *zip(found, (of_all for _, of_all in told), strict=True),
+            *doubted,
+        )
+        if of_all is not None
+    }
+    return found, others, shares
 
 
 def _named(
@@ -63,9 +89,9 @@ def _named(
     stars: StarList,
     streak: Detection,
     rejection: Rejection | None = None,
-) -> Detection:
+) -> tuple[Detection, Likelihood | None]:
     if streak.method == "operator" or streak.width_px <= 0.0:
-        return streak
+        return streak, None
     against = rejection.reason if rejection is not None else None
     kind = against.kind if isinstance(against, NotAStreak) else ""
     try:
@@ -73,12 +99,12 @@ def _named(
     except Exception:
         # A name must not cost the detection.
         log.exception("frame %d: no class for %s", frame.frame_id, streak)
-        return streak
+        return streak, None
 
 
 def _looked_at(
     frame: Frame, sky: Background, stars: StarList, streak: Detection, against: str
-) -> Detection:
+) -> tuple[Detection, Likelihood]:
     ends = (streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px)
     light = light_along(frame.pixels, sky, ends, streak.width_px)
     pulse = None if light is None else modulation_of(light)
@@ -99,11 +125,12 @@ def _looked_at(
         star_share=None if light is None else _star_share(stars, ends, light),
         spoken_against=against,
     )
-    name, probability = classify(evidence)
+    shares = probabilities(evidence)
+    name, probability = decided(shares)
     period_s = None
-    if pulse is not None and streak.kind == "streak" and frame.exposure_s and name in _STREAKS:
+    if pulse is not None and streak.kind == "streak" and frame.exposure_s and name in SHINES_ON:
         period_s = frame.exposure_s / pulse.periods
-    return replace(
+    named_so = replace(
         streak,
         object_class=name,
         class_probability=probability,
@@ -111,6 +138,7 @@ def _looked_at(
         modulation_period_s=period_s,
         modulation_depth=None if pulse is None else pulse.depth,
     )
+    return named_so, shares
 
 
 def _is_bright(light: StreakLight) -> bool:
