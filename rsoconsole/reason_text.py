@@ -49,6 +49,14 @@ _NOT_A_STREAK: dict[NotAStreakKind, str] = {
     "no ends": "no ends found: they fade into the sky or lie behind a star",
     "unlit": "only {percent:.0f} % of its length is lit: not one streak",
     "uneven": "uneven over {percent:.0f} % of its length: stars in a row",
+    "fixed in the sky": (
+        "the frame before shows the same light at the same place of the sky: stars in a row"
+    ),
+    "fixed on the sensor": (
+        "the frame before shows the same light at the same pixels, and the sky has moved:"
+        " the sensor's own"
+    ),
+    "catalogue stars": "{value:.0f} catalogue stars in a row have its light",
 }
 _RULED: dict[RuledKind, str] = {
     "rejected": "rejected",

@@ -47,6 +47,9 @@ NotAStreakKind: TypeAlias = Literal[
     "no ends",
     "unlit",
     "uneven",
+    "fixed in the sky",
+    "fixed on the sensor",
+    "catalogue stars",
 ]
 
 

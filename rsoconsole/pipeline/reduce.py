@@ -11,6 +11,7 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.pipeline.calibration import Calibration
 from rsoconsole.pipeline.cautions import Caution, cautions
+from rsoconsole.pipeline.fixed_light import Comparison, FixedLight
 from rsoconsole.pipeline.measure import measured
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Missed
@@ -64,13 +65,17 @@ class FrameReducer:
         plate: Plate,
         config: Config,
         calibration: Calibration | None = None,
+        comparison: Comparison | None = None,
     ) -> None:
-        """``calibration``: of the same configuration, where it has been made already."""
+        """``calibration``: of the same configuration, where it has been made already;
+        ``comparison``: None for the frame before and the shipped stars.
+        """
         self._network = network
         self._curve = curve
         self._memory = PsfMemory()
         self._detector = StreakDetector(network, config.detector, curve, self._memory)
         self._plate = plate
+        self._comparison = comparison or FixedLight()
         self._config = config
         self._calibration = calibration or Calibration(config)
 
@@ -94,14 +99,14 @@ class FrameReducer:
         """Detections, solution and measurements of one frame.
 
         The plate is solved where something was detected, and also without it where the header
-        tells the direction: that costs little and shows where the telescope really points. A
-        detection whose frame cannot be solved makes no measurement: the mount's word never poses
-        as one.
+        tells the direction: that costs little and shows where the telescope really points. With
+        it the streaks are compared with the frame before and the star catalogue. A detection
+        whose frame cannot be solved makes no measurement: the mount's word never poses as one.
         """
         stage_ms: dict[str, float] = {}
         with _timed(stage_ms, "detect"):
-            prepared, told = self._calibration.prepare(frame)
-            analysis = self._detector.analyse(prepared)
+            even, told = self._calibration.prepare(frame)
+            analysis = self._detector.analyse(even)
         found = analysis.detections
         network_ms = sum(found.stage_ms.get(each, 0.0) for each in ("network", "fit", "class"))
         stage_ms["process"] = stage_ms["detect"] - network_ms
@@ -112,6 +117,8 @@ class FrameReducer:
                 solution = self._plate.solve(frame, analysis.stars)
         measurements: tuple[Measurement, ...] = ()
         if isinstance(solution, Solution):
+            with _timed(stage_ms, "compare"):
+                found = self._comparison.compared(even, analysis, solution)
             measurements = measured(found, solution, frame, self._config.exposure)
         star_count = len(analysis.stars.x_px)
         is_measured = analysis.stars.width_source == "measured" and star_count > 0

@@ -17,6 +17,7 @@ from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.instruments.solver import PlateSolver
 from rsoconsole.pipeline.calibration import Calibration
 from rsoconsole.pipeline.cautions import calibration_warnings
+from rsoconsole.pipeline.fixed_light import RecordedComparison
 from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.pipeline.reduce import FrameReducer, Plate
 from rsoconsole.pipeline.rerun import RecordedPlate
@@ -250,7 +251,8 @@ class Reprocessor:
         curve = ConfidenceCurve.from_card(network.card)
         plate = self._plate(config) if solves_anew else _on_record(recorded.seen.solution)
         began_s = time.perf_counter()
-        reducer = FrameReducer(network, curve, plate, config, self._calibration)
+        comparison = RecordedComparison(recorded.seen.detections)
+        reducer = FrameReducer(network, curve, plate, config, self._calibration, comparison)
         reduction = reducer.reduce(self._frame)
         for words in calibration_warnings(reduction.cautions):
             log.warning("%s", words)

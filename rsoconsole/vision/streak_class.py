@@ -19,7 +19,7 @@ from rsoconsole.vision.streak_light import Fading, Modulation
 
 Named: TypeAlias = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain"]
 Likelihood: TypeAlias = dict[Named, float]
-Comparison: TypeAlias = Literal["same light", "new light", "catalogue stars", "no catalogue stars"]
+Compared: TypeAlias = Literal["same light", "new light", "catalogue stars", "no catalogue stars"]
 """Of a streak with an earlier frame of its field (the first two), and with the star catalogue."""
 
 PRIOR: Likelihood = {
@@ -30,7 +30,7 @@ PRIOR: Likelihood = {
     "star chain": 0.10,
 }
 """Of what passes for a streak under any sky: what nothing is known of is undetermined."""
-COMPARED: dict[Comparison, Likelihood] = {
+AFTER: dict[Compared, Likelihood] = {
     # What moves is seldom where another one of the same light was.
     "same light": {"satellite": 0.002, "aircraft": 0.002, "meteor": 0.002, "cosmic ray": 0.002},
     "new light": {"star chain": 0.01},
@@ -130,9 +130,9 @@ def probabilities(evidence: Evidence) -> Likelihood:
     return _normalised(shares)
 
 
-def updated(shares: Likelihood, comparison: Comparison) -> Likelihood:
+def updated(shares: Likelihood, comparison: Compared) -> Likelihood:
     """The probabilities of all classes after a comparison."""
-    return _normalised(_times(shares, COMPARED[comparison]))
+    return _normalised(_times(shares, AFTER[comparison]))
 
 
 def _times(shares: Likelihood, likely: Likelihood) -> Likelihood:
