@@ -175,3 +175,23 @@ def test_frames_that_cannot_be_compared_are_not():
     assert LookBack.of(here, changed(pixels=before.frame.pixels[:500])) is None
     wrong = replace(before, solution=solved(before.frame, plate((24.0, -9.0))))
     assert LookBack.of(here, wrong) is None
+
+
+def test_a_line_that_the_earlier_frame_did_not_hold_is_not_judged():
+    sky = sky_with(2, 8000.0)
+    then, now = plate((0.0, -300.0)), plate()
+    assert word((sky.frame(1, then), then), (sky.frame(2, now), now), 5.4 * 8000.0) is None
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("flux_adu", [700.0, 2000.0, 14000.0])
+def test_in_a_crowded_field_no_streak_is_taken_for_stars_nor_stars_for_a_streak(seed, flux_adu):
+    """A star of 1500 ADU or more in each square of 40 px; the streak has six times ``flux_adu``."""
+    streak, chain = (DrawnSky.with_field(100 + seed, 250) for _ in range(2))
+    chain.add(*on_line(ENDS, SIX_IN_A_ROW), flux_adu * UNLIKE)
+    then, now = plate((-31.0, 17.0)), plate()
+    lit = streak.frame(2, now, flashes(ENDS, 6, flux_adu))
+    of_streak = word((streak.frame(1, then), then), (lit, now), 6.0 * flux_adu)
+    of_chain = word((chain.frame(1, then), then), (chain.frame(2, now), now), 5.4 * flux_adu)
+    assert of_streak is None or of_streak.reason is None
+    assert comparison(of_chain) != "new light"

@@ -63,29 +63,34 @@ def columns_at(
     import cv2
 
     height, width = pixels.shape
-    is_known = np.isfinite(x) & np.isfinite(y)
-    is_in = is_known & (x >= 0.0) & (x <= width - 1.0) & (y >= 0.0) & (y <= height - 1.0)
     core_px, near_px = _rows_px(fwhm)
     is_core, is_beside = np.abs(v) <= core_px, np.abs(v) >= near_px
-    is_inside = is_in[is_core].all(axis=0)
-    if not is_in.any():
+    x_core, y_core = x[is_core], y[is_core]
+    is_inside = (
+        (x_core >= 0.0) & (x_core <= width - 1.0) & (y_core >= 0.0) & (y_core <= height - 1.0)
+    ).all(axis=0)
+    if not is_inside.any():
         nothing = np.zeros(x.shape[1])
         return LineColumns(light_adu=nothing, sigma_adu=1.0, noise_adu=1.0, is_inside=is_inside)
-    left, low = int(x[is_in].min()), int(y[is_in].min())
-    right, high = int(x[is_in].max()) + 2, int(y[is_in].max()) + 2
+    left, right = _reach(x[:, is_inside], width)
+    low, high = _reach(y[:, is_inside], height)
     piece = np.ascontiguousarray(pixels[low:high, left:right], dtype=np.float32)
+    places_x, places_y = (x - left).astype(np.float32), (y - low).astype(np.float32)
+    if not is_inside.all():
+        places_x, places_y = np.nan_to_num(places_x), np.nan_to_num(places_y)
     strip = cv2.remap(
         piece,
-        np.where(is_known, x - left, 0.0).astype(np.float32),
-        np.where(is_known, y - low, 0.0).astype(np.float32),
+        places_x,
+        places_y,
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    beside = strip[is_beside]
-    level = smoothed(np.median(beside, axis=0), 2 * math.ceil(2.0 * fwhm) + 1)
+    # Sorted once: a median costs three times as much.
+    beside = np.sort(strip[is_beside], axis=0)
+    middle = beside[(len(beside) - 1) // 2 : len(beside) // 2 + 1].mean(axis=0)
+    level = smoothed(middle, 2 * math.ceil(2.0 * fwhm) + 1)
     deviation = np.abs(beside - level)[:, is_inside]
-    noise = _PER_MAD / _LEFT * float(np.median(deviation)) if deviation.size else 1.0
-    noise = max(noise, 1e-6)
+    noise = max(_PER_MAD / _LEFT * float(np.median(deviation)), 1e-6)
     rows, rows_beside = float(is_core.sum()), float(is_beside.sum())
     return LineColumns(
         light_adu=(strip[is_core] - level).sum(axis=0),
@@ -93,6 +98,12 @@ def columns_at(
         sigma_adu=noise * math.sqrt(rows + _MEDIAN * rows**2 / rows_beside),
         is_inside=is_inside,
     )
+
+
+def _reach(places: FloatArray, side_px: int) -> tuple[int, int]:
+    """First pixel and the one behind the last, of those that hold places, inside the frame."""
+    first, last = float(places.min()), float(places.max())
+    return int(min(max(first, 0.0), side_px - 2.0)), int(min(max(last, 0.0), side_px - 1.0)) + 2
 
 
 def smoothed(values: FloatArray, window: int) -> FloatArray:
