@@ -46,7 +46,8 @@ HARD_COUNTS = 0.3
 """How much a false candidate of a hard frame counts in the weights: there are dozens a frame."""
 _AT_TAU = math.log(TAU / (1.0 - TAU))
 _FOR = ("network", "log_snr", "steady", "extent")
-_AGAINST = FEATURES[5:-2]
+_EITHER = ("blurred", "drifted")
+_AGAINST = tuple(name for name in FEATURES[5:] if name not in _EITHER)
 _RIDGE, _HELD = 0.1, 1e-7
 
 

@@ -84,7 +84,7 @@ PLATES = {1: plate((21.0, -9.0)), 2: plate(), 3: plate((-14.0, 33.0))}
 
 
 def reducer(ends: Ends = CLOSE, comparison=None) -> FrameReducer:
-    return FrameReducer(Boxed(ends), SURE, Solved(PLATES), Config(), comparison)
+    return FrameReducer(Boxed(ends), SURE, Solved(PLATES), Config(), comparison=comparison)
 
 
 def sky_with(seed: int, is_chain: bool) -> DrawnSky:
@@ -297,7 +297,7 @@ def test_a_comparison_moves_the_classes(said, more, less):
 
 def test_memory_is_one_frame():
     made, sky = FixedLight(), sky_with(5, is_chain=False)
-    path = FrameReducer(Boxed(CLOSE), SURE, Solved(PLATES), Config(), made)
+    path = FrameReducer(Boxed(CLOSE), SURE, Solved(PLATES), Config(), comparison=made)
     for number, wcs in PLATES.items():
         frame = sky.frame(number, wcs)
         path.reduce(frame)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from rsoconsole.vision.background import local_background
 from rsoconsole.vision.bins import bin_frame
@@ -100,3 +101,25 @@ def test_the_cells_are_as_fine_as_their_number_allows():
     assert [cell_side_px(*shape) for shape in ((480, 640), (1760, 2328), (3520, 4656))] == [4, 4, 8]
     assert cell_side_px(6388, 9576) == 16
     assert [cell_side_px(*shape, finest_px=2) for shape in ((480, 640), (1760, 2328))] == [2, 4]
+
+
+def test_a_band_that_vibration_drew_out_as_it_did_the_stars_is_proposed():
+    """A streak and all stars, 16 px wide along one direction: the band is many cells wide."""
+    found = 0
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        ends = (300.0, 300.0, 430.0, 310.0)
+        image = line_of_light(SHAPE, ends, 1.2)
+        image *= 140.0 * 30.0 / integrated_snr(image, 1.0)
+        image += 4.0 * stars(SHAPE, 120, 1.2, rng)
+        steps = np.linspace(-8.0, 8.0, 33)
+        angle = math.radians(70.0 + 20.0 * seed)
+        image = np.mean(
+            [
+                ndimage.shift(image, (s * math.sin(angle), s * math.cos(angle)), order=1)
+                for s in steps
+            ],
+            axis=0,
+        )
+        found += any(is_of(line, ends) for line in proposed(exposed(image, rng)))
+    assert found >= 5

@@ -154,3 +154,56 @@ def test_a_proposal_beside_or_beyond_the_frame_is_none():
         (1200.0, 5.0, 1300.0, 5.0),
     ):
         assert trace_line(pixels, sky, ends, none, 2.8) is None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_line_fainter_than_its_noise_is_followed_to_both_ends(seed):
+    """A ridge of a third of one pixel's noise: only the sum of hundreds of pixels shows it."""
+    rng = np.random.default_rng(seed)
+    shape = (400, 1600)
+    ends = (120.0, 150.0 + 10 * seed, 1450.0, 240.0 - 10 * seed)
+    light = line_of_light(shape, ends, SIGMA_PX)
+    light *= 20.0 * 30.0 / integrated_snr(light, 1.0)
+    x_a, y_a, x_b, y_b = ends
+    part = (
+        0.7 * x_a + 0.3 * x_b,
+        0.7 * y_a + 0.3 * y_b,
+        0.2 * x_a + 0.8 * x_b,
+        0.2 * y_a + 0.8 * y_b,
+    )
+    pixels = exposed(light, rng)
+    sky = local_background(pixels)
+    trace = trace_line(pixels, sky, part, find_stars(pixels, sky), 2.3548 * SIGMA_PX)
+    assert trace is not None
+    across, _, first, last = errors(trace, ends)
+    length = math.hypot(x_b - x_a, y_b - y_a)
+    assert abs(across) < 1.5
+    assert abs(first) < 0.2 * length
+    assert abs(last) < 0.2 * length
+
+
+def test_a_bright_star_on_a_short_line_turns_it_nowhere():
+    """Where its mask leaves a star's wings, they say nothing of where the line runs."""
+    turns, offs = [], []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        shape = (240, 240)
+        ends = random_ends(rng, shape, 44.0, rim_px=60.0)
+        light = line_of_light(shape, ends, 1.4)
+        light *= 60.0 * 30.0 / integrated_snr(light, 1.0)
+        x, y = 0.7 * ends[0] + 0.3 * ends[2], 0.7 * ends[1] + 0.3 * ends[3]
+        yy, xx = np.mgrid[: shape[0], : shape[1]]
+        far2 = (xx - x - rng.uniform(-1, 1)) ** 2 + (yy - y - rng.uniform(-1, 1)) ** 2
+        light += 120.0 * 30.0 * (np.exp(-0.5 * far2 / 1.4**2) + 0.02 * np.exp(-0.5 * far2 / 25.0))
+        pixels = exposed(light + stars(shape, 15, 1.4, rng), rng)
+        sky = local_background(pixels)
+        half = (0.5 * (ends[0] + ends[2]), 0.5 * (ends[1] + ends[3]), ends[2], ends[3])
+        found = find_stars(pixels, sky)
+        trace = trace_line(pixels, sky, half, found, 2.3548 * 1.4, off_px=4.5)
+        assert trace is not None
+        across, turn, _, _ = errors(trace, ends)
+        turns.append(abs(turn))
+        offs.append(abs(across))
+    assert np.median(turns) < 0.5
+    assert sum(turn < 3.0 for turn in turns) >= 10
+    assert sum(off < 1.0 for off in offs) >= 10

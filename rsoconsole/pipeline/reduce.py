@@ -64,6 +64,7 @@ class FrameReducer:
         curve: ConfidenceCurve,
         plate: Plate,
         config: Config,
+        *,
         calibration: Calibration | None = None,
         comparison: Comparison | None = None,
     ) -> None:

@@ -252,7 +252,9 @@ class Reprocessor:
         plate = self._plate(config) if solves_anew else _on_record(recorded.seen.solution)
         began_s = time.perf_counter()
         comparison = RecordedComparison(recorded.seen.detections)
-        reducer = FrameReducer(network, curve, plate, config, self._calibration, comparison)
+        reducer = FrameReducer(
+            network, curve, plate, config, calibration=self._calibration, comparison=comparison
+        )
         reduction = reducer.reduce(self._frame)
         for words in calibration_warnings(reduction.cautions):
             log.warning("%s", words)

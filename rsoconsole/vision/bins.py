@@ -151,7 +151,7 @@ def bin_frame(
 
     return FrameBins(
         means=means,
-        level=median_5x5(means),
+        level=median_5x5(means, is_sky=True),
         cell_px=cell_px,
         brightest=cut(brightest),
         squares=None
@@ -250,14 +250,17 @@ def mirrored(index: npt.NDArray[np.intp], size: int) -> npt.NDArray[np.intp]:
     return np.minimum(folded, there_and_back - folded)
 
 
-def median_5x5(cells: Float32Array) -> Float32Array:
-    """Median over 5 x 5 cells, through 16 bits: OpenCV's median of 5 takes no floats."""
+def median_5x5(cells: Float32Array, *, is_sky: bool = False) -> Float32Array:
+    """Median over 5 x 5 cells, through 16 bits: OpenCV's median of 5 takes no floats.
+
+    Held down where most of 25 are brighter than nearly all others, unless they may be the sky.
+    """
     low, high = (float(v) for v in np.percentile(cells, (0.0, 98.0)))
     # Cells brighter than most are stars: where exactly they lie cannot move a median.
     high += 0.25 * (high - low)
     step = max(high - low, 1e-6) / _MOST_CODE
     coded = _median_of_codes((cells - low) / step)
-    if int(coded.max()) < _MOST_CODE:
+    if not is_sky or int(coded.max()) < _MOST_CODE:
         return coded.astype(np.float32) * np.float32(step) + np.float32(low)
     # Of an amplifier's glow they are not. A median is the same on any scale that rises.
     most = math.log1p((float(cells.max()) - low) / step)

@@ -261,10 +261,10 @@ class Measurements:
         width_px, widest_px = focus.fwhm_px, focus.widest_px(_angle_deg(ends))
         off_px = OFF_PX if focus.joined == 1 else OFF_PX * _FINER_WHERE_JOINED
         look = self.frame.pixels, self.sky, ends, self.stars
-        trace = trace_line(*look, width_px, off_px)
+        trace = trace_line(*look, width_px, off_px=off_px)
         if widest_px < _DRAWN_OUT * width_px:
             return trace
-        wide = trace_line(*look, widest_px, off_px)
+        wide = trace_line(*look, widest_px, off_px=off_px)
         is_better = wide is not None and (trace is None or wide.snr > _MORE * trace.snr)
         return wide if is_better else trace
 

@@ -34,6 +34,7 @@ FEATURES = (
     "faint",
     "rough",
     "confused",
+    "along_trails",
     "blurred",
     "drifted",
 )
@@ -59,6 +60,7 @@ _SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
 """Logarithm of width over the stars' that says nothing: at best, and times the signal to noise."""
 _SAME_LINE_PX, _MOST_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
 _COMPANY_LONG, _COMPANY_ROUGH, _COMPANY_UNEVEN = 4.0, 0.4, 0.8
+_MOST_CONFUSED, _OTHER_WAY_DEG = 1.1, 20.0
 _SHARP = Focus(fwhm_px=1.0)
 _MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
 """Times as long that says enough alone, and beside a bright one; both within so many degrees."""
@@ -153,8 +155,8 @@ def confidence_features(
     is against ``SHORT_FWHM`` and how long against ``LONG_FWHM``; how many others lie on its line;
     whether one that is much longer, or bright and of another length, is parallel; how uneven its
     path is, and its light; how much fainter than ``FAINT_SNR`` it is; how much of its scatter along
-    the line nothing explains; how restless the sky beside it is; how wide the stars were, and how
-    long drift has drawn them.
+    the line nothing explains; how restless the sky beside it is; whether it runs as drawn-out stars
+    do; how wide the stars were, and how long drift has drawn them.
     """
     found, light = candidate.found, candidate.light
     focus = focus.at(found.x_px, found.y_px)
@@ -165,7 +167,9 @@ def confidence_features(
     wide = math.log(width_px / max(focus.widest_px(found.angle_deg), 0.1))
     narrow = math.log(min(psf_px, SHARP_PX) / width_px)
     leeway = _SAME_WIDTH + _WIDTH_PER_SNR / snr
-    rest = [other.found for other in others if other is not candidate and _is_company(other)]
+    # Drawn-out stars keep everything company.
+    near = others if focus.trail_px == 0.0 else ()
+    rest = [other.found for other in near if other is not candidate and _is_company(other)]
     return (
         1.0,
         _heard(_logit(found.confidence), length_px / psf_px),
@@ -182,9 +186,18 @@ def confidence_features(
         light.lumpiness,
         max(0.0, math.log(FAINT_SNR / snr)),
         math.log1p(light.roughness**2 / (_EVEN_ENOUGH**2 + (_ROUGH_BY_NOISE / snr) ** 2)),
-        math.log(max(light.confusion, 1.0)),
+        min(math.log(max(light.confusion, 1.0)), _MOST_CONFUSED),
+        _along_trails(found, focus),
         *_shown(focus),
     )
+
+
+def _along_trails(found: Detection, focus: Focus) -> float:
+    """1 for what runs as the drawn-out stars do, less the more it turns away, 0 from some angle."""
+    if focus.trail_px == 0.0:
+        return 0.0
+    turn = turn_deg(found.angle_deg, focus.trail_deg)
+    return max(0.0, 1.0 - turn / _OTHER_WAY_DEG)
 
 
 def _shown(focus: Focus) -> tuple[float, float]:

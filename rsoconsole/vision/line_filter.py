@@ -38,6 +38,8 @@ _SURELY_LIGHT, _NO_LINE = 4.5, 1.2
 """So bright, and so little of it along any line: a star, of which nothing counts."""
 _MOST_GAP, _LEAST_GAP, _DARK = 0.3, 6, 0.15
 """Longest dark part of a streak as a share of it, in cells at least; and how dark is dark."""
+_OF_A_BAND = 0.6
+"""Side of the cells in which a band is one or two cells wide, over its width."""
 _EVERY = 3
 _STEPS = 24.0
 """Of whole numbers in one sigma: they add up twice as fast."""
@@ -101,18 +103,34 @@ def propose_lines(
     cells = limited(cells)
     cells -= _around(cells, FINEST_PX // side_px)
     _cover(cells, side_px, stars, float(np.median(sky.noise)))
+    found = [(line, side_px) for line in find_lines(cells)]
+    # What draws the stars out may draw a streak out as far, to a band.
+    coarser = 0 if stars.trail is None else round(_OF_A_BAND * stars.trail.length_px / side_px)
+    if coarser > 1:
+        found += [(line, side_px * coarser) for line in find_lines(_coarse(cells, coarser))]
     return [
         replace(
             line,
-            x_a=line.x_a * side_px - 0.5,
-            y_a=line.y_a * side_px - 0.5,
-            x_b=line.x_b * side_px - 0.5,
-            y_b=line.y_b * side_px - 0.5,
+            x_a=line.x_a * side - 0.5,
+            y_a=line.y_a * side - 0.5,
+            x_b=line.x_b * side - 0.5,
+            y_b=line.y_b * side - 0.5,
         )
-        for line in find_lines(cells)
-        if math.hypot(line.x_b - line.x_a, line.y_b - line.y_a) * side_px
-        > _SHORTEST_FWHM * _star_fwhm_px(line, side_px, stars)
+        for line, side in found
+        if math.hypot(line.x_b - line.x_a, line.y_b - line.y_a) * side
+        > _SHORTEST_FWHM * _star_fwhm_px(line, side, stars)
     ]
+
+
+def _coarse(cells: Float32Array, times: int) -> Float32Array:
+    """Cells so many times as large, of the same noise; what a star covers counts as sky."""
+    import cv2
+
+    rows, columns = (side // times for side in cells.shape)
+    whole = cells[: rows * times, : columns * times]
+    return np.asarray(
+        cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA) * np.float32(times)
+    )
 
 
 def _star_fwhm_px(line: CellLine, side_px: int, stars: StarList) -> float:

@@ -25,7 +25,8 @@ INTERPOLATED_VARIANCE = 1.0 / 6.0
 """px^2 that linear interpolation adds across."""
 _BEYOND, _LEAST_BEYOND_PX = 0.35, 40.0
 _ON_LINE_PX, _FLASHES, _FLASHED_SHARE, _LISTED_SHARE = 4.0, 3, 0.25, 0.45
-_LEAST_KNOWN = 0.4
+LEAST_KNOWN = 0.4
+"""Of a column's weight: of less, what is seen is no measure of the line there."""
 _SKY_PX, _SKY_LIMIT = 41, 3.0
 _SMALLEST = 1e-9
 
@@ -218,7 +219,7 @@ def profile_of(strip: LineStrip, course: Course, sigma: float) -> LineProfile:
     share = np.einsum("ij,ij->j", known, weight).astype(np.float64)
     nominal = 1.0 / (2.0 * math.sqrt(math.pi) * sigma)
     light = np.einsum("ij,ij->j", known, strip.values).astype(np.float64)
-    is_known = share > _LEAST_KNOWN * nominal
+    is_known = share > LEAST_KNOWN * nominal
     share = np.maximum(share, _SMALLEST)
     return LineProfile(
         light=np.where(is_known, light / share, 0.0),

@@ -16,6 +16,7 @@ from rsoconsole.records import PixelArray
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.line_strip import (
     INTERPOLATED_VARIANCE,
+    LEAST_KNOWN,
     OFF_PX,
     BoolArray,
     Course,
@@ -39,6 +40,7 @@ _TIMES_TYPICAL, _MOST_SLOPE = 1.5, 0.45
 _ENOUGH_COLUMNS = 24
 _TIMES_LEVEL, _OUT_SIGMA, _MOST_OUT = 3.0, 5.0, 0.4
 _EDGE_SNR, _HIDDEN_PX = 6.0, 3.0
+_BRIGHT_SIGMA, _NEARER, _MOST_LOOKS = 6.0, 1e-3, 3
 _NOT_NOISE = 2.5
 _SMALLEST = 1e-9
 
@@ -77,6 +79,7 @@ def trace_line(
     ends: Box,
     stars: StarList,
     psf_fwhm_px: float,
+    *,
     off_px: float = OFF_PX,
 ) -> Trace | None:
     """Measure the light along a line from a to b, ``ends`` (x_a, y_a, x_b, y_b), a few px off.
@@ -85,25 +88,70 @@ def trace_line(
     ends. None where no line stands out there.
     """
     sigma = math.sqrt((psf_fwhm_px / FWHM_PER_SIGMA) ** 2 + INTERPOLATED_VARIANCE)
-    strip = strip_about(pixels, sky, ends, stars, sigma)
+    found, goes_on = _looked(strip_about(pixels, sky, ends, stars, sigma), ends, sigma, off_px)
+    for _ in range(_MOST_LOOKS):
+        if found is None or not goes_on:
+            break
+        ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
+        strip = strip_about(pixels, sky, ends, stars, sigma)
+        further, goes_on = _looked(strip, ends, sigma, off_px)
+        if further is None or further.snr < found.snr:
+            break
+        found = further
+    return found
+
+
+def _looked(
+    strip: LineStrip | None, ends: Box, sigma: float, off_px: float
+) -> tuple[Trace | None, bool]:
+    """One look at a strip, and whether the light goes on where the strip ends."""
     if strip is None:
-        return None
+        return None, False
     length = math.hypot(ends[2] - ends[0], ends[3] - ends[1])
     columns = np.arange(strip.values.shape[1])
     middle = 0.5 * (columns.size - 1)
     inside = np.abs(columns - middle) <= 0.5 * length
+    _mask_bright(strip, inside, sigma, off_px)
     course = _course(strip, columns, inside, sigma, off_px)
     level(strip, course, sigma)
+    lit = 0.0, 0.0
     for _ in range(2):
         profile = profile_of(strip, course, sigma)
-        lit = _lit_stretch(profile, course.middle, 0.5 * length)
-        if lit is None:
-            return None
+        stretch = _lit_stretch(profile, course.middle, 0.5 * length)
+        if stretch is None:
+            return None, False
+        lit = stretch
         _mask_what_stands_out(strip, profile, lit)
         inside = (columns >= lit[0]) & (columns <= lit[1])
         length = max(lit[1] - lit[0], 1.0)
         course = _better(strip, columns, inside, course, sigma)
-    return _described(strip, inside, course, profile_of(strip, course, sigma))
+    rim = FWHM_PER_SIGMA * sigma
+    goes_on = (lit[0] < rim and not strip.is_cut[0]) or (
+        lit[1] > columns[-1] - rim and not strip.is_cut[1]
+    )
+    return _described(strip, inside, course, profile_of(strip, course, sigma)), goes_on
+
+
+def _mask_bright(strip: LineStrip, inside: BoolArray, sigma: float, off_px: float) -> None:
+    """Mask pixels far brighter than most of the line, and a star's width about them.
+
+    Stars that touch another light are on no list. Unless they are much of the line: its flashes.
+    """
+    import cv2
+
+    ridge = cv2.blur(strip.values, (3, 1))
+    near = slice(max(round(strip.reach - off_px), 0), round(strip.reach + off_px) + 1)
+    known = np.where(strip.is_good[near], ridge[near], -np.inf)[:, inside].max(axis=0)
+    known = known[np.isfinite(known)]
+    if known.size < _ENOUGH_COLUMNS // 2:
+        return
+    typical = float(np.median(known))
+    is_bright = (ridge > max(_TIMES_LEVEL * typical, typical + _BRIGHT_SIGMA)) & strip.is_good
+    side = 2 * round(FWHM_PER_SIGMA * sigma) + 1
+    about = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    is_bright = cv2.dilate(is_bright.astype(np.uint8), about) > 0
+    if np.count_nonzero(is_bright[near].any(axis=0) & inside) < _MOST_OUT * inside.sum():
+        strip.is_good[is_bright] = False
 
 
 def _mask_what_stands_out(strip: LineStrip, profile: LineProfile, lit: tuple[float, float]) -> None:
@@ -151,6 +199,9 @@ def _course(
     rows = offsets[:, None, None] + slopes[:, None] * (place - middle) + strip.reach
     rows = np.clip(np.rint(rows), 0, light.shape[1] - 1).astype(np.intp)
     total = light[np.arange(place.size), rows].sum(axis=-1)
+    # Of courses alike, the one nearest to what was proposed.
+    far = np.abs(offsets)[:, None] / off_px + np.abs(slopes) / max(float(slopes[-1]), _SMALLEST)
+    total = total - _NEARER * np.abs(total).max() * far
     best = np.unravel_index(int(np.argmax(total)), total.shape)
     return Course(middle, float(offsets[best[0]]), float(slopes[best[1]]), 0.5, 0.5 / half)
 
@@ -191,7 +242,11 @@ def _better(
     v = np.arange(-strip.reach, strip.reach + 1)[:, None]
     chosen = columns[inside]
     for _ in range(3):
-        weight = weights_of(strip, chosen, start, sigma) * strip.is_good[:, chosen]
+        weight = weights_of(strip, chosen, start, sigma)
+        nominal = np.einsum("ij,ij->j", weight, weight)
+        weight *= strip.is_good[:, chosen]
+        # What a mask leaves of a column is a star's wing, not the line.
+        weight *= np.einsum("ij,ij->j", weight, weight) > LEAST_KNOWN * nominal
         values = strip.values[:, chosen]
         off = (v - start.at(chosen)).astype(np.float32)
         moment = np.einsum("ij,ij,ij->j", weight, off, values).astype(np.float64)
