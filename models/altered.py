@@ -326,7 +326,7 @@ def _drawn(name: str, number: int, split: Split) -> tuple[Frame, Truth, Scene]:
     scene = family.alter(scene, severity, rng)
     sensor = scene.sensor
     length_px = math.exp(float(rng.uniform(*np.log(family.length_px))))
-    ends = _place(sensor, length_px, rng)
+    ends = _before_motion(scene, _place(sensor, length_px, rng))
     wanted = math.exp(float(rng.uniform(*np.log(family.snr))))
     streak, snr = _lit(scene, _path(scene, ends), length_px, wanted)
     content = replace(scene.content, streaks=(streak, *scene.others))
@@ -352,6 +352,11 @@ def _place(sensor: SensorModel, length_px: float, rng: Rng) -> FloatArray:
         if np.all(room > 0.0):
             middle = np.array([sensor.width_px, sensor.height_px]) / 2.0 + rng.uniform(-room, room)
             return np.stack([middle - half, middle + half])
+
+
+def _before_motion(scene: Scene, ends: FloatArray) -> FloatArray:
+    """Ends without what the image moves, so that with it the streak is as long as was asked."""
+    return ends - _shifts(scene)
 
 
 def _path(scene: Scene, ends: FloatArray) -> Streak:
@@ -381,11 +386,16 @@ def _truth_ends(scene: Scene, ends: FloatArray) -> tuple[tuple[float, float], tu
 
     Of a drift that is the path itself; wind shakes it to either side.
     """
+    (x_a, y_a), (x_b, y_b) = (ends + _shifts(scene)).tolist()
+    return (x_a, y_a), (x_b, y_b)
+
+
+def _shifts(scene: Scene) -> FloatArray:
+    """(2, 2): what the image's motion moves both ends, on average."""
     shifts = np.zeros((2, 2))
     if scene.motion is not None:
         t = np.linspace(-1.0, 1.0, _STEPS)
         for axis, path in enumerate((scene.motion.dx_px, scene.motion.dy_px)):
             slope, middle = np.polyfit(t, path, 1)
             shifts[:, axis] = middle - slope, middle + slope
-    (x_a, y_a), (x_b, y_b) = (ends + shifts).tolist()
-    return (x_a, y_a), (x_b, y_b)
+    return shifts

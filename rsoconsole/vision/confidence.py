@@ -44,9 +44,10 @@ LEAST_LOGIT = -7.0
 """Of the network: what it does not see at all the line filter may."""
 MOST_LOG_SNR, MOST_LOG_STEADY, _LEAST_STEADY = 0.3, 1.5, 0.5
 _EXTENDED_FWHM, _MOST_EXTENT = 8.0, 2.0
-_HEARD_FWHM, _LEAST_HEARD = 15.0, 0.25
-_EVEN_ENOUGH, _ROUGH_BY_NOISE = 0.06, 4.0
-"""Scatter along a line that the air and the sensor make, and noise of a signal to noise of 1."""
+_HEARD_FWHM, _LEAST_HEARD, _HEARD_WHERE_JOINED = 15.0, 0.25, 0.4
+_EVEN_ENOUGH, _EVEN_WHERE_JOINED, _ROUGH_BY_NOISE = 0.06, 0.18, 4.0
+"""Scatter along a line that the air and the sensor make, the same where wind or focus have made
+the stars wide, and noise of a signal to noise of 1."""
 FAINT_SNR = 12.0
 """Below it a chain of faint stars is as likely as a streak."""
 SHORT_FWHM, LONG_FWHM = 12.0, 120.0
@@ -64,6 +65,8 @@ _MOST_CONFUSED, _OTHER_WAY_DEG = 1.1, 20.0
 _SHARP = Focus(fwhm_px=1.0)
 _MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
 """Times as long that says enough alone, and beside a bright one; both within so many degrees."""
+_UNLIKE_WHERE_JOINED = 1.35
+"""There an end may be that of a star beside it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +114,7 @@ class ConfidenceCurve:
         """
         table = dict(zip(FEATURES, self.weights, strict=True))
         longest_px, psf_px = max(LENGTH_ERROR * proposed_px, 0.1), max(focus.fwhm_px, 0.1)
-        heard = _heard(_logit(network_confidence), longest_px / psf_px)
+        heard = _heard(_logit(network_confidence), longest_px / psf_px, focus.joined)
         z = table["constant"] + table["network"] * heard
         z += max(table["log_snr"], 0.0) * MOST_LOG_SNR
         z += max(table["steady"], 0.0) * MOST_LOG_STEADY
@@ -135,11 +138,15 @@ def _logit(confidence: float) -> float:
     return max(math.log(p / (1.0 - p)), LEAST_LOGIT)
 
 
-def _heard(logit: float, length_fwhm: float) -> float:
-    """The network's word: its doubt counts less of what is longer than its map shows well."""
-    if logit >= 0.0:
-        return logit
-    return logit * min(max(_HEARD_FWHM / max(length_fwhm, 0.1), _LEAST_HEARD), 1.0)
+def _heard(logit: float, length_fwhm: float, joined: int) -> float:
+    """The network's word, worth less where pixels were joined: it knows stars that are points.
+
+    Its doubt counts less, too, of what is longer than its map shows well.
+    """
+    word = logit if joined == 1 else _HEARD_WHERE_JOINED * logit
+    if word >= 0.0:
+        return word
+    return word * min(max(_HEARD_FWHM / max(length_fwhm, 0.1), _LEAST_HEARD), 1.0)
 
 
 def confidence_features(
@@ -167,12 +174,15 @@ def confidence_features(
     wide = math.log(width_px / max(focus.widest_px(found.angle_deg), 0.1))
     narrow = math.log(min(psf_px, SHARP_PX) / width_px)
     leeway = _SAME_WIDTH + _WIDTH_PER_SNR / snr
+    is_sharp = focus.joined == 1
+    even = _EVEN_ENOUGH if is_sharp else _EVEN_WHERE_JOINED
+    unlike = _UNLIKE if is_sharp else _UNLIKE_WHERE_JOINED
     # Drawn-out stars keep everything company.
     near = others if focus.trail_px == 0.0 else ()
     rest = [other.found for other in near if other is not candidate and _is_company(other)]
     return (
         1.0,
-        _heard(_logit(found.confidence), length_px / psf_px),
+        _heard(_logit(found.confidence), length_px / psf_px, focus.joined),
         min(math.log(snr / 20.0), MOST_LOG_SNR),
         min(math.log(steady / 20.0), MOST_LOG_STEADY),
         min(max(0.0, math.log(length_px / psf_px / _EXTENDED_FWHM)), _MOST_EXTENT),
@@ -181,11 +191,11 @@ def confidence_features(
         max(0.0, math.log(SHORT_FWHM * psf_px / length_px)),
         max(0.0, math.log(length_px / (LONG_FWHM * psf_px))),
         float(min(sum(_is_in_line(found, other) for other in rest), MOST_IN_LINE)),
-        float(any(_is_parallel_unlike(found, other) for other in rest)),
+        float(any(_is_parallel_unlike(found, other, unlike) for other in rest)),
         light.bend,
         light.lumpiness,
         max(0.0, math.log(FAINT_SNR / snr)),
-        math.log1p(light.roughness**2 / (_EVEN_ENOUGH**2 + (_ROUGH_BY_NOISE / snr) ** 2)),
+        math.log1p(light.roughness**2 / (even**2 + (_ROUGH_BY_NOISE / snr) ** 2)),
         min(math.log(max(light.confusion, 1.0)), _MOST_CONFUSED),
         _along_trails(found, focus),
         *_shown(focus),
@@ -226,7 +236,7 @@ def _is_in_line(one: Detection, other: Detection) -> bool:
     return across < min(_SAME_LINE_PX + slope_error * along, _MOST_OFF_LINE_PX)
 
 
-def _is_parallel_unlike(one: Detection, other: Detection) -> bool:
+def _is_parallel_unlike(one: Detection, other: Detection, unlike: float) -> bool:
     """Whether two trails are parallel but surely not of one length: lights of one aircraft.
 
     Satellites that keep one another company move alike. What the frame cuts may be longer.
@@ -237,7 +247,7 @@ def _is_parallel_unlike(one: Detection, other: Detection) -> bool:
     if longer is other and longer.length_px > _MUCH_LONGER * shorter.length_px:
         return True
     sigma_px = 2.0 * math.hypot(one.sigma_along_px, other.sigma_along_px)
-    apart_px = longer.length_px - _UNLIKE * shorter.length_px
+    apart_px = longer.length_px - unlike * shorter.length_px
     return not shorter.is_clipped and apart_px > (0.0 if longer.is_clipped else 3.0 * sigma_px)
 
 

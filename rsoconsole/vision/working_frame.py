@@ -14,7 +14,8 @@ from rsoconsole.vision.stars import StarList
 
 WIDE_PX = 5.0
 """Width of the stars from which on pixels are joined."""
-_WANTED_PX = 3.0
+_WANTED_PX = 4.0
+"""Narrower, and what is left of a short streak out of focus is a blob."""
 _SMALLEST_PX = 96
 """What is left is never smaller than this a side."""
 
@@ -24,7 +25,7 @@ def pixels_to_join(stars: StarList, frame: Frame) -> int:
     if stars.median_fwhm_px < WIDE_PX:
         return 1
     most = min(frame.width_px, frame.height_px) // _SMALLEST_PX
-    return max(1, min(round(stars.median_fwhm_px / _WANTED_PX), most))
+    return max(1, min(max(2, round(stars.median_fwhm_px / _WANTED_PX)), most))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
