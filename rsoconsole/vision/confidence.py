@@ -45,6 +45,7 @@ LEAST_LOGIT = -7.0
 MOST_LOG_SNR, MOST_LOG_STEADY, _LEAST_STEADY = 0.3, 1.5, 0.5
 _EXTENDED_FWHM, _MOST_EXTENT = 8.0, 2.0
 _HEARD_FWHM, _LEAST_HEARD, _HEARD_WHERE_JOINED = 15.0, 0.25, 0.4
+_CLEAR_SNR, _CLEAR_FWHM, _LEAST_CLEAR = 15.0, 10.0, 0.4
 _EVEN_ENOUGH, _EVEN_WHERE_JOINED, _ROUGH_BY_NOISE = 0.06, 0.18, 4.0
 """Scatter along a line that the air and the sensor make, the same where wind or focus have made
 the stars wide, and noise of a signal to noise of 1."""
@@ -113,8 +114,9 @@ class ConfidenceCurve:
         ``LENGTH_ERROR`` times too short.
         """
         table = dict(zip(FEATURES, self.weights, strict=True))
-        longest_px, psf_px = max(LENGTH_ERROR * proposed_px, 0.1), max(focus.fwhm_px, 0.1)
-        heard = _heard(_logit(network_confidence), longest_px / psf_px, focus.joined)
+        longest_px = max(LENGTH_ERROR * proposed_px, 0.1)
+        psf_px = min(max(focus.fwhm_px, 0.1), SHARP_PX)
+        heard = _heard(_logit(network_confidence), longest_px / psf_px, math.inf, focus.joined)
         z = table["constant"] + table["network"] * heard
         z += max(table["log_snr"], 0.0) * MOST_LOG_SNR
         z += max(table["steady"], 0.0) * MOST_LOG_STEADY
@@ -138,14 +140,17 @@ def _logit(confidence: float) -> float:
     return max(math.log(p / (1.0 - p)), LEAST_LOGIT)
 
 
-def _heard(logit: float, length_fwhm: float, joined: int) -> float:
+def _heard(logit: float, length_fwhm: float, steady: float, joined: int) -> float:
     """The network's word, worth less where pixels were joined: it knows stars that are points.
 
-    Its doubt counts less, too, of what is longer than its map shows well.
+    Its doubt counts less, too, of what is longer than its map shows well, and of a line that every
+    part of it shows clearly.
     """
     word = logit if joined == 1 else _HEARD_WHERE_JOINED * logit
     if word >= 0.0:
         return word
+    clear = math.sqrt(_CLEAR_SNR / max(steady, 0.1)) if length_fwhm > _CLEAR_FWHM else 1.0
+    word *= min(max(clear, _LEAST_CLEAR), 1.0)
     return word * min(max(_HEARD_FWHM / max(length_fwhm, 0.1), _LEAST_HEARD), 1.0)
 
 
@@ -168,6 +173,8 @@ def confidence_features(
     found, light = candidate.found, candidate.light
     focus = focus.at(found.x_px, found.y_px)
     psf_px, length_px = max(focus.fwhm_px, 0.1), max(found.length_px, 0.1)
+    # What widens the stars alone, like a shaken mount, does not make a line any shorter.
+    unit_px = min(max(found.width_px, SHARP_PX), psf_px)
     snr = max(found.snr, 0.1)
     steady = max(light.lower_quartile_snr, _LEAST_STEADY)
     width_px = max(found.width_px, 0.1)
@@ -182,14 +189,14 @@ def confidence_features(
     rest = [other.found for other in near if other is not candidate and _is_company(other)]
     return (
         1.0,
-        _heard(_logit(found.confidence), length_px / psf_px, focus.joined),
+        _heard(_logit(found.confidence), length_px / unit_px, steady, focus.joined),
         min(math.log(snr / 20.0), MOST_LOG_SNR),
         min(math.log(steady / 20.0), MOST_LOG_STEADY),
-        min(max(0.0, math.log(length_px / psf_px / _EXTENDED_FWHM)), _MOST_EXTENT),
+        min(max(0.0, math.log(length_px / unit_px / _EXTENDED_FWHM)), _MOST_EXTENT),
         max(0.0, wide - leeway),
         max(0.0, narrow - leeway),
-        max(0.0, math.log(SHORT_FWHM * psf_px / length_px)),
-        max(0.0, math.log(length_px / (LONG_FWHM * psf_px))),
+        max(0.0, math.log(SHORT_FWHM * unit_px / length_px)),
+        max(0.0, math.log(length_px / (LONG_FWHM * unit_px))),
         float(min(sum(_is_in_line(found, other) for other in rest), MOST_IN_LINE)),
         float(any(_is_parallel_unlike(found, other, unlike) for other in rest)),
         light.bend,

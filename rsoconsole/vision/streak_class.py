@@ -62,6 +62,8 @@ _FASTEST_SATELLITE_DEG_S = 2.0
 _SLOWEST_AIRCRAFT_DEG_S = 0.06
 _METEOR_DEG = 3.0
 _RAY_FWHM = 25.0
+_UNEVEN = 0.3, 1.0
+"""Up to here light and path are even, from there on surely not."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,9 +274,15 @@ def _by_evenness(e: Evidence) -> Likelihood:
     """A ray loses its charge in lumps: of those looked at 116 of 135 were uneven."""
     if e.length_px > _RAY_FWHM * max(e.star_fwhm_px, 1.0):
         return {"cosmic ray": 0.2}
-    if e.unevenness < 0.5:
-        return {"cosmic ray": 0.15}
-    return {"satellite": 0.12, "aircraft": 0.3, "meteor": 0.5, "star chain": 0.8}
+    low, high = _UNEVEN
+    share = min(max((e.unevenness - low) / (high - low), 0.0), 1.0)
+    if e.width_px > _WIDEST_RAY_PX:
+        # As wide as no ray: the air may have made it so.
+        share *= 0.5
+    uneven: Likelihood = {"satellite": 0.12, "aircraft": 0.3, "meteor": 0.5, "star chain": 0.8}
+    return {"cosmic ray": 0.15 ** (1.0 - share)} | {
+        name: likely**share for name, likely in uneven.items()
+    }
 
 
 def _by_gate(e: Evidence) -> Likelihood:
