@@ -36,7 +36,7 @@ SHARES: Mapping[str, float] = {
 """Of all frames, the stated population."""
 FRAMES_PER_SATELLITE = (2, 3, 5, 10, 20, 30, 50, 100, 200, 300, 400, 500, 1000)
 """One clear or cloudy frame in so many holds one to three satellites: which are tried."""
-ALTERED_PER_SATELLITE = 3
+ALTERED_PER_SATELLITE = 5
 """Altered frames of which one holds a satellite: who looks for one through wind or out of focus
 knows that it is there, and twenty times as many false ones are allowed as in ordinary frames."""
 FALSE_PER_ORDINARY, FALSE_PER_HARD = 0.5 / 1000.0, 1.3 / 100.0

@@ -86,3 +86,36 @@ def test_a_card_whose_curve_was_made_for_other_features_is_refused():
     for odd in (fewer, weights | {"colour": 1.0}):
         with pytest.raises(ModelError, match=r"other features: (drifted|colour)"):
             ConfidenceCurve.from_card({"measured_confidence": {"weights": odd}})
+
+
+def test_drawn_out_stars_keep_a_streak_no_company():
+    """Their trails are parallel lines of many lengths: under drift that tells of no aircraft."""
+    streak = seen_so(confidence=0.05, snr=80.0, length_px=120.0, width_px=PSF_PX)
+    beside = seen_so(
+        confidence=0.05, snr=90.0, length_px=40.0, width_px=PSF_PX, x_px=500.0, y_px=300.0
+    )
+    still = CURVE.confidence(streak, FOCUS, [streak, beside])
+    drift = Focus(fwhm_px=PSF_PX, trail_px=25.0, trail_deg=90.0)
+    assert CURVE.confidence(streak, FOCUS) > still
+    assert CURVE.confidence(streak, drift, [streak, beside]) == CURVE.confidence(streak, drift)
+
+
+def test_under_drift_what_runs_as_the_stars_do_is_believed_less():
+    streak = seen_so(confidence=0.05, snr=80.0, length_px=120.0, width_px=PSF_PX)
+    angle = streak.found.angle_deg
+    said = [
+        CURVE.confidence(
+            streak, Focus(fwhm_px=PSF_PX, trail_px=25.0, trail_deg=(angle + off) % 180.0)
+        )
+        for off in (0.0, 10.0, 30.0, 80.0)
+    ]
+    assert said[0] < said[1] < said[2] == said[3]
+    assert said[2] > 0.5
+
+
+def test_a_clear_line_is_believed_although_the_network_sees_nothing():
+    """As in the video frames: sixty pixels long, each quarter of it far above the noise."""
+    wide = Focus(fwhm_px=4.7)
+    clear = seen_so(confidence=0.0017, snr=166.0, length_px=64.0, width_px=2.8)
+    dim = seen_so(confidence=0.0017, snr=16.0, length_px=64.0, width_px=2.8)
+    assert CURVE.confidence(clear, wide) > max(0.1, CURVE.confidence(dim, wide))

@@ -56,9 +56,9 @@ def row(kind: str, number: int, trails: list[dict], candidates: list[dict]) -> d
 
 ROWS = [
     row("satellites", 0, [trail()], [candidate(0.9, 0, 0.2), candidate(0.3, 0, 9.0)]),
-    row("satellites", 1, [trail(2.5), trail(lost="too faint")], [candidate(0.05, 0, 1.0)]),
+    row("satellites", 1, [trail(2.5), trail(lost="too faint")], [candidate(0.002, 0, 1.0)]),
     row("satellites", 2, [trail(2.5, 40.0)], [candidate(0.4, 0, 0.6), candidate(0.5, None)]),
-    row("empty", 0, [], [candidate(0.02, None)]),
+    row("empty", 0, [], [candidate(0.00002, None)]),
     row("empty", 1, [], []),
     row("aircraft", 0, [], [candidate(0.8, None), candidate(0.7, None)]),
 ]
@@ -133,7 +133,7 @@ def test_every_trail_and_every_false_alarm_is_counted_once():
 
 
 def test_average_precision_is_the_area_counted_by_hand():
-    """By confidence: hit .9, false .5, hit .4, hit .05, false .02 (weighing 3 / 2)."""
+    """By confidence: hit .9, false .5, hit .4, hit .002, false .00002 (weighing 3 / 2)."""
     by_hand = (1 / 1 + 2 / 3 + 3 / 4) / 4
     assert average_precision(outcome_of(ROWS, CURVE, TAU), 0.8) == pytest.approx(by_hand, abs=1e-4)
 

@@ -173,7 +173,7 @@ def test_under_cloud_pixels_are_joined_as_in_the_clear_frame():
     wide = drawn(out_of_focus, count=60, seed=2)
     dark = later(drawn(out_of_focus, count=0, streak=(400.0, 300.0, 800.0, 500.0)), MINUTE_NS)
     clear, clouded = analyses(wide, dark, memory=PsfMemory())
-    assert clear.focus.joined == clouded.focus.joined == 3
+    assert clear.focus.joined == clouded.focus.joined == 2
     assert clouded.focus.fwhm_px == pytest.approx(clear.focus.fwhm_px, rel=0.02)
     assert clouded.stars.median_fwhm_px == pytest.approx(clear.stars.median_fwhm_px, rel=0.02)
 

@@ -95,7 +95,7 @@ def test_the_paper_map_is_black_and_white_and_shows_less(processor: Reprocessor)
     (pair,) = found.candidates
     assert pair.was is not None
     assert pair.now is not None
-    assert pair.now.detection.confidence < pair.was.detection.confidence - 0.05
+    assert pair.now.detection.confidence < pair.was.detection.confidence - 0.005
 
 
 def test_a_plate_found_anew_gives_the_same_place(recorded: RecordedFrame, frame: Frame):

@@ -47,7 +47,8 @@ class FrameRing:
     def free_slot(self) -> int:
         """A slot that nobody's frame lies in; the same again and again while frames are let go.
 
-        So a night of one frame at a time touches the memory of one slot.
+        So a night of one frame at a time touches the memory of two slots: the frame's, and that of
+        the one before, with which it is compared.
         """
         return next(slot for slot in range(SLOTS) if slot not in self._lent)
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Protocol
 
+from rsoconsole.errors import RsoconsoleError
 from rsoconsole.pipeline.known_stars import KnownStars
 from rsoconsole.pipeline.look_back import LookBack
 from rsoconsole.pipeline.solved_field import SolvedField, Word
@@ -131,10 +132,21 @@ def words_of(
     if back is not None:
         words = {each: word for each in streaks if (word := back.word(each)) is not None}
     left = [each for each in streaks if each not in words]
-    known = KnownStars.of(here, catalogue) if left else None
+    known = _known_stars(here, catalogue) if left else None
     if known is not None:
         words |= {each: word for each in left if (word := known.word(each)) is not None}
     return words
+
+
+def _known_stars(here: SolvedField, catalogue: StarCatalogue | None) -> KnownStars | None:
+    """None, too, where the catalogue cannot be read: what the frame before says stands."""
+    try:
+        return KnownStars.of(here, catalogue)
+    except RsoconsoleError as error:
+        log.warning(
+            "frame %d: its streaks are held against no star: %s", here.frame.frame_id, error
+        )
+        return None
 
 
 def with_words(

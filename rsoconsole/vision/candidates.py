@@ -283,14 +283,17 @@ class Measurements:
         """Keep a candidate, the better of those of one streak, with the network's best word."""
         found, reason = candidate.found, NotAStreak(kind="same streak")
         same = [each for each in self.taken if is_same_streak(found, each.found)]
-        if any(found.snr < _MUCH_BETTER * each.found.snr for each in same):
+        if all(found.snr >= _MUCH_BETTER * each.found.snr for each in same):
+            for each in same:
+                self.taken.remove(each)
+                self.rejected.append(Rejection(detection=each.found, reason=reason))
+            kept = candidate
+        else:
+            kept = max(same, key=lambda each: each.found.snr)
+            self.taken.remove(kept)
             self.rejected.append(Rejection(detection=found, reason=reason))
-            return
-        for each in same:
-            self.taken.remove(each)
-            self.rejected.append(Rejection(detection=each.found, reason=reason))
-        said = max([found.confidence, *(each.found.confidence for each in same)])
-        self.taken.append(replace(candidate, found=replace(found, confidence=said)))
+        said = max(each.found.confidence for each in (candidate, *same))
+        self.taken.append(replace(kept, found=replace(kept.found, confidence=said)))
 
     def _fault(self, trace: Trace) -> NotAStreak | None:
         """The first gate that a trace does not pass; None where it passes all."""

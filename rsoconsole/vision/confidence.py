@@ -30,7 +30,6 @@ FEATURES = (
     "in_line",
     "parallel_unlike",
     "uneven",
-    "lumpy",
     "faint",
     "rough",
     "confused",
@@ -165,8 +164,8 @@ def confidence_features(
     in a row have little of; how much longer than a few widths it is; how far, as a logarithm, it
     is wider and narrower than the stars, beyond what its signal to noise leaves open; how short it
     is against ``SHORT_FWHM`` and how long against ``LONG_FWHM``; how many others lie on its line;
-    whether one that is much longer, or bright and of another length, is parallel; how uneven its
-    path is, and its light; how much fainter than ``FAINT_SNR`` it is; how much of its scatter along
+    whether one that is much longer, or bright and of another length, is parallel; how bent its
+    path is; how much fainter than ``FAINT_SNR`` it is; how much of its scatter along
     the line nothing explains; how restless the sky beside it is; whether it runs as drawn-out stars
     do; how wide the stars were, and how long drift has drawn them.
     """
@@ -200,7 +199,6 @@ def confidence_features(
         float(min(sum(_is_in_line(found, other) for other in rest), MOST_IN_LINE)),
         float(any(_is_parallel_unlike(found, other, unlike) for other in rest)),
         light.bend,
-        light.lumpiness,
         max(0.0, math.log(FAINT_SNR / snr)),
         math.log1p(light.roughness**2 / (even**2 + (_ROUGH_BY_NOISE / snr) ** 2)),
         min(math.log(max(light.confusion, 1.0)), _MOST_CONFUSED),

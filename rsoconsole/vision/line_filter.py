@@ -40,6 +40,7 @@ _MOST_GAP, _LEAST_GAP, _DARK = 0.3, 6, 0.15
 """Longest dark part of a streak as a share of it, in cells at least; and how dark is dark."""
 _OF_A_BAND = 0.6
 """Side of the cells in which a band is one or two cells wide, over its width."""
+_FEWEST_COARSE = 8
 _EVERY = 3
 _STEPS = 24.0
 """Of whole numbers in one sigma: they add up twice as fast."""
@@ -106,7 +107,7 @@ def propose_lines(
     found = [(line, side_px) for line in find_lines(cells)]
     # What draws the stars out may draw a streak out as far, to a band.
     coarser = 0 if stars.trail is None else round(_OF_A_BAND * stars.trail.length_px / side_px)
-    if coarser > 1:
+    if 1 < coarser <= min(cells.shape) // _FEWEST_COARSE:
         found += [(line, side_px * coarser) for line in find_lines(_coarse(cells, coarser))]
     return [
         replace(
@@ -128,9 +129,9 @@ def _coarse(cells: Float32Array, times: int) -> Float32Array:
 
     rows, columns = (side // times for side in cells.shape)
     whole = cells[: rows * times, : columns * times]
-    return np.asarray(
-        cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA) * np.float32(times)
-    )
+    means = cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA)
+    # What is left of a star counts no more than in the finer ones.
+    return np.asarray(np.clip(means * np.float32(times), -_LIMIT, _MOST))
 
 
 def _star_fwhm_px(line: CellLine, side_px: int, stars: StarList) -> float:

@@ -152,7 +152,8 @@ def find_stars(
     is_good = _without_streak(found, is_star & ~is_saturated)
     if np.count_nonzero(is_good) >= _FEWEST:
         fwhm_px, source = float(np.median(found.fwhm_px[is_good])), "measured"
-    field = _psf_field(found, is_good, expected, pixels.shape)
+    remembered = None if source == "measured" else expected
+    field = _psf_field(found, is_good, remembered, pixels.shape)
     local_px = fwhm_px if field is None else field.all_at(found.x_px, found.y_px)
     is_star &= is_saturated | (
         (found.fwhm_px > _SHARPEST * local_px) & (found.fwhm_px < _WIDEST * local_px)

@@ -109,8 +109,11 @@ def _looked(
         return None, False
     length = math.hypot(ends[2] - ends[0], ends[3] - ends[1])
     columns = np.arange(strip.values.shape[1])
-    middle = 0.5 * (columns.size - 1)
-    inside = np.abs(columns - middle) <= 0.5 * length
+    # Where the frame cuts the strip its middle is not the line's.
+    first = (ends[0] - strip.x0_px) * strip.dx + (ends[1] - strip.y0_px) * strip.dy
+    inside = (columns >= first) & (columns <= first + length)
+    if np.count_nonzero(inside) < 4:
+        return None, False
     _mask_bright(strip, inside, sigma, off_px)
     course = _course(strip, columns, inside, sigma, off_px)
     level(strip, course, sigma)
@@ -176,7 +179,7 @@ def _course(
     """The line on which the limited light of a proposal's parts adds up to most."""
     import cv2
 
-    middle = 0.5 * (columns.size - 1)
+    middle = float(columns[inside].mean())
     good = strip.is_good.astype(np.float32)
     weight = cv2.getGaussianKernel(2 * math.ceil(3.0 * sigma) + 1, sigma).astype(np.float32)
     parts = np.array_split(columns[inside], min(_PARTS, max(int(inside.sum()) // 6, 1)))

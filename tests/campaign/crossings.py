@@ -9,15 +9,10 @@ when you like; the same command goes on (``--folder``). ``--write`` puts the tab
 and the rows into ``results/crossings``.
 """
 
-import argparse
-import json
 import math
-import os
 import statistics
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from models.altered import QUARTER
@@ -28,10 +23,9 @@ from rsoconsole.records import Detection, Frame
 from rsoconsole.simulator.psf import FWHM_PER_SIGMA
 from rsoconsole.simulator.render import FieldContent, frame_rng, render, straight_streak
 from rsoconsole.sky.angles import turn_deg
-from tests.campaign.streaks import PAGE, TAU, Trail, detector, off, read
+from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
+from tests.campaign.streaks import TAU, Trail, detector, off
 
-RESULTS = Path(__file__).with_name("results") / "crossings"
-BEGIN, END = "<!-- crossings: begin -->\n", "<!-- crossings: end -->"
 RIDGE_SNR, JUDGED_SNR = (1.5, 30.0), 3.0
 SHORTEST_PX = 300.0
 """Of what the frame shows of it: a trail through a corner is a short streak."""
@@ -140,30 +134,14 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
 
 def main() -> None:
     """Run what is missing, print the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--count", type=int, default=200)
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--folder", type=Path, default=Path(".cache/campaign/crossings"))
-    parser.add_argument("--write", action="store_true")
-    chosen = parser.parse_args()
+    chosen = parser_of("crossings", __doc__, 200).parse_args()
     path = chosen.folder / "rows.jsonl"
-    chosen.folder.mkdir(parents=True, exist_ok=True)
-    known = {row["number"] for row in read(path)}
-    missing = [number for number in range(chosen.count) if number not in known]
-    with path.open("a", encoding="utf-8") as out, ProcessPoolExecutor(chosen.jobs) as pool:
-        for row in pool.map(row_of, missing):
-            out.write(json.dumps(row) + "\n")
-            out.flush()
+    complete(path, row_of, chosen.count, chosen.jobs)
     text = table(read(path))
     print(text, end="")
     if chosen.write:
-        RESULTS.mkdir(parents=True, exist_ok=True)
-        (RESULTS / path.name).write_bytes(path.read_bytes())
-        page = PAGE.read_text(encoding="utf-8")
-        before, after = page.partition(BEGIN)[0], page.partition(END)[2]
-        PAGE.write_text(f"{before}{BEGIN}{text}{END}{after}", encoding="utf-8")
+        keep(chosen.folder, "crossings")
+        put_into_page("crossings", text)
 
 
 if __name__ == "__main__":

@@ -7,13 +7,9 @@ One frame a streak, half a second of a core each. Stop it when you like; the sam
 (``--folder``). ``--write`` puts the table into README.md and the rows into ``results/streaks``.
 """
 
-import argparse
-import json
 import math
-import os
 import statistics
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -27,10 +23,8 @@ from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.detector import StreakDetector
 from rsoconsole.vision.network import Network
 from tests.campaign.families import FAMILIES, draw
+from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
 
-PAGE = Path(__file__).with_name("README.md")
-RESULTS = Path(__file__).with_name("results") / "streaks"
-BEGIN, END = "<!-- streaks: begin -->\n", "<!-- streaks: end -->"
 TAU = 0.10
 Trail: TypeAlias = tuple[float, float, float, float]
 """Both ends: x, y, x, y in px."""
@@ -107,23 +101,9 @@ def off(found: Detection, trail: Trail) -> tuple[float, float]:
     return dx * c + dy * s, dy * c - dx * s
 
 
-def read(path: Path) -> list[dict[str, Any]]:
-    """Rows that are known."""
-    if not path.exists():
-        return []
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-
-
 def run(name: str, count: int, folder: Path, jobs: int) -> None:
     """Every frame of a family that has no row yet."""
-    path = folder / f"{name}.jsonl"
-    known = {row["number"] for row in read(path)}
-    missing = [number for number in range(count) if number not in known]
-    folder.mkdir(parents=True, exist_ok=True)
-    with path.open("a", encoding="utf-8") as out, ProcessPoolExecutor(jobs) as pool:
-        for row in pool.map(partial(row_of, name), missing):
-            out.write(json.dumps(row) + "\n")
-            out.flush()
+    complete(folder / f"{name}.jsonl", partial(row_of, name), count, jobs)
 
 
 def line_of(name: str, rows: Sequence[dict[str, Any]]) -> str:
@@ -162,26 +142,16 @@ def table(folder: Path) -> str:
 
 def main() -> None:
     """Run what is missing, print the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of("streaks", __doc__, 300)
     parser.add_argument("families", nargs="+", choices=[*FAMILIES, "all", "table"])
-    parser.add_argument("--count", type=int, default=300)
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--folder", type=Path, default=Path(".cache/campaign/streaks"))
-    parser.add_argument("--write", action="store_true")
     chosen = parser.parse_args()
     names = list(FAMILIES) if "all" in chosen.families else chosen.families
     for name in (each for each in names if each in FAMILIES):
         run(name, chosen.count, chosen.folder, chosen.jobs)
         print(line_of(name, read(chosen.folder / f"{name}.jsonl")), end="", flush=True)
     if chosen.write:
-        RESULTS.mkdir(parents=True, exist_ok=True)
-        for path in chosen.folder.glob("*.jsonl"):
-            (RESULTS / path.name).write_bytes(path.read_bytes())
-        page = PAGE.read_text(encoding="utf-8")
-        before, after = page.partition(BEGIN)[0], page.partition(END)[2]
-        PAGE.write_text(f"{before}{BEGIN}{table(chosen.folder)}{END}{after}", encoding="utf-8")
+        keep(chosen.folder, "streaks")
+        put_into_page("streaks", table(chosen.folder))
 
 
 if __name__ == "__main__":
