@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from models.altered import FAMILIES, LONG_PX, SNR, draw, draw_altered
-from tests.campaign import streaks
+from tests.campaign import rows_kept, streaks
 from tests.makers import straight_detection
 
 
@@ -91,7 +91,7 @@ def test_what_is_known_is_not_looked_at_again(tmp_path, monkeypatch):
         return {"number": number, "confidence": 0.9, "off_px": 0.1, "false": 0, "lost": ""}
 
     monkeypatch.setattr(streaks, "row_of", row)
-    monkeypatch.setattr(streaks, "ProcessPoolExecutor", _InThisProcess)
+    monkeypatch.setattr(rows_kept, "ProcessPoolExecutor", _InThisProcess)
     streaks.run("plain", 3, tmp_path, 1)
     streaks.run("plain", 5, tmp_path, 1)
     assert asked == [0, 1, 2, 3, 4]

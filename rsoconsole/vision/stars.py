@@ -152,8 +152,7 @@ def find_stars(
     is_good = _without_streak(found, is_star & ~is_saturated)
     if np.count_nonzero(is_good) >= _FEWEST:
         fwhm_px, source = float(np.median(found.fwhm_px[is_good])), "measured"
-    remembered = None if source == "measured" else expected
-    field = _psf_field(found, is_good, remembered, pixels.shape)
+    field = _psf_field(found, is_good, expected, pixels.shape, is_level_known=source != "measured")
     local_px = fwhm_px if field is None else field.all_at(found.x_px, found.y_px)
     is_star &= is_saturated | (
         (found.fwhm_px > _SHARPEST * local_px) & (found.fwhm_px < _WIDEST * local_px)
@@ -281,9 +280,17 @@ def _known_fwhm(probed_px: float | None, expected: Psf | None) -> tuple[float, W
 
 
 def _psf_field(
-    found: _Measured, is_good: BoolArray, expected: Psf | None, shape: tuple[int, ...]
+    found: _Measured,
+    is_good: BoolArray,
+    expected: Psf | None,
+    shape: tuple[int, ...],
+    *,
+    is_level_known: bool,
 ) -> PsfField | None:
-    """How the width changes over the frame: by its stars, or as it did where they are too few."""
+    """How the width changes over the frame: by its stars, or as it did where they are too few.
+
+    ``is_level_known``: whether the frame's width is the expected one's too.
+    """
     is_fit = is_good & (found.snr > 2 * MIN_SNR)
     if np.count_nonzero(is_fit) >= FEWEST_STARS:
         stars = found.x_px[is_fit], found.y_px[is_fit], found.fwhm_px[is_fit]
@@ -291,7 +298,7 @@ def _psf_field(
     if expected is None or expected.field is None:
         return None
     if np.count_nonzero(is_good) < _FEWEST:
-        return expected.field
+        return expected.field if is_level_known else None
     stars = found.x_px[is_good], found.y_px[is_good], found.fwhm_px[is_good]
     return expected.field.through(*stars)
 
