@@ -48,7 +48,7 @@ _NOT_A_STREAK: dict[NotAStreakKind, str] = {
     "too short": "too short: {value:.1f} px, hardly longer than a star is wide",
     "no ends": "no ends found: they fade into the sky or lie behind a star",
     "unlit": "only {percent:.0f} % of its length is lit: not one streak",
-    "uneven": "uneven over {percent:.0f} % of its length: stars in a row",
+    "uneven": "light uneven by {percent:.0f} %: stars in a row",
     "fixed in the sky": (
         "the frame before shows the same light at the same place of the sky: stars in a row"
     ),

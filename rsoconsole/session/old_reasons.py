@@ -168,6 +168,7 @@ _WITH_FIGURES: tuple[tuple[str, NotAStreakKind, float], ...] = (
     ("too short: {value} px, hardly longer than a star is wide", "too short", 1.0),
     ("only {value} % of its length is lit: not one streak", "unlit", 0.01),
     ("uneven over {value} % of its length: stars in a row", "uneven", 0.01),
+    ("light uneven by {value} %: stars in a row", "uneven", 0.01),
 )
 """Sentences with figures: kind, and the unit of the value told."""
 _MEASURED: tuple[tuple[re.Pattern[str], NotAStreakKind, float], ...] = tuple(
