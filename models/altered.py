@@ -34,6 +34,7 @@ _CALIBRATE = 77
 _RIM_PX = 20.0
 _STEPS = 400
 _WIND_TAU_S = 0.3
+_UNLIKE_STARS_FWHM = 2.0
 
 Rng = np.random.Generator
 
@@ -254,6 +255,7 @@ FAMILIES: Mapping[str, Family] = {
         title="any of these, SNR 10 to 20", low=0.0, high=0.0, alter=plain, snr=FAINT_SNR
     ),
 }  # fmt: skip
+_RESHAPING, _MORE_OF_THEM = ("blur", "ring", "drift", "wind"), 4
 _ALTERING = tuple(name for name in FAMILIES if name not in {"long", "faint"})
 
 
@@ -264,8 +266,12 @@ def draw(name: str, number: int, split: Split = "test") -> tuple[Frame, Truth, t
 
 
 def draw_altered(split: Split, number: int) -> TrueFrame:
-    """One frame of the families in turn, its trails those of the satellite and those beside it."""
-    name = list(FAMILIES)[number % len(FAMILIES)]
+    """One frame of the families in turn, its trails those of the satellite and those beside it.
+
+    Those that change how stars look come five times as often as others: what looks like a streak
+    then is fitted by itself.
+    """
+    name = family_of(number)
     frame, truth, scene = _drawn(name, number, split)
     frame = replace(frame, frame_id=number, name=f"{split}-altered-{number}")
     trails = [_true_trail(scene, (truth.x_a_px, truth.y_a_px, truth.x_b_px, truth.y_b_px), truth)]
@@ -281,6 +287,12 @@ def draw_altered(split: Split, number: int) -> TrueFrame:
         content=scene.content,
         sensor=scene.sensor,
     )
+
+
+def family_of(number: int) -> str:
+    """Of one of the altered frames."""
+    turns = (*FAMILIES, *(_RESHAPING * _MORE_OF_THEM))
+    return turns[number % len(turns)]
 
 
 def _true_trail(scene: Scene, ends: tuple[float, ...], truth: Truth) -> TrueTrail:
@@ -326,7 +338,10 @@ def _drawn(name: str, number: int, split: Split) -> tuple[Frame, Truth, Scene]:
     scene = family.alter(scene, severity, rng)
     sensor = scene.sensor
     length_px = math.exp(float(rng.uniform(*np.log(family.length_px))))
-    ends = _before_motion(scene, _place(sensor, length_px, rng))
+    seen = _place(sensor, length_px, rng)
+    while family.alter is drifted and _is_as_stars(scene, seen):
+        seen = _place(sensor, length_px, rng)
+    ends = _before_motion(scene, seen)
     wanted = math.exp(float(rng.uniform(*np.log(family.snr))))
     streak, snr = _lit(scene, _path(scene, ends), length_px, wanted)
     content = replace(scene.content, streaks=(streak, *scene.others))
@@ -352,6 +367,16 @@ def _place(sensor: SensorModel, length_px: float, rng: Rng) -> FloatArray:
         if np.all(room > 0.0):
             middle = np.array([sensor.width_px, sensor.height_px]) / 2.0 + rng.uniform(-room, room)
             return np.stack([middle - half, middle + half])
+
+
+def _is_as_stars(scene: Scene, ends: FloatArray) -> bool:
+    """Whether a streak differs from the stars' trails by less than two widths of a star."""
+    if scene.motion is None:
+        return False
+    dx, dy = scene.motion.dx_px, scene.motion.dy_px
+    trail, along = np.array([dx[-1] - dx[0], dy[-1] - dy[0]]), ends[1] - ends[0]
+    apart = min(float(np.hypot(*(along - sense * trail))) for sense in (-1.0, 1.0))
+    return apart < _UNLIKE_STARS_FWHM * scene.content.fwhm_px
 
 
 def _before_motion(scene: Scene, ends: FloatArray) -> FloatArray:

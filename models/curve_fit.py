@@ -3,7 +3,8 @@
 Two steps. First the weights: which candidates are likelier than which, from all rows alike, so that
 aircraft and the like count in full. Then slope and constant: how likely, with every row weighed as
 often as it comes in the stated population of frames. The population's one free number, how many
-frames hold a satellite, is lowered until tau keeps the false alarms that are allowed.
+frames hold a satellite, is lowered until tau keeps the false alarms that are allowed. Each way in
+which a frame shows its stars has weights, slope and constant of its own.
 """
 
 import math
@@ -19,7 +20,7 @@ from scipy.optimize import minimize
 from models.frames import HARD, Kind
 from models.judging import CandidateRow, FrameRow, features_of
 from models.scoring import logit_for_rate
-from rsoconsole.vision.confidence import FEATURES
+from rsoconsole.vision.confidence import FEATURES, LOOKED_AT, WAYS
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -45,9 +46,11 @@ ORDINARY: tuple[Kind, ...] = ("empty", "satellites")
 HARD_COUNTS = 0.3
 """How much a false candidate of a hard frame counts in the weights: there are dozens a frame."""
 _AT_TAU = math.log(TAU / (1.0 - TAU))
-_FOR = ("network", "log_snr", "steady", "extent")
-_EITHER = ("blurred", "drifted")
-_AGAINST = tuple(name for name in FEATURES[5:] if name not in _EITHER)
+_FOR = ("network", "log_snr", "steady", "extent", "one_line")
+_EITHER = ("constant", "blurred", "drifted")
+_CONSTANTS = [FEATURES.index(f"{way}constant") for way in WAYS]
+_FEWEST_TRUE = 12
+"""Satellites in frames that show stars in one way: of fewer its weights cannot be told."""
 _RIDGE, _HELD = 0.1, 1e-7
 
 
@@ -134,20 +137,24 @@ def fit_weights(
     """
     times = np.ones(len(is_true)) if counts is None else counts
     sign = np.where(is_true, 1.0, -1.0)
+    held = np.ones(len(FEATURES))
+    held[_CONSTANTS] = 0.0
 
     def cost(weights: FloatArray) -> tuple[float, FloatArray]:
         margin = sign * (features @ weights)
-        loss = times @ np.logaddexp(0.0, -margin) + _RIDGE * (weights[1:] ** 2).sum()
+        loss = times @ np.logaddexp(0.0, -margin) + _RIDGE * (held @ weights**2)
         gradient = -(features * (times * sign / (1.0 + np.exp(margin)))[:, None]).sum(axis=0)
-        gradient[1:] += 2.0 * _RIDGE * weights[1:]
+        gradient += 2.0 * _RIDGE * held * weights
         return float(loss), gradient
 
-    bounds = [
-        (0.0, None) if name in _FOR else (None, 0.0) if name in _AGAINST else (None, None)
-        for name in FEATURES
-    ]
+    bounds = [_bounds(name.rpartition(" ")[2]) for name in FEATURES]
     start = np.zeros(features.shape[1])
     return np.asarray(minimize(cost, start, jac=True, bounds=bounds, method="L-BFGS-B").x)
+
+
+def _bounds(name: str) -> tuple[float | None, float | None]:
+    """Which sign a weight may have."""
+    return (0.0, None) if name in _FOR else (None, None) if name in _EITHER else (None, 0.0)
 
 
 def fit_scale(z: FloatArray, is_true: BoolArray, weights: FloatArray) -> tuple[float, float]:
@@ -202,25 +209,36 @@ def fit_curve(them: Candidates, frames_per_satellite: int | None = None) -> Fitt
     """
     is_easy = them.is_true | ~them.of_kind(*HARD)
     weights = fit_weights(them.features, them.is_true, np.where(is_easy, 1.0, HARD_COUNTS))
-    z = them.features @ weights
-    ordinary = lowest_for(them, z, ORDINARY, FALSE_PER_ORDINARY)
-    hard = lowest_for(them, z, HARD, FALSE_PER_HARD)
     tried = FRAMES_PER_SATELLITE if frames_per_satellite is None else (frames_per_satellite,)
     curves = []
     for frames in tried:
-        slope, constant = fit_scale(z, them.is_true, population_weights(them, frames))
-        scaled = slope * weights
-        scaled[0] += constant
+        scaled = _scaled(them, weights, population_weights(them, frames))
+        z = them.features @ scaled
         curves.append(
             FittedCurve(
                 weights=scaled,
                 frames_per_satellite=frames,
-                keeps_ordinary=slope * ordinary + constant <= _AT_TAU,
-                keeps_hard=slope * hard + constant <= _AT_TAU,
+                keeps_ordinary=lowest_for(them, z, ORDINARY, FALSE_PER_ORDINARY) <= _AT_TAU,
+                keeps_hard=lowest_for(them, z, HARD, FALSE_PER_HARD) <= _AT_TAU,
             )
         )
     best = max(curves, key=lambda curve: (curve.keeps_ordinary, curve.keeps_hard))
     return best if best.keeps_ordinary else curves[-1]
+
+
+def _scaled(them: Candidates, weights: FloatArray, population: FloatArray) -> FloatArray:
+    """Weights that say how likely, each way of showing stars by itself."""
+    scaled, z, count = weights.copy(), them.features @ weights, len(LOOKED_AT)
+    for first in _CONSTANTS:
+        chosen = them.features[:, first] > 0.0
+        own = slice(first, first + count)
+        if np.count_nonzero(chosen & them.is_true) < _FEWEST_TRUE:
+            scaled[own] = scaled[:count]
+            continue
+        slope, constant = fit_scale(z[chosen], them.is_true[chosen], population[chosen])
+        scaled[own] = slope * weights[own]
+        scaled[first] += constant
+    return scaled
 
 
 def out_of_fold(rows: Sequence[FrameRow], frames_per_satellite: int, folds: int = 5) -> FloatArray:

@@ -84,7 +84,7 @@ def test_a_card_whose_curve_was_made_for_other_features_is_refused():
     weights = CARD["measured_confidence"]["weights"]
     fewer = {name: weights[name] for name in FEATURES[:-1]}
     for odd in (fewer, weights | {"colour": 1.0}):
-        with pytest.raises(ModelError, match=r"other features: (drifted|colour)"):
+        with pytest.raises(ModelError, match=r"other features: (trailed drifted|colour)"):
             ConfidenceCurve.from_card({"measured_confidence": {"weights": odd}})
 
 

@@ -119,11 +119,12 @@ def test_below_tau_is_rejected_with_both_numbers() -> None:
 
 def curve(**weights: float) -> ConfidenceCurve:
     table = {"constant": 2.0, "network": 1.0} | weights
-    return ConfidenceCurve(tuple(table.get(name, 0.0) for name in FEATURES))
+    return ConfidenceCurve(tuple(table.get(name.rpartition(" ")[2], 0.0) for name in FEATURES))
 
 
 def test_what_no_measurement_can_lift_above_tau_is_not_measured(monkeypatch) -> None:
     monkeypatch.setattr("rsoconsole.vision.detector.propose_lines", lambda *_: [])
+    monkeypatch.setattr("rsoconsole.vision.detector.short_lines", lambda *_, **__: [])
     frame, boxes = frame_with((A, B), (C, D)), (candidate(A, B, 0.8), candidate(C, D, 0.012))
     doubting = curve(constant=-2.5)
     strict = StreakDetector(Proposals(*boxes), DetectorConfig(), doubting).detect(frame)
@@ -198,7 +199,7 @@ def test_a_field_of_trailed_stars_gives_no_detection() -> None:
         text(r.reason) for r in found.rejected if not text(r.reason).startswith("not measured")
     ]
     assert len(reasons) >= TRAILED_STREAKS
-    assert all("the stars are trailed" in reason for reason in reasons)
+    assert {r for r in reasons if "the stars are trailed" not in r} == set()
     fewer = TRAILED_STREAKS - 1
     kept = analyse(frame_with(*streaks[:fewer]), *boxes[:fewer]).detections
     assert len(kept.detections) == fewer
@@ -248,7 +249,9 @@ def test_dark_proposals_do_not_cost_a_streak_its_turn() -> None:
     assert {text(r.reason) for r in found.rejected} == {"no unbroken light along a line there"}
 
 
-def test_a_short_proposal_is_measured_only_where_its_length_leaves_hope() -> None:
+def test_a_short_proposal_is_measured_only_where_its_length_leaves_hope(monkeypatch) -> None:
+    monkeypatch.setattr("rsoconsole.vision.detector.propose_lines", lambda *_: [])
+    monkeypatch.setattr("rsoconsole.vision.detector.short_lines", lambda *_, **__: [])
     c, d = (260.0, 300.0), (266.0, 301.0)
     frame, short = frame_with((A, B), (c, d)), candidate(c, d, 0.3)
     for weight, reasons in ((0.0, set()), (-20.0, {"below tau 0.10 however well a line fits"})):

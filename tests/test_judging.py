@@ -118,6 +118,7 @@ def test_a_row_tells_what_was_found_and_how_far_off_and_where_the_rest_was_lost(
     by_the_filter = Judge(Oracle()).row(bright)
     assert [each["trail"] for each in by_the_filter["candidates"]] == [0]
     monkeypatch.setattr("rsoconsole.vision.detector.propose_lines", lambda *_: [])
+    monkeypatch.setattr("rsoconsole.vision.detector.short_lines", lambda *_, **__: [])
     blind = Judge(Oracle()).row(bright)
     assert blind["candidates"] == []
     assert blind["trails"][0]["lost"] == NOT_PROPOSED

@@ -11,7 +11,7 @@ from rsoconsole.vision.candidate import Focus
 from rsoconsole.vision.confidence import FEATURES, ConfidenceCurve
 from tests.makers import straight_detection
 
-CURVE = ConfidenceCurve(tuple(4.0 if name == "network" else 0.0 for name in FEATURES))
+CURVE = ConfidenceCurve(tuple(4.0 if name.endswith("network") else 0.0 for name in FEATURES))
 """Says what the network said."""
 TAU = 0.10
 

@@ -150,7 +150,7 @@ def test_a_streak_in_a_soft_corner_is_believed_as_one_in_the_centre(monkeypatch)
         return on(streak, seen(streak, network_confidence=0.01)).confidence
 
     centre, corner = believed(IN_CENTRE), believed(IN_CORNER)
-    assert corner == pytest.approx(centre, abs=0.03)
+    assert corner == pytest.approx(centre, abs=0.05)
     monkeypatch.setattr(star_list, "fit_psf_field", lambda *_: None)
     for known, streak in ((centre, IN_CENTRE), (corner, IN_CORNER)):
         # With one width for the frame this one is too narrow, that one too wide.

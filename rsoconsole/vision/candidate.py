@@ -25,6 +25,10 @@ class LineLight:
     """How much more than noise explains its path and its light vary, of a short one
     (``streak_evenness``)."""
 
+    over_points: float = 0.0
+    """Chi-square that one line explains better than a few stars in a row
+    (``line_or_points``)."""
+
     @property
     def unevenness(self) -> float:
         """The larger of the two."""

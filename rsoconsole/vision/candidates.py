@@ -1,4 +1,4 @@
-"""What network and line filter propose, and what the measurements make of each proposal."""
+"""What network, line filter and star search propose, and what measurements make of it."""
 
 import logging
 import math
@@ -46,13 +46,17 @@ DARK = NotAStreak(kind="no light")
 LONGEST_FIT_PX = 450.0
 """What is longer is measured along itself alone (``streak_trace``): a fit would take seconds."""
 _MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MOST_ROUGH = 8.0, 3.0, 0.15, 0.9
-_NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 3.0
+_NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 2.2
 """Width over the stars' (``SHARP_PX`` at most for the first), and length in widths of a star."""
 _MOST_BEYOND = 0.6
 _MOST_NARROW = 1.0
 """Signal to noise of a line much narrower than the stars over that of one as wide as they are."""
 _SURELY_NARROW = 4.5
 """Sigma of it from which on that tells: of less, noise makes as much."""
+_PIECE = 0.8
+"""Length of what a light may be a piece of, over the light's own."""
+_UNDERSAMPLED_PX = 1.6
+"""Width of stars from which on down nothing is narrower than they are."""
 _LEEWAY_PX = 10.0
 """How far a box may be off the line that the filter sees."""
 _BELIEVED = 0.01
@@ -73,7 +77,9 @@ class Proposal:
     box: NetworkBox
     """Confidence: the network's, the lowest where it proposed nothing there."""
     is_line: bool
-    """Whether the line filter sees it."""
+    """Whether the line filter or the star search sees it."""
+    off_px: float | None = None
+    """How far off the light its line may be; None: as far as a box or a sum along cells is."""
 
 
 def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Proposal]:
@@ -85,21 +91,24 @@ def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Pr
     found = []
     for line in lines:
         box = _box_about(line)
-        same = _of_one_streak(ends, _ends(box)) & is_left
+        same, off_px = _of_one_streak(ends, _ends(box)) & is_left, line.off_px
+        if off_px is not None:
+            # A light may be a piece of what the network sees whole.
+            same &= lengths < _MUCH_LONGER * box.length_px
         if same.any():
             best = boxes[int(np.argmax(np.where(same, said, -1.0)))]
             longer = box.length_px / np.maximum(lengths, 1.0)
             is_its_own = best.confidence > _SURE and best.length_px * _MUCH_LONGER > box.length_px
             if is_its_own:
                 # It knows the ends of what it knows better than a sum along cells.
-                box = best
+                box, off_px = best, None
             else:
                 box = replace(
                     best, x_a_px=line.x_a, y_a_px=line.y_a, x_b_px=line.x_b, y_b_px=line.y_b
                 )
             # What the network is sure of may be one of several in a row.
             is_left &= ~same | ((said > _SURE) & (longer > _MUCH_LONGER))
-        found.append(Proposal(box=box, is_line=True))
+        found.append(Proposal(box=box, is_line=True, off_px=off_px))
     left = (box for box, is_one in zip(boxes, is_left.tolist(), strict=True) if is_one)
     return found + [Proposal(box=box, is_line=False) for box in left]
 
@@ -174,12 +183,24 @@ class Measurements:
         if proposal.is_line and self.focus.joined > 1:
             # Wind that widened the stars did not widen what moved on: a streak may be any width.
             return None
+        if proposal.is_line and width_px < _UNDERSAMPLED_PX:
+            return None
         if proposal.is_line:
             matched, narrow = width_at_a_glance(self.frame.pixels, self.sky, _ends(box), width_px)
             is_narrow = narrow > max(_MOST_NARROW * matched, _SURELY_NARROW)
             return NotAStreak(kind="too narrow", limit=width_px) if is_narrow else None
         signal = line_signal(self.frame.pixels, self.sky, _ends(box), width_px / FWHM_PER_SIGMA)
         return None if signal.is_worth_a_fit(box.confidence) else DARK
+
+    def has(self, proposal: Proposal) -> bool:
+        """Whether a light that was proposed by itself is a piece of what has been measured."""
+        if proposal.off_px is None:
+            return False
+        piece = from_box(self.frame, proposal.box)
+        return any(
+            each.found.length_px > _PIECE * piece.length_px and is_same_streak(piece, each.found)
+            for each in self.taken
+        )
 
     def measure(self, proposal: Proposal) -> None:
         """Measure one candidate and put it where it belongs."""
@@ -192,7 +213,7 @@ class Measurements:
 
     def _measure(self, proposal: Proposal) -> None:
         box = proposal.box
-        trace, reason = self._traced_well(_ends(box))
+        trace, reason = self._traced_well(_ends(box), proposal.off_px)
         if trace is None and box.confidence < _BELIEVED:
             self.refuse(box, reason or NotAStreak(kind="no line"))
             return
@@ -249,13 +270,15 @@ class Measurements:
         )
         return replace(light, bend=bend, lumpiness=lumpiness * (trace.roughness > _PERIODIC))
 
-    def _traced_well(self, ends: Box) -> tuple[Trace | None, NotAStreak | None]:
+    def _traced_well(
+        self, ends: Box, off_px: float | None
+    ) -> tuple[Trace | None, NotAStreak | None]:
         """A trace that passes the gates, or the first that it does not."""
-        trace = self._traced(ends)
+        trace = self._traced(ends, off_px)
         reason = NotAStreak(kind="no line") if trace is None else self._fault(trace)
         return (trace, None) if reason is None else (None, reason)
 
-    def _traced(self, ends: Box) -> Trace | None:
+    def _traced(self, ends: Box, off_px: float | None = None) -> Trace | None:
         """The line, as wide as a star, or as drift has drawn it out where that shows more."""
         focus = self._focus_at(ends)
         width_px, widest_px = focus.fwhm_px, focus.widest_px(_angle_deg(ends))
@@ -286,13 +309,16 @@ class Measurements:
         if all(found.snr >= _MUCH_BETTER * each.found.snr for each in same):
             for each in same:
                 self.taken.remove(each)
-                self.rejected.append(Rejection(detection=each.found, reason=reason))
-            kept = candidate
+            kept, others = candidate, same
         else:
-            kept = max(same, key=lambda each: each.found.snr)
+            kept, others = max(same, key=lambda each: each.found.snr), [candidate]
             self.taken.remove(kept)
-            self.rejected.append(Rejection(detection=found, reason=reason))
         said = max(each.found.confidence for each in (candidate, *same))
+        self.rejected += [
+            Rejection(detection=each.found, reason=reason)
+            for each in others
+            if TOLD_CONFIDENCE <= each.found.confidence < said
+        ]
         self.taken.append(replace(kept, found=replace(kept.found, confidence=said)))
 
     def _fault(self, trace: Trace) -> NotAStreak | None:
@@ -302,7 +328,8 @@ class Measurements:
         length_px = math.hypot(ends[2] - ends[0], ends[3] - ends[1])
         star_px = self._focus_at(ends).fwhm_px
         ratio = trace.width_px / width_px
-        least_px = _NARROWEST * min(width_px, SHARP_PX) if self.focus.joined == 1 else 0.0
+        is_sampled = self.focus.joined == 1 and star_px > _UNDERSAMPLED_PX
+        least_px = _NARROWEST * min(width_px, SHARP_PX) if is_sampled else 0.0
         quartile = max(_MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE * trace.snr / trace.confusion)
         gates: tuple[tuple[bool, NotAStreakKind, float | None, float | None], ...] = (
             (trace.snr < _MIN_TRACE_SNR, "too faint", trace.snr, _MIN_TRACE_SNR),
@@ -447,6 +474,7 @@ def _light_of(trace: Trace | None) -> LineLight:
         lower_quartile_snr=trace.lower_quartile_snr,
         roughness=trace.roughness,
         confusion=trace.confusion,
+        over_points=trace.over_points,
     )
 
 

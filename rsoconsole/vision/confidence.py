@@ -16,16 +16,20 @@ from rsoconsole.errors import ModelError
 from rsoconsole.records import Detection
 from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.candidate import SHARP_PX, Candidate, Focus
+from rsoconsole.vision.line_or_points import MOST_FWHM
 
-FEATURES = (
+LOOKED_AT = (
     "constant",
     "network",
     "log_snr",
     "steady",
     "extent",
+    "one_line",
     "wide",
     "narrow",
     "shortness",
+    "short_wide",
+    "few_points",
     "longness",
     "in_line",
     "parallel_unlike",
@@ -39,10 +43,19 @@ FEATURES = (
 )
 """All from ``wide`` on are 0 or more and weigh nothing at 0; but for the last two, which tell how
 the frame shows stars, they speak against a streak."""
+WAYS = ("", "joined ", "trailed ")
+"""Where stars are sharp, where they are so wide that pixels were joined, where drift has drawn them
+out: what looks like a streak is something else in each, and each has weights of its own."""
+FEATURES = tuple(way + name for way in WAYS for name in LOOKED_AT)
+"""Of a candidate those of one way; the others are 0."""
 LEAST_LOGIT = -7.0
 """Of the network: what it does not see at all the line filter may."""
 MOST_LOG_SNR, MOST_LOG_STEADY, _LEAST_STEADY = 0.3, 1.5, 0.5
 _EXTENDED_FWHM, _MOST_EXTENT = 8.0, 2.0
+_SURE_OF_LINE, _MOST_ONE_LINE = 10.0, 2.5
+"""Chi-square that tells a line from a few points, and the most that its logarithm counts."""
+_ROUGH_AS_LINE, _DOUBT_AS_LINE = 50.0, 100.0
+"""Chi-square that halves what roughness and the network's doubt say."""
 _HEARD_FWHM, _LEAST_HEARD, _HEARD_WHERE_JOINED = 15.0, 0.25, 0.4
 _CLEAR_SNR, _CLEAR_FWHM, _LEAST_CLEAR = 15.0, 10.0, 0.4
 _EVEN_ENOUGH, _EVEN_WHERE_JOINED, _ROUGH_BY_NOISE = 0.06, 0.18, 4.0
@@ -112,15 +125,20 @@ class ConfidenceCurve:
         ``focus`` is that of its place (``Focus.at``). A proposal's length is taken to be up to
         ``LENGTH_ERROR`` times too short.
         """
-        table = dict(zip(FEATURES, self.weights, strict=True))
+        first = _way_of(focus) * len(LOOKED_AT)
+        table = dict(zip(LOOKED_AT, self.weights[first : first + len(LOOKED_AT)], strict=True))
         longest_px = max(LENGTH_ERROR * proposed_px, 0.1)
         psf_px = min(max(focus.fwhm_px, 0.1), SHARP_PX)
-        heard = _heard(_logit(network_confidence), longest_px / psf_px, math.inf, focus.joined)
+        logit, length_fwhm = _logit(network_confidence), longest_px / psf_px
+        as_line = _DOUBT_AS_LINE if length_fwhm < MOST_FWHM else 0.0
+        heard = _heard(logit, length_fwhm, math.inf, focus.joined, as_line)
         z = table["constant"] + table["network"] * heard
         z += max(table["log_snr"], 0.0) * MOST_LOG_SNR
         z += max(table["steady"], 0.0) * MOST_LOG_STEADY
         z += max(table["extent"], 0.0) * _MOST_EXTENT
-        z += table["shortness"] * math.log(max(SHORT_FWHM * psf_px / longest_px, 1.0))
+        z += max(table["one_line"], 0.0) * _MOST_ONE_LINE
+        shortness = table["shortness" if _way_of(focus) == 0 else "short_wide"]
+        z += shortness * math.log(max(SHORT_FWHM * psf_px / longest_px, 1.0))
         blurred, drifted = _shown(focus)
         z += table["blurred"] * blurred + table["drifted"] * drifted
         # None of the others speaks for a satellite.
@@ -139,17 +157,19 @@ def _logit(confidence: float) -> float:
     return max(math.log(p / (1.0 - p)), LEAST_LOGIT)
 
 
-def _heard(logit: float, length_fwhm: float, steady: float, joined: int) -> float:
+def _heard(logit: float, length_fwhm: float, steady: float, joined: int, as_line: float) -> float:
     """The network's word, worth less where pixels were joined: it knows stars that are points.
 
     Its doubt counts less, too, of what is longer than its map shows well, and of a line that every
-    part of it shows clearly.
+    part of it shows clearly or, where that tells (``as_line``), one line explains better than
+    points.
     """
     word = logit if joined == 1 else _HEARD_WHERE_JOINED * logit
     if word >= 0.0:
         return word
     clear = math.sqrt(_CLEAR_SNR / max(steady, 0.1)) if length_fwhm > _CLEAR_FWHM else 1.0
     word *= min(max(clear, _LEAST_CLEAR), 1.0)
+    word /= 1.0 + as_line / _DOUBT_AS_LINE
     return word * min(max(_HEARD_FWHM / max(length_fwhm, 0.1), _LEAST_HEARD), 1.0)
 
 
@@ -161,9 +181,11 @@ def confidence_features(
     The network's log-odds, no less than ``LEAST_LOGIT``; the logarithm of the fit's matched signal
     to noise over 20, no more than ``MOST_LOG_SNR``, since a chain
     of bright stars is bright too; the same of what its darker parts say of the whole, which stars
-    in a row have little of; how much longer than a few widths it is; how far, as a logarithm, it
+    in a row have little of; how much longer than a few widths it is; how much better one line
+    explains a short one than a few stars do; how far, as a logarithm, it
     is wider and narrower than the stars, beyond what its signal to noise leaves open; how short it
-    is against ``SHORT_FWHM`` and how long against ``LONG_FWHM``; how many others lie on its line;
+    is against ``SHORT_FWHM``, as narrow as a cosmic ray and wider; how much better a few stars
+    explain it; how long it is against ``LONG_FWHM``; how many others lie on its line;
     whether one that is much longer, or bright and of another length, is parallel; how bent its
     path is; how much fainter than ``FAINT_SNR`` it is; how much of its scatter along
     the line nothing explains; how restless the sky beside it is; whether it runs as drawn-out stars
@@ -177,6 +199,11 @@ def confidence_features(
     snr = max(found.snr, 0.1)
     steady = max(light.lower_quartile_snr, _LEAST_STEADY)
     width_px = max(found.width_px, 0.1)
+    as_line, as_points = max(light.over_points, 0.0), max(-light.over_points, 0.0)
+    short = max(0.0, math.log(SHORT_FWHM * unit_px / length_px))
+    # No cosmic ray is as wide as stars that are many pixels wide.
+    may_be_ray = _way_of(focus) == 0
+    no_ray = 0.0 if may_be_ray else as_line
     wide = math.log(width_px / max(focus.widest_px(found.angle_deg), 0.1))
     narrow = math.log(min(psf_px, SHARP_PX) / width_px)
     leeway = _SAME_WIDTH + _WIDTH_PER_SNR / snr
@@ -186,25 +213,36 @@ def confidence_features(
     # Drawn-out stars keep everything company.
     near = others if focus.trail_px == 0.0 else ()
     rest = [other.found for other in near if other is not candidate and _is_company(other)]
-    return (
+    seen = (
         1.0,
-        _heard(_logit(found.confidence), length_px / unit_px, steady, focus.joined),
+        _heard(_logit(found.confidence), length_px / unit_px, steady, focus.joined, no_ray),
         min(math.log(snr / 20.0), MOST_LOG_SNR),
         min(math.log(steady / 20.0), MOST_LOG_STEADY),
         min(max(0.0, math.log(length_px / unit_px / _EXTENDED_FWHM)), _MOST_EXTENT),
+        min(math.log1p(no_ray / _SURE_OF_LINE), _MOST_ONE_LINE),
         max(0.0, wide - leeway),
         max(0.0, narrow - leeway),
-        max(0.0, math.log(SHORT_FWHM * unit_px / length_px)),
+        short if may_be_ray else 0.0,
+        0.0 if may_be_ray else short,
+        min(math.log1p(as_points / _SURE_OF_LINE), _MOST_ONE_LINE),
         max(0.0, math.log(length_px / (LONG_FWHM * unit_px))),
         float(min(sum(_is_in_line(found, other) for other in rest), MOST_IN_LINE)),
         float(any(_is_parallel_unlike(found, other, unlike) for other in rest)),
         light.bend,
         max(0.0, math.log(FAINT_SNR / snr)),
-        math.log1p(light.roughness**2 / (even**2 + (_ROUGH_BY_NOISE / snr) ** 2)),
+        math.log1p(light.roughness**2 / (even**2 + (_ROUGH_BY_NOISE / snr) ** 2))
+        / (1.0 + as_line / _ROUGH_AS_LINE),
         min(math.log(max(light.confusion, 1.0)), _MOST_CONFUSED),
         _along_trails(found, focus),
         *_shown(focus),
     )
+    before = _way_of(focus)
+    return (0.0,) * (before * len(seen)) + seen + (0.0,) * ((len(WAYS) - 1 - before) * len(seen))
+
+
+def _way_of(focus: Focus) -> int:
+    """Place in ``WAYS``."""
+    return 2 if focus.trail_px > 0.0 else 1 if focus.joined > 1 else 0
 
 
 def _along_trails(found: Detection, focus: Focus) -> float:

@@ -1,4 +1,4 @@
-"""Streaks of a frame: network and line filter propose, measurements on the pixels dispose.
+"""Streaks of a frame: network, line filter, star search propose, measurements on pixels dispose.
 
 What is above tau and passes the measurement's gates is a detection; everything else that the
 network held possible is kept with the reason why it was not taken.
@@ -37,13 +37,14 @@ from rsoconsole.vision.pattern import find_pattern
 from rsoconsole.vision.psf_field import Psf
 from rsoconsole.vision.psf_memory import PsfMemory
 from rsoconsole.vision.set_aside import is_of_stars, set_aside
+from rsoconsole.vision.short_lines import in_turn, short_lines
 from rsoconsole.vision.stars import MAX_STARS, STAR_BLOCK_PX, StarList, find_stars
 from rsoconsole.vision.streak_class import Likelihood
 from rsoconsole.vision.streak_names import named_with_shares
 from rsoconsole.vision.workers import Workers
 from rsoconsole.vision.working_frame import WorkingFrame, pixels_to_join
 
-MOST_FITS = 20
+MOST_FITS = 24
 MOST_WITNESSES = 12
 LEAST_BELIEVED = 1e-3
 """Whom the network believes less is measured only where the line filter sees something too."""
@@ -198,13 +199,14 @@ class StreakDetector:
         )
         mode = self._settings.map_mode
         lines = blocks if mode == "fast" else ()
-        # Where pixels were joined stars are three of them wide, and streaks short.
+        # Where pixels were joined stars stand closer together, and streaks are short.
         finest_px = FINEST_PX if looks_again else FINEST_PX // 2
+        star_block_px = STAR_BLOCK_PX if looks_again else STAR_BLOCK_PX // 2
         side_px = cell_side_px(frame.height_px, frame.width_px, finest_px)
         with watch.stage("background"):
             noises = {block: workers.begin(partial(map_noise, pixels, block)) for block in lines}
             bins = bin_frame(
-                pixels, {STAR_BLOCK_PX}, line_blocks=lines, square_px=side_px, workers=workers
+                pixels, {star_block_px}, line_blocks=lines, square_px=side_px, workers=workers
             )
             sky = local_background(pixels, bins=bins, workers=workers)
 
@@ -217,6 +219,7 @@ class StreakDetector:
                     saturation_adu=frame.saturation_adu,
                     bins=bins,
                     expected=expected,
+                    block_px=star_block_px,
                 )
             if looks_again and pixels_to_join(stars, frame) > 1:
                 return stars, []
@@ -236,6 +239,8 @@ class StreakDetector:
         with watch.stage("network"):
             boxes = distinct([self._network.run(each) for each in maps])
         stars, found = looked.result()
+        is_sharp = looks_again and stars.trail is None
+        found = in_turn(found, short_lines(stars, found, is_sharp=is_sharp))
         wanted = proposals(boxes, found)
         if stars.trail is not None:
             trail = stars.trail
@@ -264,6 +269,8 @@ class StreakDetector:
             (hopeful if self._has_hope(each, focus, threshold) else others).append(each)
         fits = 0
         for each in hopeful:
+            if measured.has(each):
+                continue
             if fits == MOST_FITS:
                 measured.refuse(each.box, NotAStreak(kind="not measured", limit=MOST_FITS))
             elif (doubt := measured.at_a_glance(each)) is not None:

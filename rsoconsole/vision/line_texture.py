@@ -12,6 +12,7 @@ from rsoconsole.vision.stars import FWHM_PER_SIGMA
 
 _MOST_PARTS = 48
 _ENOUGH, _LEAST_SEEN = 8, 0.3
+_FEWEST_PARTS = 3
 _MAD_TO_SIGMA = 1.4826
 _SMALLEST = 1e-9
 
@@ -48,19 +49,29 @@ def texture(profile: LineProfile, ends: tuple[float, float], scatter: float) -> 
     """
     length = ends[1] - ends[0]
     count = int(np.clip(length / (2.0 * FWHM_PER_SIGMA * profile.sigma), 3, _MOST_PARTS))
-    bounds = np.linspace(ends[0], ends[1], count + 1).tolist()
+    found = _parts(profile, ends, count, scatter)
+    if len(found) < _FEWEST_PARTS:
+        # A star hides a part: finer ones tell what is left.
+        found = _parts(profile, ends, 2 * count, scatter)
+    if len(found) < _FEWEST_PARTS:
+        return 0.0, 0.0
+    place, light, sigmas = (np.array(column) for column in zip(*found, strict=True))
+    quartile = float(np.percentile(light / sigmas, 25.0)) * math.sqrt(len(found))
+    return quartile, _roughness(place, light, sigmas)
+
+
+def _parts(
+    profile: LineProfile, ends: tuple[float, float], count: int, scatter: float
+) -> list[tuple[float, float, float]]:
+    """(place, light, one sigma of it) of those of so many parts of which enough is seen."""
     found: list[tuple[float, float, float]] = []
-    for low, high in itertools.pairwise(bounds):
+    for low, high in itertools.pairwise(np.linspace(ends[0], ends[1], count + 1).tolist()):
         part = profile.between(low, high)
         known = int(np.count_nonzero(part))
         if known >= max(2.0, _LEAST_SEEN * (high - low)):
             noise = math.sqrt(float((profile.error[part] ** 2).sum())) / known
             found.append((0.5 * (low + high), float(profile.light[part].mean()), scatter * noise))
-    if len(found) < 3:
-        return 0.0, 0.0
-    place, light, sigmas = (np.array(column) for column in zip(*found, strict=True))
-    quartile = float(np.percentile(light / sigmas, 25.0)) * math.sqrt(len(found))
-    return quartile, _roughness(place, light, sigmas)
+    return found
 
 
 def _roughness(place: FloatArray, light: FloatArray, sigmas: FloatArray) -> float:

@@ -22,6 +22,7 @@ from rsoconsole.vision.bins import (
     block_maximum,
     mirrored,
 )
+from rsoconsole.vision.oblong import MOST_OBLONG, Oblong
 from rsoconsole.vision.one_line import MOST_POINTS, on_one_line
 from rsoconsole.vision.psf_field import (
     FEWEST_STARS,
@@ -58,6 +59,9 @@ _MAX_PEAK_SHARE = 0.6
 _MAX_AXIS_RATIO = 1.5
 _SHARPEST, _WIDEST = 0.62, 2.5
 """Width relative to the stars' beyond which it is none."""
+_OBLONG, _OBLONG_SNR, _HALF_FWHM = 1.25, 10.0, 2.0
+"""Axis ratio and signal to noise of what may be too long for a star; half its length, roughly."""
+_SHAPE_SEEN_SNR, _MOST_RATIO, _RIM_FWHM = 40.0, 2.0, 2.0
 _SATURATED_SHARE = 0.95
 _FEWEST_TRAILS, _MAX_POINTS, _DRAWN_OUT = 12, 0.5, 1.35
 """Bright pieces of light, share of them that are points, axis ratio: beyond it stars are trails."""
@@ -84,6 +88,8 @@ class StarList:
     """How the width changes over the frame; None where it is the median everywhere."""
     width_source: WidthSource = "measured"
     """Guessed: 2.5 px."""
+    oblong: Oblong | None = None
+    """What is longer than it is wide, listed as a star or not; None where none was looked for."""
 
     def fwhm_at(self, x_px: float, y_px: float) -> float:
         """Width of a star at a place of the frame, px."""
@@ -108,6 +114,8 @@ class _Measured:
     flux: FloatArray
     fwhm_px: FloatArray
     axis_ratio: FloatArray
+    angle_deg: FloatArray
+    """Of the longer axis, x towards y, 0 to 180."""
     peak_share: FloatArray
     peak_adu: FloatArray
     snr: FloatArray
@@ -123,6 +131,7 @@ def find_stars(
     *,
     bins: FrameBins | None = None,
     expected: Psf | None = None,
+    block_px: int = STAR_BLOCK_PX,
 ) -> StarList:
     """Measure up to ``max_stars`` stars of ``pixels`` (height, width), ADU.
 
@@ -130,12 +139,13 @@ def find_stars(
     out; saturated stars are kept and flagged. The selection takes the brightest of each part of
     the field, so that no corner goes empty. ``background`` and ``bins`` of the same frame, where
     they are known already; what is missing is computed here. ``expected``, of earlier frames, holds
-    as far as there are too few stars to measure it.
+    as far as there are too few stars to measure it. Of three blocks of ``block_px`` each way the
+    brightest place is looked at.
     """
-    if bins is None or STAR_BLOCK_PX not in bins.brightest:
-        bins = bin_frame(pixels, (STAR_BLOCK_PX,))
+    if bins is None or block_px not in bins.brightest:
+        bins = bin_frame(pixels, (block_px,))
     sky = background or local_background(pixels, bins=bins)
-    x_px, y_px = _candidates(pixels, sky, bins, 2 * max_stars)
+    x_px, y_px = _candidates(pixels, sky, bins, 2 * max_stars, block_px)
     probe = (x_px[:_PROBE_STARS], y_px[:_PROBE_STARS])
     probed_px, is_drawn_out = _psf_fwhm(pixels, sky, *probe, saturation_adu)
     if is_drawn_out:
@@ -171,6 +181,7 @@ def find_stars(
         median_fwhm_px=fwhm_px,
         psf_field=field,
         width_source=source,
+        oblong=_oblong(found, is_saturated, fwhm_px, pixels.shape),
     )
 
 
@@ -187,45 +198,45 @@ def lit_radius_px(stars: StarList, noise_adu: float) -> FloatArray:
 
 
 def _candidates(
-    pixels: PixelArray, sky: Background, bins: FrameBins, count: int
+    pixels: PixelArray, sky: Background, bins: FrameBins, count: int, block_px: int
 ) -> tuple[IntArray, IntArray]:
     """Brightest pixels of blocks that stand out of the sky and of their eight neighbours."""
     import cv2
 
     height, width = pixels.shape
-    rows, columns = height // STAR_BLOCK_PX, width // STAR_BLOCK_PX
-    binning = binning_of(STAR_BLOCK_PX) if min(height, width) >= _LARGE_PX else 1
+    rows, columns = height // block_px, width // block_px
+    binning = binning_of(block_px) if min(height, width) >= _LARGE_PX else 1
     if binning > 1:
-        brightest = bins.brightest[STAR_BLOCK_PX][:rows, :columns]
+        brightest = bins.brightest[block_px][:rows, :columns]
     else:
-        whole = pixels[: rows * STAR_BLOCK_PX, : columns * STAR_BLOCK_PX]
-        brightest = block_maximum(whole, STAR_BLOCK_PX).astype(np.float32)
-    per_cell = sky.cell_px // STAR_BLOCK_PX
+        whole = pixels[: rows * block_px, : columns * block_px]
+        brightest = block_maximum(whole, block_px).astype(np.float32)
+    per_cell = sky.cell_px // block_px
     excess = brightest - resample(sky.level, per_cell, rows, columns)
     excess *= binning / resample(sky.noise, per_cell, rows, columns)
     is_peak = (excess > _CANDIDATE_SIGMA) & (excess >= cv2.dilate(excess, np.ones((3, 3))))
     row, column = np.divmod(np.flatnonzero(is_peak), columns)
     order = np.argsort(-excess[row, column], kind="stable")
     row, column = row[order], column[order]
-    chosen = _spread(column * STAR_BLOCK_PX, row * STAR_BLOCK_PX, sky, count)
-    return _brightest_pixels(pixels, row[chosen], column[chosen], binning)
+    chosen = _spread(column * block_px, row * block_px, sky, count)
+    return _brightest_pixels(pixels, row[chosen], column[chosen], binning, block_px)
 
 
 def _brightest_pixels(
-    pixels: PixelArray, row: IntArray, column: IntArray, binning: int
+    pixels: PixelArray, row: IntArray, column: IntArray, binning: int, block_px: int
 ) -> tuple[IntArray, IntArray]:
     """Where in each block the largest bin lies, then its largest pixel: (x_px, y_px)."""
-    windows = sliding_window_view(pixels, (STAR_BLOCK_PX, STAR_BLOCK_PX))
-    blocks = windows[row * STAR_BLOCK_PX, column * STAR_BLOCK_PX].astype(np.float32)
-    count, n = blocks.shape[0], STAR_BLOCK_PX // binning
+    windows = sliding_window_view(pixels, (block_px, block_px))
+    blocks = windows[row * block_px, column * block_px].astype(np.float32)
+    count, n = blocks.shape[0], block_px // binning
     bins = np.zeros((count, n, n), dtype=np.float32)
     for down, right in itertools.product(range(binning), repeat=2):
         bins += blocks[:, down::binning, right::binning]
     best = np.argmax(bins.reshape(count, n * n), axis=1)
     bin_y, bin_x = np.divmod(best, n)
     return (
-        column * STAR_BLOCK_PX + bin_x * binning + (binning - 1) // 2,
-        row * STAR_BLOCK_PX + bin_y * binning + (binning - 1) // 2,
+        column * block_px + bin_x * binning + (binning - 1) // 2,
+        row * block_px + bin_y * binning + (binning - 1) // 2,
     )
 
 
@@ -314,6 +325,33 @@ def _without_streak(found: _Measured, is_good: BoolArray) -> BoolArray:
     return told
 
 
+def _oblong(
+    found: _Measured, is_saturated: BoolArray, fwhm_px: float, shape: tuple[int, ...]
+) -> Oblong:
+    """What is surely longer than wide and no sharper than the stars.
+
+    A star that the frame's rim cuts is longer than wide, too.
+    """
+    is_long = (found.snr > _OBLONG_SNR) & (found.axis_ratio > _OBLONG) & ~is_saturated
+    is_long &= (found.peak_share < _MAX_PEAK_SHARE) & (found.fwhm_px > _SHARPEST * fwhm_px)
+    rim_px = _RIM_FWHM * fwhm_px
+    for place, side in ((found.x_px, shape[1]), (found.y_px, shape[0])):
+        is_long &= (place > rim_px) & (place < side - 1 - rim_px)
+    kept = np.flatnonzero(is_long)
+    # What is bright enough for its shape to be seen is no surer for being brighter.
+    seen = np.minimum(found.snr[kept], _SHAPE_SEEN_SNR)
+    longer = np.minimum(found.axis_ratio[kept], _MOST_RATIO) - 1.0
+    kept = kept[np.argsort(-longer * seen, kind="stable")]
+    kept = _apart(found, kept, fwhm_px)[:MOST_OBLONG]
+    return Oblong(
+        x_px=found.x_px[kept],
+        y_px=found.y_px[kept],
+        angle_deg=found.angle_deg[kept],
+        half_px=np.full(kept.size, _HALF_FWHM * fwhm_px),
+        snr=found.snr[kept],
+    )
+
+
 def _of_trails(found: Trailed, sky: Background, max_stars: int) -> StarList:
     kept = _spread(found.x_px, found.y_px, sky, max_stars)
     return StarList(
@@ -325,6 +363,7 @@ def _of_trails(found: Trailed, sky: Background, max_stars: int) -> StarList:
         is_saturated=np.zeros(kept.size, bool),
         median_fwhm_px=found.trail.fwhm_px,
         trail=found.trail,
+        oblong=found.others,
     )
 
 
@@ -384,6 +423,7 @@ def _measure(
         flux=np.asarray(total * (variance + wide_px**2) / wide_px**2),
         fwhm_px=FWHM_PER_SIGMA * np.sqrt(variance),
         axis_ratio=np.sqrt(large / small),
+        angle_deg=0.5 * np.degrees(np.arctan2(2.0 * mxy, mxx - myy)) % 180.0,
         peak_share=inner.max(axis=(1, 2)) / inner_sum,
         peak_adu=inner.max(axis=(1, 2)) + _levels(sky, x0_px, y0_px, sky.level),
         snr=matched / (noise * np.sqrt(np.pi) * sigma_px),

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.records import PixelArray
+from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.background import Background
+from rsoconsole.vision.line_or_points import drawn_along, line_over_points
 from rsoconsole.vision.line_strip import (
     INTERPOLATED_VARIANCE,
     LEAST_KNOWN,
@@ -31,6 +33,7 @@ from rsoconsole.vision.line_strip import (
 from rsoconsole.vision.line_texture import confusion, texture
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
 from rsoconsole.vision.streak_search import Box
+from rsoconsole.vision.trailed_stars import Trail
 
 _PARTS = 16
 _LIT = 0.4
@@ -71,6 +74,8 @@ class Trace:
     """Scatter of the sky beside the line over its pixels' noise: faint stars are part of it."""
     beyond: float
     """Light beyond the ends over that within, the brighter side."""
+    over_points: float
+    """Chi-square that one line explains better than a few stars in a row; of a short one."""
 
 
 def trace_line(
@@ -88,13 +93,14 @@ def trace_line(
     ends. None where no line stands out there.
     """
     sigma = math.sqrt((psf_fwhm_px / FWHM_PER_SIGMA) ** 2 + INTERPOLATED_VARIANCE)
-    found, goes_on = _looked(strip_about(pixels, sky, ends, stars, sigma), ends, sigma, off_px)
+    strip = strip_about(pixels, sky, ends, stars, sigma)
+    found, goes_on = _looked(strip, ends, sigma, off_px, stars.trail)
     for _ in range(_MOST_LOOKS):
         if found is None or not goes_on:
             break
         ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
         strip = strip_about(pixels, sky, ends, stars, sigma)
-        further, goes_on = _looked(strip, ends, sigma, off_px)
+        further, goes_on = _looked(strip, ends, sigma, off_px, stars.trail)
         if further is None or further.snr < found.snr:
             break
         found = further
@@ -102,7 +108,7 @@ def trace_line(
 
 
 def _looked(
-    strip: LineStrip | None, ends: Box, sigma: float, off_px: float
+    strip: LineStrip | None, ends: Box, sigma: float, off_px: float, trail: Trail | None
 ) -> tuple[Trace | None, bool]:
     """One look at a strip, and whether the light goes on where the strip ends."""
     if strip is None:
@@ -132,7 +138,8 @@ def _looked(
     goes_on = (lit[0] < rim and not strip.is_cut[0]) or (
         lit[1] > columns[-1] - rim and not strip.is_cut[1]
     )
-    return _described(strip, inside, course, profile_of(strip, course, sigma)), goes_on
+    profile = profile_of(strip, course, sigma)
+    return _described(strip, inside, course, profile, trail), goes_on
 
 
 def _mask_bright(strip: LineStrip, inside: BoolArray, sigma: float, off_px: float) -> None:
@@ -294,7 +301,7 @@ def _better(
 
 
 def _described(
-    strip: LineStrip, inside: BoolArray, course: Course, profile: LineProfile
+    strip: LineStrip, inside: BoolArray, course: Course, profile: LineProfile, trail: Trail | None
 ) -> Trace | None:
     lit = profile.columns[inside]
     if np.count_nonzero(inside & profile.is_known) < 4:
@@ -312,6 +319,11 @@ def _described(
         return None
     scatter = confusion(strip, known, course, profile.sigma)
     quartile, roughness = texture(profile, (a, b), scatter)
+    drawn_px = 0.0
+    if trail is not None:
+        angle_deg = math.degrees(math.atan2(strip.dy, strip.dx) + math.atan(course.slope))
+        turn = turn_deg(angle_deg % 180.0, trail.angle_deg)
+        drawn_px = drawn_along(trail.length_px, turn, trail.fwhm_px)
     x_a, y_a = strip.at(a, float(course.at(a)))
     x_b, y_b = strip.at(b, float(course.at(b)))
     return Trace(
@@ -329,6 +341,7 @@ def _described(
         roughness=roughness,
         confusion=scatter,
         beyond=_beyond(profile, (a, b), float(light.mean()), is_open),
+        over_points=line_over_points(profile, (a, b), scatter, drawn_px),
     )
 
 

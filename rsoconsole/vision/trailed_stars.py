@@ -15,6 +15,7 @@ from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.bins import mirrored
+from rsoconsole.vision.oblong import MOST_OBLONG, Oblong
 
 IntArray = npt.NDArray[np.intp]
 
@@ -29,6 +30,8 @@ _SAME_ANGLE_DEG, _SAME_LENGTH = 8.0, 0.25
 _AGREE_SHARE = 0.5
 _MIN_SNR = 7.0
 _RIM_PX = 2
+_LONG, _LONG_SNR, _MOST_RATIO = 2.0, 10.0, 4.0
+"""Length in widths of a star, signal to noise, and axis ratio beyond which another says no more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +55,8 @@ class Trailed:
     y_px: FloatArray
     flux: FloatArray
     snr: FloatArray
+    others: Oblong
+    """Lights that are long, but not as the stars are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +72,11 @@ class _Piece:
     across: float
     angle_deg: float
     is_whole: bool
+
+    @property
+    def length_px(self) -> float:
+        """Of a line of light with these moments, the disc's own width not counted."""
+        return math.sqrt(12.0 * max(self.along**2 - self.across**2, 0.0))
 
 
 def trailed_stars(
@@ -92,7 +102,19 @@ def trailed_stars(
         return None
     columns = [(s.x_px, s.y_px, s.flux, s.snr) for s in stars]
     x, y, flux, snr = (np.array(column) for column in zip(*columns, strict=True))
-    return Trailed(trail=trail, x_px=x, y_px=y, flux=flux, snr=snr)
+    others = [each for each in pieces if not _is_of(each, trail)]
+    return Trailed(
+        trail=trail, x_px=x, y_px=y, flux=flux, snr=snr, others=_long_ones(others, trail.fwhm_px)
+    )
+
+
+def _long_ones(pieces: list[_Piece], fwhm_px: float) -> Oblong:
+    """Those that are longer than a few widths, the surest first."""
+    long = [each for each in pieces if each.snr > _LONG_SNR and each.length_px > _LONG * fwhm_px]
+    long.sort(key=lambda each: -each.snr * min(each.along / each.across, _MOST_RATIO))
+    columns = [(p.x_px, p.y_px, p.angle_deg, 0.5 * p.length_px, p.snr) for p in long[:MOST_OBLONG]]
+    x, y, angle, half, snr = np.array(columns, dtype=np.float64).reshape(-1, 5).T
+    return Oblong(x_px=x, y_px=y, angle_deg=angle, half_px=half, snr=snr)
 
 
 def _agreed(pieces: list[_Piece]) -> Trail | None:
@@ -118,8 +140,7 @@ def _agreed(pieces: list[_Piece]) -> Trail | None:
 
 
 def _is_of(piece: _Piece, trail: Trail) -> bool:
-    length = math.sqrt(12.0 * max(piece.along**2 - piece.across**2, 0.0))
-    is_long = abs(length - trail.length_px) < _SAME_LENGTH * trail.length_px + 1.0
+    is_long = abs(piece.length_px - trail.length_px) < _SAME_LENGTH * trail.length_px + 1.0
     # A short trail's direction is known the worse.
     leeway_deg = _SAME_ANGLE_DEG + math.degrees(trail.fwhm_px / 4.0 / max(trail.length_px, 1.0))
     return is_long and turn_deg(piece.angle_deg, trail.angle_deg) < leeway_deg

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import Detection, Frame, Rejection
+from rsoconsole.vision.oblong import Oblong
 from rsoconsole.vision.stars import StarList
 
 WIDE_PX = 5.0
@@ -90,6 +91,15 @@ class WorkingFrame:
             median_fwhm_px=stars.median_fwhm_px * self.side,
             trail=trail,
             psf_field=None if field is None else field.of_joined(1.0 / self.side),
+            oblong=None if stars.oblong is None else self._original_lights(stars.oblong),
+        )
+
+    def _original_lights(self, lights: Oblong) -> Oblong:
+        return replace(
+            lights,
+            x_px=(lights.x_px + 0.5) * self.side - 0.5,
+            y_px=(lights.y_px + 0.5) * self.side - 0.5,
+            half_px=lights.half_px * self.side,
         )
 
 
