@@ -78,8 +78,8 @@ class Proposal:
     """Confidence: the network's, the lowest where it proposed nothing there."""
     is_line: bool
     """Whether the line filter or the star search sees it."""
-    off_px: float | None = None
-    """How far off the light its line may be; None: as far as a box or a sum along cells is."""
+    is_light: bool = False
+    """Whether it is one light of the star search, which may be a piece of something longer."""
 
 
 def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Proposal]:
@@ -91,8 +91,8 @@ def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Pr
     found = []
     for line in lines:
         box = _box_about(line)
-        same, off_px = _of_one_streak(ends, _ends(box)) & is_left, line.off_px
-        if off_px is not None:
+        same, is_light = _of_one_streak(ends, _ends(box)) & is_left, line.is_light
+        if is_light:
             # A light may be a piece of what the network sees whole.
             same &= lengths < _MUCH_LONGER * box.length_px
         if same.any():
@@ -101,14 +101,14 @@ def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Pr
             is_its_own = best.confidence > _SURE and best.length_px * _MUCH_LONGER > box.length_px
             if is_its_own:
                 # It knows the ends of what it knows better than a sum along cells.
-                box, off_px = best, None
+                box, is_light = best, False
             else:
                 box = replace(
                     best, x_a_px=line.x_a, y_a_px=line.y_a, x_b_px=line.x_b, y_b_px=line.y_b
                 )
             # What the network is sure of may be one of several in a row.
             is_left &= ~same | ((said > _SURE) & (longer > _MUCH_LONGER))
-        found.append(Proposal(box=box, is_line=True, off_px=off_px))
+        found.append(Proposal(box=box, is_line=True, is_light=is_light))
     left = (box for box, is_one in zip(boxes, is_left.tolist(), strict=True) if is_one)
     return found + [Proposal(box=box, is_line=False) for box in left]
 
@@ -194,7 +194,7 @@ class Measurements:
 
     def has(self, proposal: Proposal) -> bool:
         """Whether a light that was proposed by itself is a piece of what has been measured."""
-        if proposal.off_px is None:
+        if not proposal.is_light:
             return False
         piece = from_box(self.frame, proposal.box)
         return any(
@@ -213,7 +213,7 @@ class Measurements:
 
     def _measure(self, proposal: Proposal) -> None:
         box = proposal.box
-        trace, reason = self._traced_well(_ends(box), proposal.off_px)
+        trace, reason = self._traced_well(_ends(box))
         if trace is None and box.confidence < _BELIEVED:
             self.refuse(box, reason or NotAStreak(kind="no line"))
             return
@@ -270,15 +270,13 @@ class Measurements:
         )
         return replace(light, bend=bend, lumpiness=lumpiness * (trace.roughness > _PERIODIC))
 
-    def _traced_well(
-        self, ends: Box, off_px: float | None
-    ) -> tuple[Trace | None, NotAStreak | None]:
+    def _traced_well(self, ends: Box) -> tuple[Trace | None, NotAStreak | None]:
         """A trace that passes the gates, or the first that it does not."""
-        trace = self._traced(ends, off_px)
+        trace = self._traced(ends)
         reason = NotAStreak(kind="no line") if trace is None else self._fault(trace)
         return (trace, None) if reason is None else (None, reason)
 
-    def _traced(self, ends: Box, off_px: float | None = None) -> Trace | None:
+    def _traced(self, ends: Box) -> Trace | None:
         """The line, as wide as a star, or as drift has drawn it out where that shows more."""
         focus = self._focus_at(ends)
         width_px, widest_px = focus.fwhm_px, focus.widest_px(_angle_deg(ends))

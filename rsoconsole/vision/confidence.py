@@ -28,7 +28,6 @@ LOOKED_AT = (
     "wide",
     "narrow",
     "shortness",
-    "short_wide",
     "few_points",
     "longness",
     "in_line",
@@ -137,8 +136,7 @@ class ConfidenceCurve:
         z += max(table["steady"], 0.0) * MOST_LOG_STEADY
         z += max(table["extent"], 0.0) * _MOST_EXTENT
         z += max(table["one_line"], 0.0) * _MOST_ONE_LINE
-        shortness = table["shortness" if _way_of(focus) == 0 else "short_wide"]
-        z += shortness * math.log(max(SHORT_FWHM * psf_px / longest_px, 1.0))
+        z += table["shortness"] * math.log(max(SHORT_FWHM * psf_px / longest_px, 1.0))
         blurred, drifted = _shown(focus)
         z += table["blurred"] * blurred + table["drifted"] * drifted
         # None of the others speaks for a satellite.
@@ -184,7 +182,7 @@ def confidence_features(
     in a row have little of; how much longer than a few widths it is; how much better one line
     explains a short one than a few stars do; how far, as a logarithm, it
     is wider and narrower than the stars, beyond what its signal to noise leaves open; how short it
-    is against ``SHORT_FWHM``, as narrow as a cosmic ray and wider; how much better a few stars
+    is against ``SHORT_FWHM``; how much better a few stars
     explain it; how long it is against ``LONG_FWHM``; how many others lie on its line;
     whether one that is much longer, or bright and of another length, is parallel; how bent its
     path is; how much fainter than ``FAINT_SNR`` it is; how much of its scatter along
@@ -200,10 +198,8 @@ def confidence_features(
     steady = max(light.lower_quartile_snr, _LEAST_STEADY)
     width_px = max(found.width_px, 0.1)
     as_line, as_points = max(light.over_points, 0.0), max(-light.over_points, 0.0)
-    short = max(0.0, math.log(SHORT_FWHM * unit_px / length_px))
-    # No cosmic ray is as wide as stars that are many pixels wide.
-    may_be_ray = _way_of(focus) == 0
-    no_ray = 0.0 if may_be_ray else as_line
+    # Where stars are sharp points a cosmic ray is a line as well, and only the network tells it.
+    no_ray = 0.0 if _way_of(focus) == 0 else as_line
     wide = math.log(width_px / max(focus.widest_px(found.angle_deg), 0.1))
     narrow = math.log(min(psf_px, SHARP_PX) / width_px)
     leeway = _SAME_WIDTH + _WIDTH_PER_SNR / snr
@@ -222,8 +218,7 @@ def confidence_features(
         min(math.log1p(no_ray / _SURE_OF_LINE), _MOST_ONE_LINE),
         max(0.0, wide - leeway),
         max(0.0, narrow - leeway),
-        short if may_be_ray else 0.0,
-        0.0 if may_be_ray else short,
+        max(0.0, math.log(SHORT_FWHM * unit_px / length_px)),
         min(math.log1p(as_points / _SURE_OF_LINE), _MOST_ONE_LINE),
         max(0.0, math.log(length_px / (LONG_FWHM * unit_px))),
         float(min(sum(_is_in_line(found, other) for other in rest), MOST_IN_LINE)),

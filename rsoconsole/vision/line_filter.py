@@ -68,8 +68,8 @@ class CellLine:
     y_b: float
     snr: float
     """Limited light along it over its noise."""
-    off_px: float | None = None
-    """How far off the light it may be; None: as far as a sum along cells is."""
+    is_light: bool = False
+    """Whether it is one light of the star search (``short_lines``), no sum along cells."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,6 @@ from rsoconsole.vision.stars import StarList
 
 MOST_SHORT, _MOST_WHERE_SHARP = 8, 4
 """Where stars are sharp a streak is seldom so short, and line filter and network see it too."""
-OFF_PX = 2.0
-"""How far off its line such a proposal may be: its moments are those of the light itself."""
 _ACROSS_FWHM, _SAME_DEG = 1.0, 15.0
 """What lies so near to a line that is proposed already is a piece of it."""
 
@@ -45,7 +43,7 @@ def short_lines(
         angle = math.radians(angle_deg)
         dx, dy = half * math.cos(angle), half * math.sin(angle)
         lines.append(
-            CellLine(x_a=x - dx, y_a=y - dy, x_b=x + dx, y_b=y + dy, snr=snr, off_px=OFF_PX)
+            CellLine(x_a=x - dx, y_a=y - dy, x_b=x + dx, y_b=y + dy, snr=snr, is_light=True)
         )
         if len(lines) == most:
             break
