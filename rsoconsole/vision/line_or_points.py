@@ -2,9 +2,10 @@
 
 Both are put through the stars' own width and fitted to the profile along the line: points, as many
 as it takes up to ``_MOST_POINTS``, each for the price of a star that happens to stand there,
-against a line with two ends whose brightness changes slowly or in one period. Points closer than
-about two widths explain a line as well as a line does: then neither wins. Where drift has drawn
-the stars out, a point is as long as they are in the line's direction.
+against a line with two ends, for nothing, whose brightness changes slowly or in one period. Points
+closer than about two widths explain a line as well as a line does: it is ahead by their price then,
+as it is in front of a faint star. Where drift has drawn the stars out, a point is as long as they
+are in the line's direction.
 """
 
 import math

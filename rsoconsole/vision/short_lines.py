@@ -1,4 +1,4 @@
-"""Short streaks among the lights that the search for stars left out: too long for a star.
+"""Short streaks among the lights that the search for stars sees longer than they are wide.
 
 Where stars are wide a streak may be three of their widths long: no line filter's sum stands out,
 and the network knows none so short. As a light it is bright, and its moments tell how it lies.
