@@ -37,7 +37,7 @@ SHARES: Mapping[str, float] = {
 """Of all frames, the stated population."""
 FRAMES_PER_SATELLITE = (2, 3, 5, 10, 20, 30, 50, 100, 200, 300, 400, 500, 1000)
 """One clear or cloudy frame in so many holds one to three satellites: which are tried."""
-ALTERED_PER_SATELLITE = 5
+ALTERED_PER_SATELLITE = 4
 """Altered frames of which one holds a satellite: who looks for one through wind or out of focus
 knows that it is there, and twenty times as many false ones are allowed as in ordinary frames."""
 FALSE_PER_ORDINARY, FALSE_PER_HARD = 0.5 / 1000.0, 1.3 / 100.0
@@ -46,7 +46,7 @@ ORDINARY: tuple[Kind, ...] = ("empty", "satellites")
 HARD_COUNTS = 0.3
 """How much a false candidate of a hard frame counts in the weights: there are dozens a frame."""
 _AT_TAU = math.log(TAU / (1.0 - TAU))
-_FOR = ("network", "log_snr", "steady", "extent", "one_line")
+_FOR = ("network", "log_snr", "steady", "extent", "one_line", "like_line")
 _EITHER = ("constant", "blurred", "drifted")
 _CONSTANTS = [FEATURES.index(f"{way}constant") for way in WAYS]
 _FEWEST_TRUE = 12

@@ -16,7 +16,7 @@ from models.curve_fit import (
     reliability,
 )
 from rsoconsole.vision.candidate import Candidate, Focus, LineLight
-from rsoconsole.vision.confidence import FEATURES, confidence_features
+from rsoconsole.vision.confidence import FEATURES, LOOKED_AT, WAYS, confidence_features
 from tests.makers import straight_detection
 
 NETWORK, SNR, WIDE = (FEATURES.index(name) for name in ("network", "log_snr", "wide"))
@@ -161,3 +161,44 @@ def test_flashes_on_one_line_and_lights_beside_a_long_trail_are_known_by_their_c
     assert _seen(long, replace(one, snr=10.0))["parallel_unlike"] == 0.0
     cut_by_the_edge = replace(one, snr=60.0, is_clipped=True)
     assert _seen(long, cut_by_the_edge)["parallel_unlike"] == 0.0
+
+
+def test_each_way_of_showing_stars_has_weights_of_its_own_where_satellites_tell_them():
+    sharp, wide = drawn(17, FRAMES), drawn(18, FRAMES)
+    moved = np.roll(wide.features, len(LOOKED_AT), axis=1)
+    # There the network is wrong as often as right.
+    moved[:, NETWORK + len(LOOKED_AT)] = np.random.default_rng(19).normal(0.0, 2.0, len(moved))
+    both = replace(
+        sharp,
+        features=np.concatenate([sharp.features, moved]),
+        is_true=np.concatenate([sharp.is_true, wide.is_true]),
+        kind=sharp.kind + wide.kind,
+        frame=np.concatenate([sharp.frame, wide.frame + sum(FRAMES.values())]),
+        frames={kind: 2 * count for kind, count in FRAMES.items()},
+    )
+    weights = dict(zip(FEATURES, fit_curve(both, 10).weights, strict=True))
+    assert weights["network"] > 5.0 * weights["joined network"]
+    assert weights["joined log_snr"] > 0.5
+    for name in LOOKED_AT:
+        assert weights[f"trailed {name}"] == weights[name]
+    assert WAYS == ("", "joined ", "trailed ")
+
+
+def test_a_light_that_only_a_line_of_star_images_explains_is_heard_against_the_network():
+    found = straight_detection(confidence=1e-3, length_px=30.0, width_px=PSF_PX)
+
+    def looked(over_stars: float, left: float) -> dict[str, float]:
+        light = LineLight(
+            lower_quartile_snr=60.0, roughness=0.0, bend=2.0, over_stars=over_stars, left=left
+        )
+        one = Candidate(found=found, light=light)
+        return dict(zip(FEATURES, confidence_features(one, Focus(fwhm_px=PSF_PX)), strict=True))
+
+    nothing, streak, ray = looked(0.0, 0.0), looked(1000.0, 1.0), looked(1000.0, 9.0)
+    assert nothing["like_line"] == nothing["unlike"] == nothing["like_stars"] == 0.0
+    assert streak["like_line"] > 3.0
+    assert streak["network"] > 0.2 * nothing["network"]
+    assert streak["uneven"] < 0.2 < nothing["uneven"]
+    assert ray["unlike"] > 2.0
+    assert ray["network"] < 0.8 * nothing["network"]
+    assert looked(-200.0, 1.0)["like_stars"] > 2.0

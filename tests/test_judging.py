@@ -109,14 +109,15 @@ def test_a_row_tells_what_was_found_and_how_far_off_and_where_the_rest_was_lost(
 ):
     (trail,) = bright.trails
     row = Judge(Oracle(box_on(trail))).row(bright)
-    (candidate,) = row["candidates"]
-    assert (candidate["trail"], candidate["is_taken"]) == (0, True)
+    # Beside it, one light of the field.
+    (candidate,) = (each for each in row["candidates"] if each["trail"] == 0)
+    assert candidate["is_taken"]
     assert candidate["measured"]["confidence"] == 0.5
     half_a_pixel = 0.5
     assert candidate["error_px"] < half_a_pixel
     assert row["trails"][0]["lost"] == ""
     by_the_filter = Judge(Oracle()).row(bright)
-    assert [each["trail"] for each in by_the_filter["candidates"]] == [0]
+    assert [each["trail"] for each in by_the_filter["candidates"]].count(0) == 1
     monkeypatch.setattr("rsoconsole.vision.detector.propose_lines", lambda *_: [])
     monkeypatch.setattr("rsoconsole.vision.detector.short_lines", lambda *_, **__: [])
     blind = Judge(Oracle()).row(bright)
@@ -128,8 +129,9 @@ def test_a_row_survives_the_disk_and_speaks_as_the_product_does(bright):
     proposals = Oracle(box_on(bright.trails[0]))
     row: FrameRow = json.loads(json.dumps(Judge(proposals).row(bright)))
     product = StreakDetector(proposals, DetectorConfig(threads=1), CURVE)
-    (said,) = product.detect(bright.frame, tau=0.0).detections
-    assert confidences_of(row, CURVE) == [pytest.approx(said.confidence, abs=1e-5)]
+    said = [each.confidence for each in product.detect(bright.frame, tau=0.0).detections]
+    assert max(said) > 0.5
+    assert sorted(confidences_of(row, CURVE)) == pytest.approx(sorted(said), abs=1e-5)
 
 
 def _row(kind: str, number: int) -> dict:

@@ -73,6 +73,17 @@ def test_a_bright_trail_right_through_blinds_nothing_beside_it():
     assert len(lines) <= 4
 
 
+def test_bad_columns_take_no_streak_its_turn():
+    rng = np.random.default_rng(11)
+    ends = (120.0, 480.0, 420.0, 180.0)
+    faint = line_of_light(SHAPE, ends, 1.2)
+    light = faint * 60.0 * 30.0 / integrated_snr(faint, 1.0)
+    for column in rng.choice(np.arange(10, 790), 40, replace=False):
+        top = int(rng.integers(0, 300))
+        light[top : top + int(rng.integers(150, 300)), column] += rng.uniform(200.0, 2000.0)
+    assert any(is_of(line, ends) for line in proposed(exposed(light, rng)))
+
+
 def test_every_direction_is_summed_alike():
     """A line of signal to noise 15 in each of 36 directions, in plain noise."""
     found = []

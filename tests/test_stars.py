@@ -140,3 +140,31 @@ def test_the_satellite_of_an_independent_renderer_is_not_among_the_stars() -> No
     y = np.linspace(satellite["y_start"], satellite["y_end"], 200)[:, None]
     on_streak = np.hypot(stars.x_px - x, stars.y_px - y).min(axis=0) < 2.0
     assert np.count_nonzero(on_streak & (stars.snr < 100)) == 0
+
+
+@pytest.mark.parametrize("drawn_px", [0.0, 2.2])
+def test_a_light_is_too_long_by_the_frames_own_stars(drawn_px: float) -> None:
+    """Guiding may draw every star out a little: none of them is a streak for that."""
+    rng = np.random.default_rng(9)
+    image = rng.normal(SKY_ADU, NOISE_ADU, (600, 800))
+    for y in range(50, 560, 60):
+        for x in range(50, 760, 60):
+            for t in np.linspace(-0.5, 0.5, 9):
+                add_star(image, x + t * drawn_px, y + 0.3, 2.6, 30.0 * NOISE_ADU / 9.0)
+    for t in np.linspace(-0.5, 0.5, 30):
+        add_star(image, 320.0 + 10.0 * t, 320.0 + 4.0 * t, 2.6, 4.0 * NOISE_ADU)
+    oblong = find_stars(to_adu(image)).oblong
+    assert oblong is not None
+    assert np.hypot(oblong.x_px - 320.0, oblong.y_px - 320.0).min() < 6.0
+    assert len(oblong.x_px) <= 3
+
+
+def test_where_pixels_were_joined_stars_close_together_are_all_found() -> None:
+    rng = np.random.default_rng(10)
+    image = rng.normal(SKY_ADU, NOISE_ADU, (400, 400))
+    truth = [(60.0 + 12.0 * i, 60.0 + 40.0 * j) for i in range(18) for j in range(8)]
+    for x, y in truth:
+        add_star(image, x, y, 3.0, rng.uniform(20.0, 60.0) * NOISE_ADU)
+    usual, dense = (len(find_stars(to_adu(image), block_px=px)) for px in (8, 4))
+    assert dense > 0.95 * len(truth)
+    assert usual < 0.8 * len(truth)

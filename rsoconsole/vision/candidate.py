@@ -26,8 +26,12 @@ class LineLight:
     (``streak_evenness``)."""
 
     over_points: float = 0.0
-    """Chi-square that one line explains better than a few stars in a row
+    """Chi-square that one line explains better than a few stars in a row, of its profile
     (``line_or_points``)."""
+    over_stars: float = 0.0
+    """The same of its pixels, held against images of the frame's stars (``line_or_stars``)."""
+    left: float = 0.0
+    """Chi-square of a pixel that the line leaves; 0: it was not held against any."""
 
     @property
     def unevenness(self) -> float:

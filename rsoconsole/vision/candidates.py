@@ -14,6 +14,7 @@ from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.candidate import SHARP_PX, UNMEASURED, Candidate, Focus, LineLight
 from rsoconsole.vision.line_filter import CellLine
+from rsoconsole.vision.line_or_stars import ShortLights
 from rsoconsole.vision.line_strip import OFF_PX
 from rsoconsole.vision.network import LOWEST_CONFIDENCE, NetworkBox
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
@@ -27,6 +28,7 @@ from rsoconsole.vision.streak_fit import (
 from rsoconsole.vision.streak_glance import line_signal, width_at_a_glance
 from rsoconsole.vision.streak_search import Box, cut_out
 from rsoconsole.vision.streak_trace import Trace, trace_line
+from rsoconsole.vision.working_frame import to_original
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -65,6 +67,10 @@ _PERIODIC = 0.12
 """Roughness up to which a slow change or one period explains how the light varies."""
 _FINER_WHERE_JOINED = 0.5
 """Of the pixels that a proposal is off its line: there the filter's cells are half as large."""
+_LIGHT_OFF_PX, _LIGHT_OFF_FWHM = 2.0, 0.6
+"""How far one light of the star search may be off its line, at least, and in widths of a star."""
+_MAY_BE_A_LINE, _MAY_BE_WHERE_WIDE = 20.0, 0.0
+"""Chi-square of a profile from which on its pixels are asked, too."""
 _DRAWN_OUT, _MORE = 1.3, 1.1
 _SURE, _MUCH_LONGER, _MUCH_BETTER = 0.2, 1.6, 1.3
 _AGREE_SNR, _AGREE_LENGTH = 0.75, 0.15
@@ -168,6 +174,8 @@ class Measurements:
     focus: Focus
     promise: Callable[[Candidate], bool] = lambda _: True
     """Whether a candidate as it was traced is worth the time of a fit."""
+    lights: ShortLights | None = None
+    """What short ones are held against; None: nothing."""
     taken: list[Candidate] = field(default_factory=list)
     """With the network's confidence."""
     rejected: list[Rejection] = field(default_factory=list)
@@ -213,7 +221,7 @@ class Measurements:
 
     def _measure(self, proposal: Proposal) -> None:
         box = proposal.box
-        trace, reason = self._traced_well(_ends(box))
+        trace, reason = self._traced_well(proposal)
         if trace is None and box.confidence < _BELIEVED:
             self.refuse(box, reason or NotAStreak(kind="no line"))
             return
@@ -230,7 +238,7 @@ class Measurements:
                 ends=_ends(box),
             )
             if isinstance(fit, StreakFit) and (trace is None or _agree(fit, trace)):
-                light = _light_of(trace or self._traced(_ends_of(fit)))
+                light = traced.light if traced else _light_of(self._traced(_ends_of(fit)))
                 light = replace(light, bend=fit.bend, lumpiness=fit.lumpiness)
                 self._take(self._candidate(_from_fit(self.frame, box, fit), light))
                 return
@@ -254,7 +262,17 @@ class Measurements:
         if self.focus.joined > 1 or found.width_px > SHARP_PX:
             light = replace(light, bend=0.0, lumpiness=0.0)
         found = replace(found, unevenness=light.unevenness)
-        return Candidate(found=found, light=light)
+        return Candidate(found=found, light=self._held(found, light))
+
+    def _held(self, found: Detection, light: LineLight) -> LineLight:
+        """With what images of the stars say of it, where that is worth its time."""
+        least = _MAY_BE_A_LINE if self.focus.joined == 1 else _MAY_BE_WHERE_WIDE
+        if self.lights is None or light.left > 0.0 or light.over_points < least:
+            return light
+        held = self.lights.held(to_original(found, self.focus.joined))
+        if held is None:
+            return light
+        return replace(light, over_stars=held.over_stars, left=held.left)
 
     def _irregularity(self, found: Detection, trace: Trace) -> LineLight:
         """Of a short one: of its path, and of its light where that follows no one period."""
@@ -270,17 +288,19 @@ class Measurements:
         )
         return replace(light, bend=bend, lumpiness=lumpiness * (trace.roughness > _PERIODIC))
 
-    def _traced_well(self, ends: Box) -> tuple[Trace | None, NotAStreak | None]:
+    def _traced_well(self, proposal: Proposal) -> tuple[Trace | None, NotAStreak | None]:
         """A trace that passes the gates, or the first that it does not."""
-        trace = self._traced(ends)
+        trace = self._traced(_ends(proposal.box), is_light=proposal.is_light)
         reason = NotAStreak(kind="no line") if trace is None else self._fault(trace)
         return (trace, None) if reason is None else (None, reason)
 
-    def _traced(self, ends: Box) -> Trace | None:
+    def _traced(self, ends: Box, *, is_light: bool = False) -> Trace | None:
         """The line, as wide as a star, or as drift has drawn it out where that shows more."""
         focus = self._focus_at(ends)
         width_px, widest_px = focus.fwhm_px, focus.widest_px(_angle_deg(ends))
         off_px = OFF_PX if focus.joined == 1 else OFF_PX * _FINER_WHERE_JOINED
+        if is_light:
+            off_px = min(off_px, max(_LIGHT_OFF_PX, _LIGHT_OFF_FWHM * focus.fwhm_px))
         look = self.frame.pixels, self.sky, ends, self.stars
         trace = trace_line(*look, width_px, off_px=off_px)
         if widest_px < _DRAWN_OUT * width_px:

@@ -15,7 +15,7 @@ from typing import Any
 from rsoconsole.errors import ModelError
 from rsoconsole.records import Detection
 from rsoconsole.sky.angles import turn_deg
-from rsoconsole.vision.candidate import SHARP_PX, Candidate, Focus
+from rsoconsole.vision.candidate import SHARP_PX, Candidate, Focus, LineLight
 from rsoconsole.vision.line_or_points import MOST_FWHM
 
 LOOKED_AT = (
@@ -25,10 +25,13 @@ LOOKED_AT = (
     "steady",
     "extent",
     "one_line",
+    "like_line",
     "wide",
     "narrow",
     "shortness",
     "few_points",
+    "like_stars",
+    "unlike",
     "longness",
     "in_line",
     "parallel_unlike",
@@ -55,6 +58,9 @@ _SURE_OF_LINE, _MOST_ONE_LINE = 10.0, 2.5
 """Chi-square that tells a line from a few points, and the most that its logarithm counts."""
 _ROUGH_AS_LINE, _DOUBT_AS_LINE = 50.0, 100.0
 """Chi-square that halves what roughness and the network's doubt say."""
+_SURE_OF_IMAGE, _MOST_LIKE, _MOST_UNLIKE = 30.0, 4.0, 3.0
+"""Chi-square that tells a line from images of stars, and the most that the logarithms of it and of
+what is left of a pixel count."""
 _HEARD_FWHM, _LEAST_HEARD, _HEARD_WHERE_JOINED = 15.0, 0.25, 0.4
 _CLEAR_SNR, _CLEAR_FWHM, _LEAST_CLEAR = 15.0, 10.0, 0.4
 _EVEN_ENOUGH, _EVEN_WHERE_JOINED, _ROUGH_BY_NOISE = 0.06, 0.18, 4.0
@@ -139,7 +145,8 @@ class ConfidenceCurve:
         z += table["shortness"] * math.log(max(SHORT_FWHM * psf_px / longest_px, 1.0))
         blurred, drifted = _shown(focus)
         z += table["blurred"] * blurred + table["drifted"] * drifted
-        # None of the others speaks for a satellite.
+        # None of the others speaks for a satellite, but for images of the stars: what is short and
+        # like them the star search sees as well.
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
     def judged(self, candidates: Sequence[Candidate], focus: Focus) -> list[Detection]:
@@ -177,17 +184,17 @@ def confidence_features(
     """What the curve looks at, in the order of ``FEATURES``.
 
     The network's log-odds, no less than ``LEAST_LOGIT``; the logarithm of the fit's matched signal
-    to noise over 20, no more than ``MOST_LOG_SNR``, since a chain
-    of bright stars is bright too; the same of what its darker parts say of the whole, which stars
-    in a row have little of; how much longer than a few widths it is; how much better one line
-    explains a short one than a few stars do; how far, as a logarithm, it
-    is wider and narrower than the stars, beyond what its signal to noise leaves open; how short it
-    is against ``SHORT_FWHM``; how much better a few stars
-    explain it; how long it is against ``LONG_FWHM``; how many others lie on its line;
-    whether one that is much longer, or bright and of another length, is parallel; how bent its
-    path is; how much fainter than ``FAINT_SNR`` it is; how much of its scatter along
-    the line nothing explains; how restless the sky beside it is; whether it runs as drawn-out stars
-    do; how wide the stars were, and how long drift has drawn them.
+    to noise over 20, no more than ``MOST_LOG_SNR``, since a chain of bright stars is bright too; the
+    same of what its darker parts say of the whole, which stars in a row have little of; how much
+    longer than a few widths it is; how much better one line explains a short one than a few stars
+    do, of its profile and of its pixels; how far, as a logarithm, it is wider and narrower than the
+    stars, beyond what its signal to noise leaves open; how short it is against ``SHORT_FWHM``; how
+    much better a few stars explain it, of either; how unlike the stars' images it is; how long it is
+    against ``LONG_FWHM``; how many others lie on its line; whether one that is much longer, or
+    bright and of another length, is parallel; how bent its path is; how much fainter than
+    ``FAINT_SNR`` it is; how much of its scatter along the line nothing explains; how restless the
+    sky beside it is; whether it runs as drawn-out stars do; how wide the stars were, and how long
+    drift has drawn them.
     """
     found, light = candidate.found, candidate.light
     focus = focus.at(found.x_px, found.y_px)
@@ -197,8 +204,9 @@ def confidence_features(
     snr = max(found.snr, 0.1)
     steady = max(light.lower_quartile_snr, _LEAST_STEADY)
     width_px = max(found.width_px, 0.1)
+    like = _like_image(light)
     as_line, as_points = max(light.over_points, 0.0), max(-light.over_points, 0.0)
-    # Where stars are sharp points a cosmic ray is a line as well, and only the network tells it.
+    # Where stars are sharp points a cosmic ray is a line as well, but not like the stars' images.
     no_ray = 0.0 if _way_of(focus) == 0 else as_line
     wide = math.log(width_px / max(focus.widest_px(found.angle_deg), 0.1))
     narrow = math.log(min(psf_px, SHARP_PX) / width_px)
@@ -211,28 +219,38 @@ def confidence_features(
     rest = [other.found for other in near if other is not candidate and _is_company(other)]
     seen = (
         1.0,
-        _heard(_logit(found.confidence), length_px / unit_px, steady, focus.joined, no_ray),
+        _heard(
+            _logit(found.confidence), length_px / unit_px, steady, focus.joined, max(no_ray, like)
+        ),
         min(math.log(snr / 20.0), MOST_LOG_SNR),
         min(math.log(steady / 20.0), MOST_LOG_STEADY),
         min(max(0.0, math.log(length_px / unit_px / _EXTENDED_FWHM)), _MOST_EXTENT),
         min(math.log1p(no_ray / _SURE_OF_LINE), _MOST_ONE_LINE),
+        min(math.log1p(max(light.over_stars, 0.0) / _SURE_OF_IMAGE), _MOST_LIKE),
         max(0.0, wide - leeway),
         max(0.0, narrow - leeway),
         max(0.0, math.log(SHORT_FWHM * unit_px / length_px)),
         min(math.log1p(as_points / _SURE_OF_LINE), _MOST_ONE_LINE),
+        min(math.log1p(max(-light.over_stars, 0.0) / _SURE_OF_LINE), _MOST_LIKE),
+        min(math.log(max(light.left, 1.0)), _MOST_UNLIKE),
         max(0.0, math.log(length_px / (LONG_FWHM * unit_px))),
         float(min(sum(_is_in_line(found, other) for other in rest), MOST_IN_LINE)),
         float(any(_is_parallel_unlike(found, other, unlike) for other in rest)),
-        light.bend,
+        light.bend / (1.0 + like / _ROUGH_AS_LINE),
         max(0.0, math.log(FAINT_SNR / snr)),
         math.log1p(light.roughness**2 / (even**2 + (_ROUGH_BY_NOISE / snr) ** 2))
         / (1.0 + as_line / _ROUGH_AS_LINE),
         min(math.log(max(light.confusion, 1.0)), _MOST_CONFUSED),
-        _along_trails(found, focus),
+        _along_trails(found, focus) / (1.0 + like / _ROUGH_AS_LINE),
         *_shown(focus),
     )
     before = _way_of(focus)
     return (0.0,) * (before * len(seen)) + seen + (0.0,) * ((len(WAYS) - 1 - before) * len(seen))
+
+
+def _like_image(light: LineLight) -> float:
+    """How much better a line of star images explains a light, less where it leaves much unlike."""
+    return max(light.over_stars, 0.0) / max(light.left, 1.0) ** 2
 
 
 def _way_of(focus: Focus) -> int:

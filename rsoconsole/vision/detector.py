@@ -31,6 +31,7 @@ from rsoconsole.vision.candidates import (
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.cores import threads_for
 from rsoconsole.vision.line_filter import FINEST_PX, CellLine, cell_side_px, propose_lines
+from rsoconsole.vision.line_or_stars import ShortLights
 from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map, map_noise
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.pattern import find_pattern
@@ -44,7 +45,7 @@ from rsoconsole.vision.streak_names import named_with_shares
 from rsoconsole.vision.workers import Workers
 from rsoconsole.vision.working_frame import WorkingFrame, pixels_to_join
 
-MOST_FITS = 24
+MOST_FITS = 28
 MOST_WITNESSES = 12
 LEAST_BELIEVED = 1e-3
 """Whom the network believes less is measured only where the line filter sees something too."""
@@ -134,7 +135,8 @@ class StreakDetector:
             self._memory.remember(frame, working.original_stars(stars))
         focus = _focus(stars, working.side)
         with watch.stage("fit"):
-            measured = self._measure(working, seen, focus, threshold)
+            lights = ShortLights(frame.pixels, first.sky, working.original_stars(stars))
+            measured = self._measure(working, seen, focus, threshold, lights)
             rejected = measured.rejected
             judged = [
                 replace(each, found=found)
@@ -244,11 +246,16 @@ class StreakDetector:
         wanted = proposals(boxes, found)
         if stars.trail is not None:
             trail = stars.trail
-            wanted = [each for each in wanted if not is_of_stars(each, trail)]
+            wanted = [each for each in wanted if each.is_light or not is_of_stars(each, trail)]
         return _Seen(sky=sky, stars=stars, proposals=tuple(wanted))
 
     def _measure(
-        self, working: WorkingFrame, seen: "_Seen", focus: Focus, threshold: float
+        self,
+        working: WorkingFrame,
+        seen: "_Seen",
+        focus: Focus,
+        threshold: float,
+        lights: ShortLights,
     ) -> Measurements:
         """Candidates that are lines of light, and those that are none.
 
@@ -262,7 +269,7 @@ class StreakDetector:
         def promises(candidate: Candidate) -> bool:
             return curve is None or curve.confidence(candidate, focus) > _PROMISING * threshold
 
-        measured = Measurements(frame, seen.sky, stars, focus, promises)
+        measured = Measurements(frame, seen.sky, stars, focus, promises, lights)
         hopeful: list[Proposal] = []
         others: list[Proposal] = []
         for each in ordered:

@@ -30,7 +30,7 @@ FINEST_PX, _MOST_CELLS = 4, 300_000
 _SHORTEST_FWHM = 4.5
 _SHORTEST, _LONGEST = 2, 7
 """Lines of 2^k rows of cells."""
-_MOST_SEEDS, _MOST_TRACED = 300, 12
+_MOST_SEEDS, _MOST_TRACED = 300, 16
 _SMALLEST = 1e-9
 _LIMIT, _MOST = 2.0, 6.0
 """Sigma of a cell: what light of no line counts at most, and what light of a line does."""
@@ -82,6 +82,11 @@ class _Seed:
     y_a: int
     x_b: int
     y_b: int
+
+    @property
+    def alike(self) -> tuple[int, bool]:
+        """Its length, and whether it runs along a row or column: the sensor's own lines do."""
+        return self.rows, self.x_a == self.x_b or self.y_a == self.y_b
 
 
 def cell_side_px(height: int, width: int, finest_px: int = FINEST_PX) -> int:
@@ -215,20 +220,21 @@ def find_lines(cells: Float32Array) -> list[CellLine]:
     # A line between two cells, or where the sums' own course is a cell beside it, counts more so.
     smooth = cv2.GaussianBlur(left, (3, 3), _SMOOTHED)
     smooth /= np.float32(_SMOOTHED_NOISE)
-    seeds: dict[int, list[_Seed]] = {}
+    seeds: dict[tuple[int, bool], list[_Seed]] = {}
     for seed in _seeds(smooth):
-        seeds.setdefault(seed.rows, []).append(seed)
+        seeds.setdefault(seed.alike, []).append(seed)
     lit = [each for alike in seeds.values() for each in _lit_all_along(smooth, alike)]
     found: list[CellLine] = []
     traced = dict.fromkeys(seeds, 0)
     for _, seed in sorted(lit, key=lambda each: -each[0]):
-        # In a field of stars thousands of short sums stand out: every length has its share.
-        if traced[seed.rows] == _MOST_TRACED:
+        # In a field of stars thousands of short sums stand out, and bad columns are long: all that
+        # is alike has its share.
+        if traced[seed.alike] == _MOST_TRACED:
             continue
         if _what_is_left(smooth, seed) < max(_STILL_THERE * seed.snr, _threshold(seed.rows)):
             continue
         line = _traced(left, seed)
-        traced[seed.rows] += 1
+        traced[seed.alike] += 1
         if line is not None:
             _erase(left, line)
             _erase(smooth, line)

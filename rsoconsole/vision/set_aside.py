@@ -17,6 +17,8 @@ TRAILED_STREAKS = 9
 _FEW_TRAILS, _MANY_TRAILS, _SURE, _STEADY = 2.0, 8.0, 0.9, 0.2
 """Trails of stars in a row that look like one streak: of what is sure or steady, and of what is
 not; the confidence and the roughness."""
+_NO_TRAILS = 80.0
+"""Chi-square (``line_or_stars``) from which on a light is no few trails of stars in a row."""
 _AS_TRAILS_DEG = 6.0
 _LONG_ROW, _ALONG_ROW_DEG = 0.5, 0.15
 """Share of the frame, and degrees off its rows or columns."""
@@ -125,6 +127,7 @@ def not_along(judged: list[Candidate], trail: Trail) -> tuple[list[Candidate], l
         if (
             turn_deg(found.angle_deg, trail.angle_deg) > _AS_TRAILS_DEG
             or found.length_px > longest_px
+            or light.over_stars > _NO_TRAILS
         ):
             kept.append(each)
         else:

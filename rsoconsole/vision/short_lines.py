@@ -14,7 +14,7 @@ from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.line_filter import CellLine
 from rsoconsole.vision.stars import StarList
 
-MOST_SHORT, _MOST_WHERE_SHARP = 8, 4
+MOST_SHORT, _MOST_WHERE_SHARP = 12, 6
 """Where stars are sharp a streak is seldom so short, and line filter and network see it too."""
 _ACROSS_FWHM, _SAME_DEG = 1.0, 15.0
 """What lies so near to a line that is proposed already is a piece of it."""

@@ -59,8 +59,9 @@ _MAX_PEAK_SHARE = 0.6
 _MAX_AXIS_RATIO = 1.5
 _SHARPEST, _WIDEST = 0.62, 2.5
 """Width relative to the stars' beyond which it is none."""
-_OBLONG, _OBLONG_SNR, _HALF_FWHM = 1.25, 10.0, 2.0
-"""Axis ratio and signal to noise of what may be too long for a star; half its length, roughly."""
+_OBLONG, _ROUND, _OBLONG_SNR, _HALF_FWHM = 1.25, 1.08, 10.0, 2.0
+"""Axis ratio and signal to noise of what may be too long for a star, and the ratio that noise makes
+of round ones; half its length, roughly."""
 _SHAPE_SEEN_SNR, _MOST_RATIO, _RIM_FWHM = 40.0, 2.0, 2.0
 _SATURATED_SHARE = 0.95
 _FEWEST_TRAILS, _MAX_POINTS, _DRAWN_OUT = 12, 0.5, 1.35
@@ -181,7 +182,7 @@ def find_stars(
         median_fwhm_px=fwhm_px,
         psf_field=field,
         width_source=source,
-        oblong=_oblong(found, is_saturated, fwhm_px, pixels.shape),
+        oblong=_oblong(found, is_good, is_saturated, local_px, pixels.shape),
     )
 
 
@@ -326,28 +327,36 @@ def _without_streak(found: _Measured, is_good: BoolArray) -> BoolArray:
 
 
 def _oblong(
-    found: _Measured, is_saturated: BoolArray, fwhm_px: float, shape: tuple[int, ...]
+    found: _Measured,
+    is_good: BoolArray,
+    is_saturated: BoolArray,
+    fwhm_px: float | FloatArray,
+    shape: tuple[int, ...],
 ) -> Oblong:
-    """What is surely longer than wide and no sharper than the stars.
+    """What is surely longer than the frame's stars are and no sharper.
 
-    A star that the frame's rim cuts is longer than wide, too.
+    Guiding or coma may draw all of them out a little. A star that the frame's rim cuts is longer
+    than wide, too. ``fwhm_px``: of a star, one for all or one for each place.
     """
-    is_long = (found.snr > _OBLONG_SNR) & (found.axis_ratio > _OBLONG) & ~is_saturated
+    typical = float(np.median(found.axis_ratio[is_good])) if is_good.any() else 1.0
+    ratio = found.axis_ratio / max(typical / _ROUND, 1.0)
+    is_long = (found.snr > _OBLONG_SNR) & (ratio > _OBLONG) & ~is_saturated
     is_long &= (found.peak_share < _MAX_PEAK_SHARE) & (found.fwhm_px > _SHARPEST * fwhm_px)
-    rim_px = _RIM_FWHM * fwhm_px
+    width_px = np.broadcast_to(np.asarray(fwhm_px, dtype=np.float64), ratio.shape)
     for place, side in ((found.x_px, shape[1]), (found.y_px, shape[0])):
-        is_long &= (place > rim_px) & (place < side - 1 - rim_px)
+        is_long &= (place > _RIM_FWHM * width_px) & (place < side - 1 - _RIM_FWHM * width_px)
     kept = np.flatnonzero(is_long)
     # What is bright enough for its shape to be seen is no surer for being brighter.
     seen = np.minimum(found.snr[kept], _SHAPE_SEEN_SNR)
-    longer = np.minimum(found.axis_ratio[kept], _MOST_RATIO) - 1.0
+    longer = np.minimum(ratio[kept], _MOST_RATIO) - 1.0
     kept = kept[np.argsort(-longer * seen, kind="stable")]
-    kept = _apart(found, kept, fwhm_px)[:MOST_OBLONG]
+    apart_px = float(np.median(width_px)) if width_px.size else 0.0
+    kept = _apart(found, kept, apart_px)[:MOST_OBLONG]
     return Oblong(
         x_px=found.x_px[kept],
         y_px=found.y_px[kept],
         angle_deg=found.angle_deg[kept],
-        half_px=np.full(kept.size, _HALF_FWHM * fwhm_px),
+        half_px=_HALF_FWHM * width_px[kept],
         snr=found.snr[kept],
     )
 

@@ -30,8 +30,9 @@ _SAME_ANGLE_DEG, _SAME_LENGTH = 8.0, 0.25
 _AGREE_SHARE = 0.5
 _MIN_SNR = 7.0
 _RIM_PX = 2
-_LONG, _LONG_SNR, _MOST_RATIO = 2.0, 10.0, 4.0
-"""Length in widths of a star, signal to noise, and axis ratio beyond which another says no more."""
+_LONG, _LONG_SNR, _MOST_RATIO, _SHAPE_SEEN_SNR = 2.0, 10.0, 4.0, 40.0
+"""Length in widths of a star, signal to noise, and axis ratio and signal to noise beyond which more
+says no more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,10 +112,16 @@ def trailed_stars(
 def _long_ones(pieces: list[_Piece], fwhm_px: float) -> Oblong:
     """Those that are longer than a few widths, the surest first."""
     long = [each for each in pieces if each.snr > _LONG_SNR and each.length_px > _LONG * fwhm_px]
-    long.sort(key=lambda each: -each.snr * min(each.along / each.across, _MOST_RATIO))
+    long.sort(key=_doubt)
     columns = [(p.x_px, p.y_px, p.angle_deg, 0.5 * p.length_px, p.snr) for p in long[:MOST_OBLONG]]
     x, y, angle, half, snr = np.array(columns, dtype=np.float64).reshape(-1, 5).T
     return Oblong(x_px=x, y_px=y, angle_deg=angle, half_px=half, snr=snr)
+
+
+def _doubt(piece: _Piece) -> float:
+    """The less the surer it is one narrow light: a blend of stars is bright and wide."""
+    ratio = min(piece.along / piece.across, _MOST_RATIO)
+    return -ratio * min(piece.snr, _SHAPE_SEEN_SNR)
 
 
 def _agreed(pieces: list[_Piece]) -> Trail | None:
