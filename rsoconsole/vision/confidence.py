@@ -185,16 +185,16 @@ def confidence_features(
 
     The network's log-odds, no less than ``LEAST_LOGIT``; the logarithm of the fit's matched signal
     to noise over 20, no more than ``MOST_LOG_SNR``, since a chain of bright stars is bright too;
-    the same of what its darker parts say of the whole, which stars in a row have little of; how much
-    longer than a few widths it is; how much better one line explains a short one than a few stars
-    do, of its profile and of its pixels; how far, as a logarithm, it is wider and narrower than the
-    stars, beyond what its signal to noise leaves open; how short it is against ``SHORT_FWHM``; how
-    much better a few stars explain it, of either; how unlike the stars' images it is; how long it
-    is against ``LONG_FWHM``; how many others lie on its line; whether one that is much longer, or
-    bright and of another length, is parallel; how bent its path is; how much fainter than
-    ``FAINT_SNR`` it is; how much of its scatter along the line nothing explains; how restless the
-    sky beside it is; whether it runs as drawn-out stars do; how wide the stars were, and how long
-    drift has drawn them.
+    the same of what its darker parts say of the whole, which stars in a row have little of; how
+    much longer than a few widths it is; how much better one line explains a short one than a few
+    stars do, of its profile and of its pixels; how far, as a logarithm, it is wider and narrower
+    than the stars, beyond what its signal to noise leaves open; how short it is against
+    ``SHORT_FWHM``; how much better a few stars explain it, of either; how unlike the stars' images
+    it is; how long it is against ``LONG_FWHM``; how many others lie on its line; whether one that
+    is much longer, or bright and of another length, is parallel; how bent its path is; how much
+    fainter than ``FAINT_SNR`` it is; how much of its scatter along the line nothing explains; how
+    restless the sky beside it is; whether it runs as drawn-out stars do; how wide the stars were,
+    and how long drift has drawn them.
     """
     found, light = candidate.found, candidate.light
     focus = focus.at(found.x_px, found.y_px)

@@ -25,12 +25,12 @@ THRESHOLD, LONG_THRESHOLD, LEAST_SNR = 5.0, 4.6, 5.0
 """Sigma of the cells' own scatter: of a short and of a long partial sum that is traced, and of the
 whole line then."""
 _LONG_ROWS = 32
-MOST_LINES = 40
+MOST_LINES = 56
 FINEST_PX, _MOST_CELLS = 4, 300_000
 _SHORTEST_FWHM = 4.5
 _SHORTEST, _LONGEST = 2, 7
 """Lines of 2^k rows of cells."""
-_MOST_SEEDS, _MOST_TRACED = 300, 16
+_MOST_SEEDS, _MOST_TRACED = 300, 12
 _SMALLEST = 1e-9
 _LIMIT, _MOST = 2.0, 6.0
 """Sigma of a cell: what light of no line counts at most, and what light of a line does."""

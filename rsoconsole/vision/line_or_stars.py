@@ -4,7 +4,8 @@ Star images close together along the line are any light that came along it: with
 slowly or in one period they are a streak, with a few of any light they are stars. Both are fitted
 to the pixels about the line, stars for the price of one that happens to stand there, the sky and
 listed stars beside the line free to both. A cosmic ray is neither, since it did not come through
-the optics. Where drift has drawn the stars out, what moved on is a line of the width across.
+the optics. Where drift has drawn the stars out or wind has shaken them, what moved on is a narrower
+line.
 """
 
 import math
@@ -31,6 +32,8 @@ _MOST_STARS, _MOST_THROUGH = 4, 2
 _PRICE_OF_A_STAR, _PRICE_OF_A_PERIOD = 12.0, 16.0
 """Chi-square: place and light of a star in the field's own density; period, depth and phase."""
 _PERIODS = np.linspace(1.0, 8.0, 29)
+_AS_WIDE, _NARROWEST_PX = 0.9, 1.5
+"""Share of a star's width below which a line is narrower, and what it is at least."""
 _BESIDE_FWHM = 0.8
 """A listed star so far off the line is beside it."""
 _END_STEPS = 2
@@ -73,6 +76,12 @@ class ShortLights:
             return None
         return self._compared(self._image, found, fwhm_px)
 
+    def _narrower_px(self, found: Detection, fwhm_px: float) -> float | None:
+        """Width of a line that moved on while stars were drawn out or shaken; None: as theirs."""
+        if self._stars.trail is not None:
+            return fwhm_px
+        return max(found.width_px, _NARROWEST_PX) if found.width_px < _AS_WIDE * fwhm_px else None
+
     def _compared(self, image: StarImage, found: Detection, fwhm_px: float) -> LineOrStars | None:
         sigma, course = fwhm_px / FWHM_PER_SIGMA, _Course.of(found)
         step = max(min(_STEP_SIGMAS * sigma, _MOST_STEP_PX), _LEAST_STEP_PX)
@@ -87,12 +96,14 @@ class ShortLights:
         x, y = course.at(u)
         of_stars = box.images(image, x, y)
         star_places = it.columns(of_stars)
-        of_line, line_places = of_stars, star_places
-        if self._stars.trail is not None:
-            of_line = box.images(disc(fwhm_px), x, y)
-            line_places = it.columns(of_line)
-        lights = _best_line(line_places, it.target, u, step, 0.5 * course.length)
-        rest, by_line = it.line_leaves(np.tensordot(lights, of_line, 1), star_places)
+        lights = _best_line(star_places, it.target, u, step, 0.5 * course.length)
+        rest, by_line = it.line_leaves(np.tensordot(lights, of_stars, 1), star_places)
+        width_px = self._narrower_px(found, fwhm_px)
+        if width_px is not None:
+            of_line = box.images(disc(width_px), x, y)
+            lights = _best_line(it.columns(of_line), it.target, u, step, 0.5 * course.length)
+            narrow = it.line_leaves(np.tensordot(lights, of_line, 1), star_places)
+            rest, by_line = min((rest, by_line), narrow, key=lambda each: each[1])
         by_stars = _left_by_stars(it, star_places, of_stars, step)
         left = float(np.minimum(rest**2, _MOST_LEFT).sum()) / it.freedom
         over = (by_stars - by_line) / max(left, _LEAST_LEFT)
