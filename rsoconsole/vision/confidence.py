@@ -125,7 +125,7 @@ class ConfidenceCurve:
     def highest(
         self, network_confidence: float, proposed_px: float = math.inf, focus: Focus = _SHARP
     ) -> float:
-        """What a proposal can come to in a frame, measured as well as may be.
+        """What a proposal can come to in a frame, measured as well as may be, its profile alone.
 
         ``focus`` is that of its place (``Focus.at``). A proposal's length is taken to be up to
         ``LENGTH_ERROR`` times too short.

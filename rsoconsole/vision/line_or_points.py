@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from rsoconsole.records import FloatArray
+from rsoconsole.vision.few_points import best_pair
 from rsoconsole.vision.line_strip import LineProfile
 from rsoconsole.vision.stars import FWHM_PER_SIGMA
 
@@ -119,12 +120,7 @@ def _left_by_points(
     total = float(value @ value)
     single = np.maximum(heard, 0.0) ** 2 / own
     best = total - float(single.max()) + _PRICE_OF_A_POINT
-    det = np.maximum(own[:, None] * own - gram**2, 1e-3 * own[:, None] * own)
-    first = (own[None] * heard[:, None] - gram * heard) / det
-    gained = np.where(
-        (first > 0.0) & (first.T > 0.0), first * heard[:, None] + first.T * heard, single[:, None]
-    )
-    chosen = [int(at) for at in np.unravel_index(int(np.argmax(gained)), gained.shape)]
+    chosen = best_pair(gram, heard)
     for count in range(2, _MOST_POINTS + 1):
         if count > 2:
             chosen.append(_one_more(shapes, value, chosen))

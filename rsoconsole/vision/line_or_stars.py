@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from rsoconsole.records import Detection, FloatArray, PixelArray
 from rsoconsole.vision.background import Background
+from rsoconsole.vision.few_points import best_pair
 from rsoconsole.vision.star_image import StarImage, disc, star_image
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
 
@@ -325,15 +326,11 @@ def _left_by_stars(it: _Comparison, places: FloatArray, images: Float32Array, st
     gram, heard = places.T @ places, places.T @ it.target
     own = np.maximum(np.diag(gram), _SMALLEST)
     single = np.maximum(heard, 0.0) ** 2 / own
-    det = np.maximum(own[:, None] * own - gram**2, 1e-3 * own[:, None] * own)
-    first = (own[None] * heard[:, None] - gram * heard) / det
-    pairs = first * heard[:, None] + first.T * heard
-    pairs = np.where((first > 0.0) & (first.T > 0.0), pairs, single[:, None])
     chosen = [int(np.argmax(single))]
     left = math.inf
     for count in range(1, _MOST_STARS + 1):
         if count == 2:
-            chosen = [int(at) for at in np.unravel_index(int(np.argmax(pairs)), pairs.shape)]
+            chosen = best_pair(gram, heard)
         elif count > 2:
             chosen.append(_next(gram, heard, own, chosen))
             for i in range(count):

@@ -112,16 +112,16 @@ def trailed_stars(
 def _long_ones(pieces: list[_Piece], fwhm_px: float) -> Oblong:
     """Those that are longer than a few widths, the surest first."""
     long = [each for each in pieces if each.snr > _LONG_SNR and each.length_px > _LONG * fwhm_px]
-    long.sort(key=_doubt)
+    long.sort(key=_sureness, reverse=True)
     columns = [(p.x_px, p.y_px, p.angle_deg, 0.5 * p.length_px, p.snr) for p in long[:MOST_OBLONG]]
     x, y, angle, half, snr = np.array(columns, dtype=np.float64).reshape(-1, 5).T
     return Oblong(x_px=x, y_px=y, angle_deg=angle, half_px=half, snr=snr)
 
 
-def _doubt(piece: _Piece) -> float:
-    """The less the surer it is one narrow light: a blend of stars is bright and wide."""
+def _sureness(piece: _Piece) -> float:
+    """That it is one narrow light: a blend of stars is bright and wide."""
     ratio = min(piece.along / piece.across, _MOST_RATIO)
-    return -ratio * min(piece.snr, _SHAPE_SEEN_SNR)
+    return ratio * min(piece.snr, _SHAPE_SEEN_SNR)
 
 
 def _agreed(pieces: list[_Piece]) -> Trail | None:
