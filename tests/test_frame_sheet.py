@@ -160,7 +160,7 @@ def test_the_kept_frame_shows_its_streak_between_its_marks(impatient_seat: None)
 def test_it_is_said_what_was_recorded_and_what_is_said_now(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         panel = " ".join(words(sheet, "panel").split())
-        assert "1.00 → 0.99 at 1969,1765" in panel
+        assert "1.00 → .99 at 1969,1765" in panel
         assert "120×2.5 px, SNR 30" in panel
         assert "followed, NIS 4.4; now the same" in panel
         assert "on the sky +0.00″ E +0.00″ N of then, ±0.78″" in panel
@@ -512,7 +512,7 @@ def test_in_the_smallest_terminal_the_streak_is_found_and_the_list_opens(impatie
         assert "]" in drawn(sheet)
         await pilot.press("l")
         await pilot.pause()
-        assert "1.00 → 0.99" in words(sheet, "panel")
+        assert "1.00 → .99" in words(sheet, "panel")
         assert not sheet.picture.display
         await pilot.press("escape")
         await pilot.pause()
