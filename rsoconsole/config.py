@@ -241,7 +241,11 @@ class SolverConfig(_Section):
 class FilterConfig(_Section):
     """The linear quadratic estimator."""
 
-    preset: Literal["tuned", "paper"] = "tuned"
+    preset: Literal["adaptive", "tuned", "paper"] = Field(
+        "adaptive",
+        description="adaptive: motions weighed by their likelihood, learns how much a night"
+        " scatters; tuned: constant rates in RA and Dec; paper: the paper's",
+    )
     sigma_arcsec: float = Field(4.0, gt=0, le=600)
     q_arcsec2_s3: float = Field(1e-5, gt=0, le=1e3, description="white-noise acceleration")
     q_multiplier: float = Field(1.0, gt=0, le=1e6, description="of all of Q")
@@ -253,7 +257,7 @@ class FilterConfig(_Section):
     r_ra_multiplier: float = Field(1.0, gt=0, le=1e6, description="of R's term of RA alone")
     r_dec_multiplier: float = Field(1.0, gt=0, le=1e6)
     gate_nis: float = Field(11.83, gt=0, le=1e9)
-    max_coast_s: float = Field(3600.0, gt=0, le=86400, description="coasted longer, it is lost")
+    max_coast_s: float = Field(7200.0, gt=0, le=86400, description="coasted longer, it is lost")
     max_3sigma_arcmin: float = Field(
         600.0, gt=0, le=600, description="less sure, it is lost; never beyond half the field"
     )

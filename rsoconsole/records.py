@@ -35,6 +35,8 @@ StreakKind = Literal["streak", "clipped", "crossing"]
 """How many of its ends lie in the frame: both, one, none."""
 ObjectClass = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain", "undetermined"]
 Topic = Literal["", "limit", "machine"]
+OFF_RECORD = "off the record"
+"""In a field's metadata: of the running program alone, no session carries it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -289,6 +291,26 @@ class FollowedAgain:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Weighed:
+    """What preset ``adaptive`` makes of a track: the motions it believes, how a night scatters."""
+
+    motion_shares: tuple[tuple[str, float], ...]
+    """Each of ``tracking.bank.MOTIONS`` with its probability."""
+    gain_arcsec_s2: float
+    """By which the speed on the sky changes."""
+    gain_sigma_arcsec_s2: float
+    turn: float
+    """Of the path to the left, radians for each radian that it goes on; a great circle has 0."""
+    turn_sigma: float
+    scatter_s: float
+    """Excess scatter along the motion beyond the measurements' own errors, as the time that a
+    shutter would be late: the median of what is believed."""
+    scatter_low_s: float
+    """The interval of 90 %."""
+    scatter_high_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TrackState:
     """The filter at one instant: x = [alpha, alpha rate, delta, delta rate], deg and deg/s."""
 
@@ -320,6 +342,12 @@ class TrackState:
     """The two measurements that a track began with, the earlier one first; None later on."""
     is_lead: bool = True
     """Whether the telescope follows this one of the frame's tracks."""
+    weighed: Weighed | None = None
+    """Preset ``adaptive`` only."""
+    memory: object | None = field(
+        default=None, repr=False, compare=False, metadata={OFF_RECORD: True}
+    )
+    """What the filter knows beyond these numbers, for its next step; never on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

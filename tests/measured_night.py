@@ -45,9 +45,10 @@ def record_night(
     """A session of a geostationary satellite, a frame each 30 s; returns its folder.
 
     ``sigma_arcsec``: the true noise of either axis; ``claimed_arcsec``: what the measurements
-    say of it (the same unless given); ``settings``: those of the filter.
+    say of it (the same unless given); ``settings``: those of the filter, of preset tuned unless
+    they name another.
     """
-    config = Config.model_validate({"filter": settings or {}})
+    config = Config.model_validate({"filter": {"preset": "tuned", **(settings or {})}})
     t_ns = geo(inclination_deg, 0.0).element_set.epoch_utc_ns + np.arange(frames) * 30 * NS
     places = geo(inclination_deg, 40.0 * seed).astrometric_place(DAYTONA, t_ns)
     noise = np.random.default_rng(seed).normal(0.0, sigma_arcsec / 3600.0, (frames, 2))

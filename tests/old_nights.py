@@ -14,7 +14,9 @@ from rsoconsole.config import Config
 from rsoconsole.session.writer import SessionWriter
 
 DATA = Path(__file__).parent / "data" / "schema-3"
-CONFIG = Config.model_validate({"search": {"recentre": "every"}})
+CONFIG = Config.model_validate(
+    {"search": {"recentre": "every"}, "filter": {"preset": "tuned", "max_coast_s": 3600}}
+)
 
 
 def old_session(folder: Path, name: str, schema: int = 3) -> Path:

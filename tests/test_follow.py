@@ -31,11 +31,13 @@ def chosen(measurement: Measurement) -> Seen:
     return dataclasses.replace(sight, chosen=measurement)
 
 
-def locked(*, ra_deg: float = 150.0, frames: int = 4) -> Following:
+def locked(
+    *, ra_deg: float = 150.0, frames: int = 4, settings: FollowSettings = SETTINGS
+) -> Following:
     following = Following()
     for frame_id in range(1, frames + 1):
         sight = seen(frame_id, geo_measurement(frame_id, ra_deg=ra_deg))
-        following, _ = follow(following, sight, SETTINGS)
+        following, _ = follow(following, sight, settings)
     return following
 
 

@@ -21,7 +21,11 @@ from rsoconsole.tracking.neighbours import (
     best_match,
 )
 from tests.makers import T0_UTC_NS, geo_measurement
-from tests.test_follow import SETTINGS, locked, seen
+from tests.test_follow import SETTINGS as EVERY_DAY
+from tests.test_follow import locked, seen
+
+SETTINGS = dataclasses.replace(EVERY_DAY, filter=FilterConfig(preset="tuned"))
+"""Its bounds after a coast are what the figures here are reckoned from."""
 
 NEIGHBOUR_DEG = 0.06
 """A slot's mates: 3.6 arcmin."""
@@ -145,7 +149,7 @@ def test_without_that_memory_the_neighbour_would_be_taken():
 
 
 def coasting(until: int) -> Following:
-    following = locked(frames=9)
+    following = locked(frames=9, settings=SETTINGS)
     for frame_id in range(10, until):
         following, _ = follow(following, seen(frame_id), SETTINGS)
     return following

@@ -225,7 +225,7 @@ def test_the_same_log_gives_the_same_orbits():
 def test_where_the_filter_fails_the_orbit_takes_over_and_knows_where_it_is(elements):
     """Half an hour without a measurement: a line on the sky leads astray, an orbit does not."""
     true = flight(*elements)
-    watched = Watched(config(filter={"max_coast_s": 3600}))
+    watched = Watched(config(filter={"max_coast_s": 3600, "preset": "tuned"}))
     watched.see(every_frame(true, 40))
     # The filter alone would have stood still at the fourth measurement; nothing was lost.
     assert watched.last.observations == 40

@@ -111,7 +111,7 @@ def test_the_state_is_the_leads_and_where_the_lead_ends_the_next_one_leads():
     assert states[-1] == "TRACK"
     after, records = follow(following, seen(n + 1, other(n + 1)), SETTINGS)
     assert [r.is_lead for r in records if isinstance(r, TrackState)] == [True, True]
-    for number in range(n + 2, n + 200):
+    for number in range(n + 2, n + 300):
         after, records = follow(after, seen(number), SETTINGS)
         if not after.tracks:
             break

@@ -21,7 +21,7 @@ from rsoconsole.waits import told_to
 if TYPE_CHECKING:
     from rsoconsole.simulator.world import World
 
-Preset: TypeAlias = Literal["tuned", "paper"]
+Preset: TypeAlias = Literal["adaptive", "tuned", "paper"]
 KeepFrames: TypeAlias = Literal["all", "detected", "none"]
 
 FRAMES_UNSEEN = 20
@@ -48,7 +48,7 @@ def demo(
             help="Imperfections: a TOML file that names some, or 'random' (by the seed).",
         ),
     ] = None,
-    preset: Annotated[Preset, typer.Option(help="Filter preset.")] = "tuned",
+    preset: Annotated[Preset, typer.Option(help="Filter preset.")] = "adaptive",
     speed: Annotated[
         float | None,
         typer.Option(min=0, help="Virtual seconds a second; 0: as fast as it goes."),

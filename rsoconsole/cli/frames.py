@@ -101,7 +101,9 @@ def process(
     ] = None,
     config: ConfigOption = None,
     tau: Annotated[float | None, typer.Option(help="Confidence a detection must exceed.")] = None,
-    preset: Annotated[str | None, typer.Option(help="Filter preset: tuned or paper.")] = None,
+    preset: Annotated[
+        str | None, typer.Option(help="Filter preset: adaptive, tuned or paper.")
+    ] = None,
     extension: ExtensionOption = None,
     again: Annotated[
         bool, typer.Option("--again", help="Make also those nights anew that are there already.")

@@ -69,7 +69,9 @@ def what_if(
         float | None, typer.Option(help="Sigma of preset paper, in arcseconds.")
     ] = None,
     gate: Annotated[float | None, typer.Option(help="NIS above which nothing is taken.")] = None,
-    preset: Annotated[str | None, typer.Option(help="Filter preset: tuned or paper.")] = None,
+    preset: Annotated[
+        str | None, typer.Option(help="Filter preset: adaptive, tuned or paper.")
+    ] = None,
     set_: SetOption = None,
     detector: Annotated[
         bool, typer.Option("--detector", help="Detect anew in the frames that were kept.")

@@ -56,7 +56,7 @@ def _multiplier(of: str, label: str) -> Tunable:
 
 TUNABLES = (
     Tunable(name="detector.tau", label="τ", low=0.01, high=0.99),
-    Tunable(name="filter.preset", label="preset", choices=("tuned", "paper")),
+    Tunable(name="filter.preset", label="preset", choices=("adaptive", "tuned", "paper")),
     Tunable(name="filter.sigma_arcsec", label="σ", unit="″", low=0.05, high=600.0),
     Tunable(name="filter.q_arcsec2_s3", label="q", unit=" ″²/s³", factor=2.0, low=1e-9, high=1e3),
     _multiplier("q", "Q ×"),

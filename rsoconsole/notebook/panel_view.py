@@ -33,7 +33,7 @@ TUNED = (
     ("filter.max_coast_s", "lost after", "s"),
 )
 """(setting, label, unit) of what can be tuned here; the console has the rest."""
-CHOICES = {"filter.preset": ("tuned", "paper")}
+CHOICES = {"filter.preset": ("adaptive", "tuned", "paper")}
 
 
 def status_view(status: Status, reach: str, detail: str, seat: str) -> dict[str, Any]:

@@ -16,7 +16,8 @@ from rsoconsole.sky.frames import (
     icrs_to_jnow,
     pier_side,
 )
-from rsoconsole.tracking.lqe import direction_icrs_deg, predict, sky_rate_arcsec_s
+from rsoconsole.tracking.estimator import predict
+from rsoconsole.tracking.lqe import direction_icrs_deg, sky_rate_arcsec_s
 
 SPIRAL_FIELDS = 25
 """Of a search that widens: two rings about its middle."""

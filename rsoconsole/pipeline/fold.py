@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from rsoconsole.config import Config
 from rsoconsole.errors import FrameError
+from rsoconsole.orbit.admissible import bending
 from rsoconsole.orbit.known import known
 from rsoconsole.orbit.prediction import predict_motion
 from rsoconsole.pipeline.absence import StarHistory, counted, explain_absence, stars_of
@@ -22,10 +23,12 @@ from rsoconsole.records import (
     OrbitEstimate,
     Record,
     Ruling,
+    Site,
     Solution,
     TrackState,
 )
-from rsoconsole.tracking import lqe
+from rsoconsole.tracking import estimator
+from rsoconsole.tracking.adaptive import Bend
 from rsoconsole.tracking.follow import (
     CROSSED,
     Following,
@@ -136,13 +139,13 @@ def _by_orbit(
     motion = predict_motion(known(orbit), config.site.to_site(), t_mid_ns)
     if motion is None:
         return None
-    state = lqe.begun_from(
+    state = estimator.begun_from(
         (motion.ra_icrs_deg, motion.dec_icrs_deg),
         motion.rate_arcsec_s,
         motion.covariance,
         t_mid_ns,
-        failed.frame_id,
         failed,
+        config.filter,
     )
     widest_deg = min(min(config.optics.field_deg) / 2.0, config.filter.max_3sigma_arcmin / 60.0)
     return state if three_sigma_deg(state) <= widest_deg else None
@@ -180,4 +183,12 @@ def follow_settings(config: Config, frame: Frame | FrameTaken) -> FollowSettings
         filter=config.filter,
         half_field_deg=half_field_px * config.optics.scale_arcsec_px / 3600.0,
         choice=config.search.follow,
+        bend=functools.partial(_bend, config.site.to_site()),
     )
+
+
+def _bend(
+    site: Site, t_utc_ns: int, direction_deg: tuple[float, float], rate: tuple[float, float]
+) -> Bend | None:
+    told = bending(site, t_utc_ns, direction_deg, rate)
+    return None if told is None else (told.mean, told.covariance)

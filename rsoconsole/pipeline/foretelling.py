@@ -27,7 +27,7 @@ def may_guide(config: Config) -> bool:
 
     Preset ``paper`` is the paper's whole loop: its filter alone leads it.
     """
-    return config.orbit.guide == "when better" and config.filter.preset == "tuned"
+    return config.orbit.guide == "when better" and config.filter.preset != "paper"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

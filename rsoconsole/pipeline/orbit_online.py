@@ -23,13 +23,15 @@ from rsoconsole.pipeline.sightings_of import sightings_of
 from rsoconsole.pipeline.tracks_taken import Track, TracksTaken
 from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
 from rsoconsole.sky.angles import wrap_180
-from rsoconsole.tracking import lqe
+from rsoconsole.tracking import adaptive, estimator
 
 ASKED_AT = (6, 12, 24, 48, 96)
 """With so many measurements a track is asked whether it is of an object followed before."""
 JOINED_FROM, PARTED_BELOW = 0.99, 0.5
 """Probabilities: a wrong join makes an orbit of two objects, and what leads the telescope."""
 _MOST_EARLIER = 4
+_LEARNT = 0.2
+"""Share by which the scatter must have changed before all is reckoned anew."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +62,8 @@ class _Target:
     """Of the first of its tracks, once that was asked for."""
     joined: "_Target | None" = None
     """What it was before, if it has been followed before."""
+    scatter_s: float = 0.0
+    """With which its directions are reckoned."""
     is_told_of_none: bool = False
     """Of a measurement that was no direction."""
     words: list[str] = field(default_factory=list)
@@ -145,7 +149,7 @@ class OnlineOrbit:
             return None
         predicted = None
         if len(target.taken) == count + 1 and target.orbit is not None:
-            predicted = self._foretold(target.orbit, target.taken[-1])
+            predicted = self._foretold(target.orbit, _with_scatter(target.taken, target)[-1])
         self._ask_earlier(target)
         seen, _ = together(target.parts)
         orbit = target.orbit = self._determined(target, seen)
@@ -181,7 +185,10 @@ class OnlineOrbit:
         if len(taken) == len(known) and all(map(_is_same, taken, known)):
             return False
         is_longer = len(taken) > len(known) and all(map(_is_same, taken, known))
-        fresh = taken[len(known) :] if is_longer else taken
+        learnt_s = _scatter_s(track.last)
+        if abs(learnt_s - target.scatter_s) > _LEARNT * max(learnt_s, target.scatter_s):
+            target.scatter_s, is_longer = learnt_s, False
+        fresh = _with_scatter(taken, target)[len(known) if is_longer else 0 :]
         seen = self._reduced(fresh)
         if (seen is None or len(seen) < len(fresh)) and not target.is_told_of_none:
             target.is_told_of_none = True
@@ -274,7 +281,7 @@ class OnlineOrbit:
             return None
         settings, measured = self._config.filter, track.measurements[-1]
         try:
-            log_size = lqe.log_det_innovation(track.predicted, measured, settings)
+            log_size = estimator.log_det_innovation(track.predicted, measured, settings)
         except ValueError:
             return None
         return Foretold(nis=track.last.nis, log_size=log_size)
@@ -312,6 +319,15 @@ class OnlineOrbit:
             sigma_innovation_arcsec=None if predicted is None else predicted.sigma_arcsec,
             is_guide=self._guides(target),
         )
+
+
+def _scatter_s(state: TrackState) -> float:
+    """What preset ``adaptive`` has learnt."""
+    return 0.0 if state.weighed is None else state.weighed.scatter_s
+
+
+def _with_scatter(taken: Sequence[Measurement], target: _Target) -> tuple[Measurement, ...]:
+    return adaptive.with_scatter(taken, target.scatter_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

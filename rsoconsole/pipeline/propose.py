@@ -7,6 +7,7 @@ in one of a hundred. Which measurements belong to a track depends on Q and R too
 so what is found is replayed, and sought anew with what the tracks take then, until both agree.
 """
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,9 @@ from rsoconsole.pipeline.propose_evidence import Proposal
 from rsoconsole.pipeline.propose_inquiry import LEAST, Inquiry
 from rsoconsole.pipeline.propose_likelihood import Arc, arcs_of
 from rsoconsole.pipeline.replay import replay
+from rsoconsole.records import TrackState
 from rsoconsole.session.reader import SessionReader
+from rsoconsole.tracking.adaptive import scatter_words
 
 FIRST_GATE_NIS, GATE_NIS = 50.0, 25.0
 """The gate at first and later: wide, so that an R too small cuts off none that show it."""
@@ -45,6 +48,8 @@ def propose(
         raise SessionError("name at least one session")
     sessions = [_load(Path(folder)) for folder in folders]
     presets = sorted({session.config.filter.preset for session in sessions})
+    if "adaptive" in presets:
+        raise ConfigError(_nothing_to_propose(sessions))
     if len(presets) > 1:
         raise ConfigError("sessions of the presets tuned and paper share no Q: propose them apart")
     arcs, tried, rounds = _arcs(sessions, None), {}, 0
@@ -63,6 +68,24 @@ def propose(
     if rounds == 0 or inquiry.count < LEAST:
         return _not_enough(folders, presets[0], inquiry.count, len(arcs))
     return inquiry.proposal(folders, rounds, evaluations)
+
+
+def _nothing_to_propose(sessions: Sequence[_Session]) -> str:
+    """What preset ``adaptive`` has learnt of each night by itself, and what may be made of it."""
+    told = []
+    for session in sessions:
+        states = (r for r in session.records if isinstance(r, TrackState) and r.weighed is not None)
+        last = deque(states, maxlen=1)
+        known_s = session.config.exposure.timing_sigma_s
+        words = scatter_words(last[0], known_s) if last else None
+        if words is not None:
+            told.append(f"{session.folder.name}: {words}")
+    learnt = "; ".join(told) or "no track has learnt anything yet"
+    return (
+        "preset adaptive weighs its motions and learns the night's scatter by itself, there is no Q"
+        f" to propose ({learnt}); put the scatter into exposure.timing_sigma_s if it is the"
+        " shutter's, or record with preset tuned"
+    )
 
 
 def _load(folder: Path) -> _Session:

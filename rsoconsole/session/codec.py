@@ -19,7 +19,7 @@ import numpy as np
 from rsoconsole.errors import SessionError
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Reason, Told
-from rsoconsole.records import Record
+from rsoconsole.records import OFF_RECORD, Record
 
 KINDS: Mapping[str, type] = types.MappingProxyType(
     {record.__name__: record for record in get_args(Record)}
@@ -93,7 +93,11 @@ def _plain(value: Any, where: str) -> Any:  # noqa: PLR0911 -- one case a type
 
 
 def _members(value: Any, where: str) -> dict[str, Any]:
-    return {f.name: _plain(getattr(value, f.name), f"{where}.{f.name}") for f in fields(value)}
+    return {
+        f.name: _plain(getattr(value, f.name), f"{where}.{f.name}")
+        for f in fields(value)
+        if OFF_RECORD not in f.metadata
+    }
 
 
 @cache
@@ -199,7 +203,8 @@ def _literal_decoder(allowed: tuple[Any, ...]) -> _Decoder:
 
 def _record_decoder(record_type: Any) -> _Decoder:
     hints = get_type_hints(record_type)
-    pairs = tuple((f.name, _decoder(hints[f.name])) for f in fields(record_type))
+    kept = [f.name for f in fields(record_type) if OFF_RECORD not in f.metadata]
+    pairs = tuple((name, _decoder(hints[name])) for name in kept)
     required = _required(record_type)
 
     def read(value: Any) -> Any:

@@ -129,7 +129,7 @@ class SessionReader:
         """The configuration the session began with; settings of a later version are left out."""
         table = self.about().get("config")
         try:
-            return Config.model_validate(_known(table))
+            return Config.model_validate(_with_old_defaults(_known(table)))
         except ValidationError as error:
             raise SessionError(
                 f"the configuration of {self.folder} is not one this version knows: "
@@ -357,6 +357,16 @@ class SessionReader:
 
 def _is_busy(error: sqlite3.OperationalError) -> bool:
     return error.sqlite_errorcode & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
+
+
+_OLD_FILTER = {"preset": "tuned", "max_coast_s": 3600.0}
+"""Defaults that have changed since: a session that does not name them was recorded with these."""
+
+
+def _with_old_defaults(table: Any) -> Any:
+    if not isinstance(table, dict):
+        return table
+    return {**table, "filter": {**_OLD_FILTER, **table.get("filter", {})}}
 
 
 def _known(table: Any) -> Any:

@@ -22,7 +22,8 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking import lqe
+from rsoconsole.tracking import estimator, lqe
+from rsoconsole.tracking.adaptive import Bend
 from rsoconsole.tracking.association import (
     Motion,
     disagreement,
@@ -49,6 +50,8 @@ MAY_BE_FOLLOWED = ("satellite", "undetermined")
 REFUSED, NOT_CHOSEN = NotTaken(kind="refused"), NotTaken(kind="not chosen")
 ANOTHER_OBJECT_NIS = 100.0
 """What the operator chooses ten sigmas from the prediction is another object: it begins anew."""
+ALONE_FOR_S = 100.0
+"""How long the motions of preset ``adaptive`` are believed without an orbit: three frames or so."""
 CANNOT_TELL = NotTaken(kind="cannot be told apart")
 
 
@@ -87,6 +90,9 @@ class FollowSettings:
     half_field_deg: float
     """Distance from the centre to the nearest edge of the usable field."""
     choice: Choice = "nearest"
+    bend: Callable[[int, tuple[float, float], tuple[float, float]], Bend | None] | None = None
+    """How an orbit through a direction with a rate (east, north, arcsec/s) may bend at an instant;
+    None: nobody knows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -299,7 +305,10 @@ def _acquire(
                 m for m in (*before.candidates, *usable) if m is not first and m is not second
             )
             track_id = before.last_track_id + 1
-            track = lqe.initialise(first, second, settings.filter, track_id=track_id)
+            bend = _bend_of(first, second, settings)
+            track = estimator.initialise(
+                first, second, settings.filter, track_id=track_id, bend=bend
+            )
             told = (_not_followed(m, NotTaken(kind="another leads")) for m in others)
             beside = _beside((), track, second, seen)
             after = Following(
@@ -311,6 +320,18 @@ def _acquire(
     alone = tuple(_not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
     return before.without_track(state, usable), (*alone, *aside, *refused)
+
+
+def _bend_of(first: Measurement, second: Measurement, settings: FollowSettings) -> Bend | None:
+    """What an orbit through the first of two measurements may do."""
+    if settings.bend is None or settings.filter.preset != "adaptive":
+        return None
+    here, there = (first.ra_icrs_deg, first.dec_icrs_deg), (second.ra_icrs_deg, second.dec_icrs_deg)
+    way = motion_between(*here, *there)
+    dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
+    return settings.bend(
+        first.t_mid_utc_ns, here, (way.east_arcsec / dt_s, way.north_arcsec / dt_s)
+    )
 
 
 def _rank(m: Measurement) -> tuple[float, float]:
@@ -343,9 +364,10 @@ def _beside(
 
 
 def _follow_track(before: Tracked, seen: Seen, settings: FollowSettings) -> _Step:
-    predicted = lqe.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
+    predicted = _predicted(before, seen, settings)
     step, reasons = _taken_by(predicted, before, seen, settings)
-    if step is None and seen.measurements and seen.by_orbit is not None:
+    is_filters = predicted.foretold_by == "filter"
+    if step is None and seen.measurements and seen.by_orbit is not None and is_filters:
         by_orbit = seen.by_orbit(predicted)
         if by_orbit is not None:
             step, _ = _taken_by(by_orbit, before, seen, settings)
@@ -357,9 +379,24 @@ def _follow_track(before: Tracked, seen: Seen, settings: FollowSettings) -> _Ste
     is_nothing_fitting = isinstance(reason, Missed) and reason.kind == "nothing fits"
     if isinstance(reason, Missed) and is_nothing_fitting and CANNOT_TELL in reasons.values():
         reason = replace(reason, kind="cannot be told apart")
-    updated = {m: lqe.update(predicted, m, settings.filter) for m in seen.measurements}
+    updated = {m: estimator.update(predicted, m, settings.filter) for m in seen.measurements}
     refused = _verdicts(reasons, updated)
     return _coast(before, predicted, seen, settings, (predicted, *refused), reason)
+
+
+def _predicted(before: Tracked, seen: Seen, settings: FollowSettings) -> TrackState:
+    """Where the track is at a frame: after a while unseen, by the orbit of all that was seen.
+
+    No motion without an orbit foretells a long coast; preset ``tuned`` asks the orbit only where
+    its own prediction fits nothing.
+    """
+    predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
+    if settings.filter.preset != "adaptive" or seen.by_orbit is None or before.taken is None:
+        return predicted
+    coasted_s = (seen.t_mid_utc_ns - before.taken.t_mid_utc_ns) / 1e9
+    if coasted_s <= ALONE_FOR_S:
+        return predicted
+    return seen.by_orbit(predicted) or predicted
 
 
 def _taken_by(
@@ -370,7 +407,7 @@ def _taken_by(
     With why the others do not fit.
     """
     expected = expected_motion(predicted, seen.exposure_s)
-    updated = {m: lqe.update(predicted, m, settings.filter) for m in seen.measurements}
+    updated = {m: estimator.update(predicted, m, settings.filter) for m in seen.measurements}
     reasons: dict[Measurement, NotTaken] = {}
     if settings.choice == "nearest":  # the paper's rule asks for nothing but confidence
         reasons = _refusals(predicted, expected, updated, before.neighbours, seen, settings)
@@ -402,9 +439,9 @@ def _follow_chosen(
     before: Tracked, chosen: Measurement, seen: Seen, settings: FollowSettings
 ) -> _Step:
     """What the operator wants followed is taken whatever the gates say, or begins a new track."""
-    predicted = lqe.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
+    predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(_not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
-    updated = lqe.update(predicted, chosen, settings.filter)
+    updated = estimator.update(predicted, chosen, settings.filter)
     if _nis(updated) > ANOTHER_OBJECT_NIS:
         return _Step(records=(predicted, *others), after=None, begins_with=chosen)
     return _measured(updated, before, chosen, seen, (predicted, updated, *others))
@@ -458,7 +495,7 @@ def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
         field=seen.field,
     )
     # The paper's bounds are wider than any slot: no position could ever meet a margin in them.
-    if settings.filter.preset == "tuned" and match.margin < LEAST_MARGIN:
+    if settings.filter.preset != "paper" and match.margin < LEAST_MARGIN:
         return dict.fromkeys(alike, CANNOT_TELL)
     others = (m for m in alike if m is not match.measurement)
     return dict.fromkeys(others, NotTaken(kind="neighbour"))
@@ -513,7 +550,7 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     # The paper's bounds are wider than any field from the first prediction on and say nothing.
     bound_deg = three_sigma_deg(predicted)
     most_deg = settings.filter.max_3sigma_arcmin / 60.0
-    if settings.filter.preset == "tuned" and bound_deg > min(settings.half_field_deg, most_deg):
+    if settings.filter.preset != "paper" and bound_deg > min(settings.half_field_deg, most_deg):
         fits_field = most_deg < settings.half_field_deg
         lost = TrackLost.by_bounds(bound_deg * 60, fits_field=fits_field)
     elif coasted_s > settings.filter.max_coast_s:

@@ -1,0 +1,267 @@
+"""Preset ``adaptive``: the track as the mixture of a bank of filters (``bank``). Pure.
+
+The state on record is the mixture's mean and covariance, as of one filter; the bank itself goes
+along in memory. A state that was read from a session has none: it is carried on by what the record
+says of its motions.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+
+from rsoconsole.config import FilterConfig
+from rsoconsole.records import FloatArray, Measurement, TrackState, Weighed
+from rsoconsole.tracking import bank as banks
+from rsoconsole.tracking import lqe
+from rsoconsole.tracking.bank import Bank, Sighted
+from rsoconsole.tracking.sky_path import GAIN, TURN, VX, VY, Plane
+
+Bend = tuple[FloatArray, FloatArray]
+"""Mean (2,) and covariance (2, 2) of change of speed (arcsec/s^2) and turn."""
+
+
+def initialise(
+    first: Measurement,
+    second: Measurement,
+    settings: FilterConfig,
+    *,
+    track_id: int = 1,
+    bend: Bend | None = None,
+) -> TrackState:
+    """Track at the second of two measurements.
+
+    ``bend``: what an orbit through the first may do. Raises ValueError when the second is not the
+    later one.
+    """
+    dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
+    if dt_s <= 0.0:
+        raise ValueError(f"a track needs its second measurement after the first, not {dt_s:+.3f} s")
+    one, two = _sighted(first, settings), _sighted(second, settings)
+    way = Plane.at(one.ra_icrs_deg, one.dec_icrs_deg).place_of(two.ra_icrs_deg, two.dec_icrs_deg)
+    rate = (float(way[0]) / dt_s, float(way[1]) / dt_s)
+    bank = banks.begun(one, rate, bend, banks.scatters())
+    bank = banks.heard(banks.ahead(bank, two.t_utc_ns, _roots(settings)), two).after
+    return _state(
+        bank,
+        kind="initial",
+        frame_id=second.frame_id,
+        track_id=track_id,
+        measurement_id=second.measurement_id,
+        begun_with=(first.measurement_id, second.measurement_id),
+    )
+
+
+def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
+    """The track carried to another instant, for the frame ``frame_id``."""
+    return _state(
+        banks.ahead(_bank_of(state), t_utc_ns, _roots(settings)),
+        kind="predicted",
+        frame_id=frame_id,
+        track_id=state.track_id,
+        is_lead=state.is_lead,
+        misses=state.misses + 1,
+        innovations=state.innovations,
+    )
+
+
+def update(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:
+    """The track after a measurement at the predicted instant, with what the innovation says.
+
+    Raises ValueError when the measurement belongs to another instant: predict to it first.
+    """
+    if measurement.t_mid_utc_ns != predicted.t_utc_ns:
+        raise ValueError("the measurement and the prediction are of different instants")
+    said = banks.heard(_bank_of(predicted), _sighted(measurement, settings))
+    east, north = said.innovation.tolist()
+    sigma = np.sqrt(np.diag(said.covariance)).tolist()
+    return _state(
+        said.after,
+        kind="updated",
+        frame_id=measurement.frame_id,
+        track_id=predicted.track_id,
+        is_lead=predicted.is_lead,
+        measurement_id=measurement.measurement_id,
+        nis=said.nis,
+        innovation_arcsec=(east, north),
+        sigma_innovation_arcsec=(sigma[0], sigma[1]),
+        innovations=predicted.innovations + 1,
+        foretold_by=predicted.foretold_by,
+    )
+
+
+def begun_from(
+    direction_deg: tuple[float, float],
+    rate_arcsec_s: tuple[float, float],
+    covariance: FloatArray,
+    frame_id: int,
+    failed: TrackState,
+) -> TrackState:
+    """The bank begun anew from another prediction at the instant of one that has ``failed``.
+
+    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. What was learnt
+    of scatter and of how the path bends stays.
+    """
+    before = _bank_of(failed)
+    mean, spread = before.moments()
+    bend = (mean[GAIN:], spread[GAIN:, GAIN:])
+    return _state(
+        banks.reseeded(before, direction_deg, rate_arcsec_s, covariance, bend),
+        kind="predicted",
+        frame_id=frame_id,
+        track_id=failed.track_id,
+        is_lead=failed.is_lead,
+        misses=failed.misses,
+        innovations=failed.innovations,
+        foretold_by="orbit",
+    )
+
+
+def log_det_innovation(
+    predicted: TrackState, measurement: Measurement, settings: FilterConfig
+) -> float:
+    """Logarithm of the determinant of the mixture's innovation covariance, arcsec^2 squared."""
+    said = banks.heard(_bank_of(predicted), _sighted(measurement, settings))
+    return float(np.linalg.slogdet(said.covariance)[1])
+
+
+def _sighted(measurement: Measurement, settings: FilterConfig) -> Sighted:
+    noise = lqe.measurement_noise(measurement, settings) * lqe.ARCSEC_PER_DEG**2
+    to_sky = np.array([math.cos(math.radians(measurement.dec_icrs_deg)), 1.0])
+    return Sighted(
+        t_utc_ns=measurement.t_mid_utc_ns,
+        ra_icrs_deg=measurement.ra_icrs_deg,
+        dec_icrs_deg=measurement.dec_icrs_deg,
+        covariance=noise * np.outer(to_sky, to_sky),
+    )
+
+
+def _roots(settings: FilterConfig) -> FloatArray | None:
+    """Of the operator's factors of Q, in the order of a motion."""
+    ra, ra_rate, dec, dec_rate = (
+        settings.q_ra_multiplier,
+        settings.q_ra_rate_multiplier,
+        settings.q_dec_multiplier,
+        settings.q_dec_rate_multiplier,
+    )
+    factors = np.array([ra, dec, ra_rate, dec_rate, 1.0, 1.0]) * settings.q_multiplier
+    return None if np.all(factors == 1.0) else np.sqrt(factors)
+
+
+def _bank_of(state: TrackState) -> Bank:
+    if state.memory is not None:
+        return cast("Bank", state.memory)
+    return _from_record(state)
+
+
+def _from_record(state: TrackState) -> Bank:
+    """A bank that says what a state on record says."""
+    cos_dec = max(math.cos(math.radians(state.x[2])), 1e-3)
+    to_sky = np.array([cos_dec, 1.0, cos_dec, 1.0]) * lqe.ARCSEC_PER_DEG
+    order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
+    said = state.weighed
+    motion = np.zeros(6)
+    motion[VX], motion[VY] = state.x[1] * to_sky[2], state.x[3] * to_sky[3]
+    covariance = np.zeros((6, 6))
+    covariance[:4, :4] = np.array(state.P)[order] * np.outer(to_sky, to_sky)
+    shares, scatter_s = list(banks.MOTION_SHARES), 0.0
+    if said is None:
+        covariance[GAIN:, GAIN:] = banks.any_bend(math.hypot(*motion[VX : VY + 1]))[1]
+    else:
+        motion[GAIN], motion[TURN] = said.gain_arcsec_s2, said.turn
+        covariance[GAIN, GAIN] = said.gain_sigma_arcsec_s2**2
+        covariance[TURN, TURN] = said.turn_sigma**2
+        known = dict(said.motion_shares)
+        shares = [known.get(name, 0.0) for name in banks.MOTIONS]
+        scatter_s = said.scatter_s
+    return banks.of_one(
+        Plane.at(state.x[0], state.x[2]), state.t_utc_ns, motion, covariance, shares, scatter_s
+    )
+
+
+def _state(bank: Bank, **told: object) -> TrackState:
+    mean, covariance = bank.moments()
+    ra, dec = bank.plane.direction_of(float(mean[0]), float(mean[1]))
+    cos_dec = max(math.cos(math.radians(dec)), 1e-3)
+    to_deg = np.array([1.0 / cos_dec, 1.0 / cos_dec, 1.0, 1.0]) / lqe.ARCSEC_PER_DEG
+    order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
+    P = covariance[:4, :4][order] * np.outer(to_deg, to_deg)
+    median, low, high = banks.scatter_interval_s(bank)
+    return TrackState(
+        t_utc_ns=bank.t_utc_ns,
+        x=(ra, float(mean[VX] * to_deg[0]), dec, float(mean[VY] * to_deg[2])),
+        P=tuple(map(tuple, ((P + P.T) / 2.0).tolist())),
+        weighed=Weighed(
+            motion_shares=tuple(zip(banks.MOTIONS, bank.motion_shares.tolist(), strict=True)),
+            gain_arcsec_s2=float(mean[GAIN]),
+            gain_sigma_arcsec_s2=math.sqrt(max(covariance[GAIN, GAIN], 0.0)),
+            turn=float(mean[TURN]),
+            turn_sigma=math.sqrt(max(covariance[TURN, TURN], 0.0)),
+            scatter_s=median,
+            scatter_low_s=low,
+            scatter_high_s=high,
+        ),
+        memory=bank,
+        **told,  # type: ignore[arg-type]
+    )
+
+
+def scatter_words(state: TrackState, known_s: float) -> str | None:
+    """What a track has learnt of scatter along its motion; None: nothing.
+
+    One streak alone does not tell the shutter from an end that is found badly, so it is called
+    the shutter's only under a condition. ``known_s``: what the measurements reckon with already.
+    """
+    if state.weighed is None:
+        return None
+    said = state.weighed
+    speed = math.hypot(*lqe.sky_rate_arcsec_s(state))
+    every = (said.scatter_s, said.scatter_low_s, said.scatter_high_s)
+    median, low, high = (math.hypot(each, known_s) for each in every)
+    return (
+        f"along-track scatter {median * speed:.1f} arcsec ({median:.2g} s if it is the shutter,"
+        f" {low:.2g} to {high:.2g} s at 90 %)"
+    )
+
+
+def with_scatter(taken: Sequence[Measurement], scatter_s: float) -> tuple[Measurement, ...]:
+    """A track's measurements, whose covariances reckon with what it has learnt of scatter.
+
+    Each moves as from the one before to the one after.
+    """
+    if len(taken) < 2 or scatter_s <= 0.0:
+        return tuple(taken)
+    last = len(taken) - 1
+    return tuple(
+        _scattered(m, taken[max(n - 1, 0)], taken[min(n + 1, last)], scatter_s)
+        for n, m in enumerate(taken)
+    )
+
+
+def _scattered(
+    measurement: Measurement, before: Measurement, after: Measurement, scatter_s: float
+) -> Measurement:
+    span_s = (after.t_mid_utc_ns - before.t_mid_utc_ns) / 1e9
+    if span_s <= 0.0:
+        return measurement
+    plane = Plane.at(before.ra_icrs_deg, before.dec_icrs_deg)
+    way = plane.place_of(after.ra_icrs_deg, after.dec_icrs_deg) / span_s * scatter_s
+    east, north = float(way[0]), float(way[1])
+    ee, en, nn = measurement.cov_sky_arcsec2
+    if not (ee > 0.0 and nn > 0.0 and ee * nn > en * en):
+        return measurement  # what is no direction does not become one
+    return replace(measurement, cov_sky_arcsec2=(ee + east**2, en + east * north, nn + north**2))
+
+
+__all__ = [
+    "Bend",
+    "begun_from",
+    "initialise",
+    "log_det_innovation",
+    "predict",
+    "scatter_words",
+    "update",
+    "with_scatter",
+]

@@ -1,0 +1,69 @@
+"""Which filter a preset means: ``adaptive`` a bank of them, ``tuned`` and ``paper`` one. Pure.
+
+Nights are replayed by the preset that they were recorded with, so no preset ever changes what it
+makes of given measurements.
+"""
+
+from rsoconsole.config import FilterConfig
+from rsoconsole.records import FloatArray, Measurement, TrackState
+from rsoconsole.tracking import adaptive, lqe
+from rsoconsole.tracking.adaptive import Bend
+
+
+def initialise(
+    first: Measurement,
+    second: Measurement,
+    settings: FilterConfig,
+    *,
+    track_id: int = 1,
+    bend: Bend | None = None,
+) -> TrackState:
+    """Track at the second of two measurements.
+
+    ``bend``: how an orbit's path may bend there, for the preset that asks. Raises ValueError when
+    the second is not the later one.
+    """
+    if settings.preset == "adaptive":
+        return adaptive.initialise(first, second, settings, track_id=track_id, bend=bend)
+    return lqe.initialise(first, second, settings, track_id=track_id)
+
+
+def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
+    """The track carried to another instant, for the frame ``frame_id``."""
+    if settings.preset == "adaptive":
+        return adaptive.predict(state, t_utc_ns, settings, frame_id)
+    return lqe.predict(state, t_utc_ns, settings, frame_id)
+
+
+def update(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:
+    """The track after a measurement. Raises ValueError for one of another instant."""
+    if settings.preset == "adaptive":
+        return adaptive.update(predicted, measurement, settings)
+    return lqe.update(predicted, measurement, settings)
+
+
+def begun_from(  # noqa: PLR0917 -- a direction, its motion and how well both are known
+    direction_deg: tuple[float, float],
+    rate_arcsec_s: tuple[float, float],
+    covariance: FloatArray,
+    t_utc_ns: int,
+    failed: TrackState,
+    settings: FilterConfig,
+) -> TrackState:
+    """The filter begun anew from another prediction, where its own has ``failed``."""
+    if settings.preset == "adaptive" and failed.t_utc_ns == t_utc_ns:
+        return adaptive.begun_from(
+            direction_deg, rate_arcsec_s, covariance, failed.frame_id, failed
+        )
+    return lqe.begun_from(
+        direction_deg, rate_arcsec_s, covariance, t_utc_ns, failed.frame_id, failed
+    )
+
+
+def log_det_innovation(
+    predicted: TrackState, measurement: Measurement, settings: FilterConfig
+) -> float:
+    """Logarithm of the determinant of the innovation's covariance on the sky, arcsec^2 squared."""
+    if settings.preset == "adaptive":
+        return adaptive.log_det_innovation(predicted, measurement, settings)
+    return lqe.log_det_innovation(predicted, measurement, settings)
