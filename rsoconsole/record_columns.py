@@ -247,6 +247,10 @@ track_id integer the track, from 1 in the order in which they began
 measurement_id text the measurement that it took
 first_measurement_id=begun_with.0 text the earlier of the two that it began with
 is_lead truth the telescope follows this one
+turn=weighed.turn real of its path to the left, radians for each radian that it goes on
+scatter_s=weighed.scatter_s real excess scatter along the motion, as of the shutter's time
+scatter_low_s=weighed.scatter_low_s real lower end of its interval of 90 %
+scatter_high_s=weighed.scatter_high_s real upper end of it
 """
 _OF_SLEW = """
 ra_icrs_deg real where to look

@@ -226,6 +226,16 @@ def scatter_words(state: TrackState, known_s: float) -> str | None:
     )
 
 
+def learnt_words(state: TrackState | None, known_s: float) -> str:
+    """In a few words for a narrow screen what motion is believed, and the scatter; may be empty."""
+    if state is None or state.weighed is None:
+        return ""
+    name, share = max(state.weighed.motion_shares, key=lambda each: each[1])
+    speed = math.hypot(*lqe.sky_rate_arcsec_s(state))
+    scatter_s = math.hypot(state.weighed.scatter_s, known_s)
+    return f"{name} {share:.0%}, scatter {scatter_s * speed:.1f}″ = {scatter_s:.2g} s"
+
+
 def with_scatter(taken: Sequence[Measurement], scatter_s: float) -> tuple[Measurement, ...]:
     """A track's measurements, whose covariances reckon with what it has learnt of scatter.
 
@@ -259,6 +269,7 @@ __all__ = [
     "Bend",
     "begun_from",
     "initialise",
+    "learnt_words",
     "log_det_innovation",
     "predict",
     "scatter_words",
