@@ -296,6 +296,8 @@ def _cause(reason: Cause) -> str:  # noqa: PLR0911, PLR0912 -- one case a kind
             return "two frames agree on one motion"
         case "measured again":
             return "measured again"
+        case "re-acquired":
+            return f"re-acquired {reason.detail}"
         case "waiting":
             plural = "" if reason.detections == 1 else "s"
             return f"{reason.detections} detection{plural}, waiting for a second frame"

@@ -335,6 +335,7 @@ CauseKind: TypeAlias = Literal[
     "operator's word",
     "two frames agree",
     "measured again",
+    "re-acquired",
     "waiting",
     "missed",
 ]

@@ -9,7 +9,10 @@ half an hour, it agrees with the track's rate to 2 per cent.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from rsoconsole.reasons import MotionMismatch
 from rsoconsole.records import Measurement
@@ -120,6 +123,43 @@ def pair_misfit_arcsec(first: Measurement, second: Measurement, exposure_s: floa
                 )
             )
     return max(misfits)
+
+
+def paired(
+    firsts: Sequence[Measurement], seconds: Sequence[Measurement], exposure_s: float
+) -> dict[Measurement, Measurement]:
+    """The first of each second one, where two frames agree; each is in one pair at most.
+
+    Of all ways to pair them the one whose displacements are together nearest to the streaks: of
+    two neighbours that were not both seen in the first frame the one that was finds itself.
+    """
+    cost = np.array(
+        [
+            [
+                pair_misfit_arcsec(first, second, exposure_s)
+                if pair_disagreement(first, second, exposure_s) is None
+                else math.inf
+                for first in firsts
+            ]
+            for second in seconds
+        ]
+    ).reshape(len(seconds), len(firsts))
+    is_one = np.isfinite(cost)
+    if not is_one.any():
+        return {}
+    if is_one.sum() == 1:
+        rows, columns = np.nonzero(is_one)
+    else:
+        # scipy weighs half a second: only who has a choice to make pays for it.
+        from scipy.optimize import linear_sum_assignment
+
+        most = float(cost[is_one].max()) + 1.0
+        rows, columns = linear_sum_assignment(np.where(is_one, cost, most * cost.size))
+    return {
+        seconds[row]: firsts[column]
+        for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
+        if is_one[row, column]
+    }
 
 
 def _motion_in_exposure(

@@ -30,6 +30,7 @@ from rsoconsole.tracking.association import (
     motion_between,
     pair_disagreement,
     pair_misfit_arcsec,
+    paired,
 )
 from rsoconsole.tracking.neighbours import (
     LEAST_MARGIN,
@@ -38,6 +39,7 @@ from rsoconsole.tracking.neighbours import (
     best_match,
     remembered,
 )
+from rsoconsole.tracking.rivals import SURE_ODDS, Rival, Ways, after_miss, odds
 
 Choice = Literal["nearest", "most confident"]
 AS_GOOD_AS_CERTAIN = 0.9
@@ -105,6 +107,10 @@ class Tracked:
     """The last measurement the track took."""
     neighbours: tuple[Neighbour, ...] = ()
     """What moves alike beside it."""
+    rivals: tuple[Rival, ...] = ()
+    """What has fitted nothing since, but each other; preset ``adaptive`` only."""
+    unexplained: int = 0
+    """Frames since then in which nothing hid it, and it was not there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,7 +162,7 @@ def follow(
     else:
         after, records = _follow_tracks(before, seen, settings)
     records += _of_track(crossings, before.track_id)
-    if after.state != before.state:
+    if after.state != before.state and not any(isinstance(r, StateChange) for r in records):
         change = StateChange(
             frame_id=seen.frame_id,
             before=before.state,
@@ -197,6 +203,19 @@ class _Step:
     is_measured: bool = False
     begins_with: Measurement | None = None
     """Another object that the operator wants followed in its place."""
+    reacquired: "_Reacquired | None" = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Reacquired:
+    """What did not fit has turned out to be what is followed."""
+
+    first: Measurement
+    second: Measurement
+    away_arcsec: float
+    """From where the track had it."""
+    frames: int
+    odds: float
 
 
 def _follow_tracks(
@@ -220,6 +239,8 @@ def _follow_tracks(
         records += _of_track(told, each.track.track_id)
         if step.begins_with is not None:
             return before.without_track("ACQUIRE", (step.begins_with,)), records
+        if step.reacquired is not None:
+            return _begun_anew(before, number, steps, step.reacquired, seen, settings, records)
         is_last = number + 1 == len(before.tracks)
         if step.is_measured and step.after is not None and not is_last:
             others = tuple(m for m in left.measurements if m != step.after.taken)
@@ -293,12 +314,18 @@ def _acquire(
     )
     aside += told_of_choice
     refused = tuple(_not_followed(m, REFUSED) for m in seen.refused)
+    pairs: dict[Measurement, Measurement] = {}
+    if settings.filter.preset == "adaptive":
+        pairs = paired(before.candidates, usable, seen.exposure_s)
     for second in usable:
-        partners = [
-            first
-            for first in before.candidates
-            if pair_disagreement(first, second, seen.exposure_s) is None
-        ]
+        if settings.filter.preset == "adaptive":
+            partners = [pairs[second]] if second in pairs else []
+        else:
+            partners = [
+                first
+                for first in before.candidates
+                if pair_disagreement(first, second, seen.exposure_s) is None
+            ]
         if partners:
             first = min(partners, key=lambda m: pair_misfit_arcsec(m, second, seen.exposure_s))
             others = tuple(
@@ -374,6 +401,7 @@ def _follow_track(before: Tracked, seen: Seen, settings: FollowSettings) -> _Ste
     if step is not None:
         return step
     reason = seen.why_absent
+    is_hidden = isinstance(reason, Missed) and bool(reason.hidden_by)
     if seen.measurements and reason == NOTHING_SEEN:
         reason = Missed(kind="nothing fits")
     is_nothing_fitting = isinstance(reason, Missed) and reason.kind == "nothing fits"
@@ -381,7 +409,122 @@ def _follow_track(before: Tracked, seen: Seen, settings: FollowSettings) -> _Ste
         reason = replace(reason, kind="cannot be told apart")
     updated = {m: estimator.update(predicted, m, settings.filter) for m in seen.measurements}
     refused = _verdicts(reasons, updated)
-    return _coast(before, predicted, seen, settings, (predicted, *refused), reason)
+    step = _coast(before, predicted, seen, settings, (predicted, *refused), reason)
+    if settings.filter.preset != "adaptive" or step.after is None:
+        return step
+    return _with_rivals(step, before, predicted, reasons, is_hidden, seen, settings)
+
+
+def _with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
+    step: _Step,
+    before: Tracked,
+    predicted: TrackState,
+    reasons: dict[Measurement, NotTaken],
+    is_hidden: bool,
+    seen: Seen,
+    settings: FollowSettings,
+) -> _Step:
+    """A step that coasts, with what fits nothing but each other, and whether that takes over."""
+    unfit = tuple(m for m, why in reasons.items() if why.kind in {"NIS", "moves otherwise"})
+    usable = tuple(m for m in unfit if not m.is_clipped and m.object_class in MAY_BE_FOLLOWED)
+    ways = Ways(
+        begin=lambda first, second: _begun(first, second, seen, settings),
+        go_on=lambda track, m: _gone_on(track, m, seen, settings),
+    )
+    rivals = after_miss(before.rivals, usable, seen.t_mid_utc_ns, ways)
+    unexplained = before.unexplained + (not is_hidden)
+    assert step.after is not None
+    after = replace(step.after, rivals=rivals, unexplained=unexplained)
+    likely = [
+        (odds(rival, predicted, unexplained), rival)
+        for rival in rivals
+        if rival.measurements[-1].frame_id == seen.frame_id
+        and not _is_neighbour(rival.measurements[-1], predicted, before.neighbours)
+    ]
+    if likely:
+        chance, rival = max(likely, key=lambda each: each[0])
+        last = rival.measurements[-1]
+        if chance >= SURE_ODDS:
+            to = (last.ra_icrs_deg, last.dec_icrs_deg)
+            away = motion_between(*lqe.direction_icrs_deg(predicted), *to)
+            found = _Reacquired(
+                first=rival.measurements[-2],
+                second=last,
+                away_arcsec=away.length_arcsec,
+                frames=len(rival.measurements),
+                odds=chance,
+            )
+            others = tuple(
+                r for r in step.records if not isinstance(r, NotFollowed) or r.measurement != last
+            )
+            return replace(step, records=others, after=after, reacquired=found)
+    return replace(step, after=after)
+
+
+def _begun(
+    first: Measurement, second: Measurement, seen: Seen, settings: FollowSettings
+) -> TrackState | None:
+    """A track through two measurements of different frames; None where they disagree."""
+    if pair_disagreement(first, second, seen.exposure_s) is not None:
+        return None
+    bend = _bend_of(first, second, settings)
+    return estimator.initialise(first, second, settings.filter, bend=bend)
+
+
+def _gone_on(
+    track: TrackState, m: Measurement, seen: Seen, settings: FollowSettings
+) -> TrackState | None:
+    """That track after another measurement; None where it does not fit."""
+    predicted = estimator.predict(track, m.t_mid_utc_ns, settings.filter, m.frame_id)
+    if disagreement(m, expected_motion(predicted, seen.exposure_s)) is not None:
+        return None
+    updated = estimator.update(predicted, m, settings.filter)
+    return None if lqe.is_gated_out(_nis(updated), settings.filter) else updated
+
+
+def _is_neighbour(m: Measurement, predicted: TrackState, neighbours: tuple[Neighbour, ...]) -> bool:
+    """Whether a measurement stands where a known neighbour of what is followed should."""
+    to = (m.ra_icrs_deg, m.dec_icrs_deg)
+    away = motion_between(*lqe.direction_icrs_deg(predicted), *to)
+    spread_arcsec = 3600.0 * three_sigma_deg(predicted)
+    return any(
+        math.hypot(away.east_arcsec - n.east_arcsec, away.north_arcsec - n.north_arcsec)
+        < 3.0 * n.sigma_arcsec(predicted.t_utc_ns) + spread_arcsec
+        for n in neighbours
+    )
+
+
+def _begun_anew(  # noqa: PLR0917 -- one call, each argument a different thing
+    before: Following,
+    number: int,
+    steps: list[_Step],
+    found: _Reacquired,
+    seen: Seen,
+    settings: FollowSettings,
+    records: tuple[FoldRecord, ...],
+) -> tuple[Following, tuple[FoldRecord, ...]]:
+    """A new track takes the place of one that had gone astray."""
+    track_id = before.last_track_id + 1
+    bend = _bend_of(found.first, found.second, settings)
+    track = estimator.initialise(
+        found.first, found.second, settings.filter, track_id=track_id, bend=bend
+    )
+    track = replace(track, is_lead=before.tracks[number].track.is_lead)
+    beside = _beside((), track, found.second, seen)
+    fresh = Tracked(track=track, taken=found.second, neighbours=beside)
+    others = [step.after for step in steps[:-1] if step.after is not None]
+    others += list(before.tracks[number + 1 :])
+    tracks = (fresh, *others) if track.is_lead else (*others, fresh)
+    after = Following(state="TRACK", tracks=tracks, last_track_id=track_id)
+    told = Cause(
+        kind="re-acquired",
+        detail=(
+            f"{found.away_arcsec:.0f} arcsec from the prediction:"
+            f" {found.frames} frames agree, {min(found.odds, 1e6):.0f} to 1"
+        ),
+    )
+    change = StateChange(frame_id=seen.frame_id, before=before.state, after="TRACK", reason=told)
+    return after, (*records, track, change)
 
 
 def _predicted(before: Tracked, seen: Seen, settings: FollowSettings) -> TrackState:
