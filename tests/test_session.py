@@ -43,6 +43,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
     Wcs,
+    Weighed,
 )
 from rsoconsole.session import writer as writer_module
 from rsoconsole.session.codec import KINDS
@@ -148,6 +149,16 @@ NIGHT = (
         nis=1.5,
         innovation_arcsec=(0.5, -0.25),
         sigma_innovation_arcsec=(1.0, 2.0),
+        weighed=Weighed(
+            motion_shares=(("parallel", 0.9), ("any orbit", 0.1)),
+            gain_arcsec_s2=1e-6,
+            gain_sigma_arcsec_s2=1e-7,
+            turn=-0.1,
+            turn_sigma=0.01,
+            scatter_s=0.2,
+            scatter_low_s=0.15,
+            scatter_high_s=0.25,
+        ),
     ),
     SlewCommand(
         frame_id=1, ra_icrs_deg=320.2, dec_icrs_deg=-4.8, t_aim_utc_ns=T0_UTC_NS, reason="follow"

@@ -7,8 +7,7 @@ says of its motions.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import cast
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -151,9 +150,17 @@ def _roots(settings: FilterConfig) -> FloatArray | None:
 
 
 def _bank_of(state: TrackState) -> Bank:
-    if state.memory is not None:
-        return cast("Bank", state.memory)
+    if isinstance(state.memory, _Memory) and state.memory.x == state.x:
+        return state.memory.bank
     return _from_record(state)
+
+
+@dataclass(frozen=True, slots=True)
+class _Memory:
+    """The bank, and the state that it is the bank of: one that was made otherwise has none."""
+
+    bank: Bank
+    x: tuple[float, float, float, float]
 
 
 def _from_record(state: TrackState) -> Bank:
@@ -189,9 +196,10 @@ def _state(bank: Bank, **told: object) -> TrackState:
     order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
     P = covariance[:4, :4][order] * np.outer(to_deg, to_deg)
     median, low, high = banks.scatter_interval_s(bank)
+    x = (ra, float(mean[VX] * to_deg[0]), dec, float(mean[VY] * to_deg[2]))
     return TrackState(
         t_utc_ns=bank.t_utc_ns,
-        x=(ra, float(mean[VX] * to_deg[0]), dec, float(mean[VY] * to_deg[2])),
+        x=x,
         P=tuple(map(tuple, ((P + P.T) / 2.0).tolist())),
         weighed=Weighed(
             motion_shares=tuple(zip(banks.MOTIONS, bank.motion_shares.tolist(), strict=True)),
@@ -203,7 +211,7 @@ def _state(bank: Bank, **told: object) -> TrackState:
             scatter_low_s=low,
             scatter_high_s=high,
         ),
-        memory=bank,
+        memory=_Memory(bank, x),
         **told,  # type: ignore[arg-type]
     )
 
