@@ -251,6 +251,7 @@ turn=weighed.turn real of its path to the left, radians for each radian that it 
 scatter_s=weighed.scatter_s real excess scatter along the motion, as of the shutter's time
 scatter_low_s=weighed.scatter_low_s real lower end of its interval of 90 %
 scatter_high_s=weighed.scatter_high_s real upper end of it
+widening=weighed.widening real of the variances that measurements claim
 """
 _OF_SLEW = """
 ra_icrs_deg real where to look

@@ -308,6 +308,8 @@ class Weighed:
     scatter_low_s: float
     """The interval of 90 %."""
     scatter_high_s: float
+    widening: float = 1.0
+    """Of the variances that measurements claim: how much larger they are taken to be."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,7 +31,7 @@ JOINED_FROM, PARTED_BELOW = 0.99, 0.5
 """Probabilities: a wrong join makes an orbit of two objects, and what leads the telescope."""
 _MOST_EARLIER = 4
 _LEARNT = 0.2
-"""Share by which the scatter must have changed before all is reckoned anew."""
+"""Share by which they must have changed before all is reckoned anew."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,8 +62,8 @@ class _Target:
     """Of the first of its tracks, once that was asked for."""
     joined: "_Target | None" = None
     """What it was before, if it has been followed before."""
-    scatter_s: float = 0.0
-    """With which its directions are reckoned."""
+    learnt: tuple[float, float] = (0.0, 1.0)
+    """Scatter (s) and widening with which its directions are reckoned."""
     is_told_of_none: bool = False
     """Of a measurement that was no direction."""
     words: list[str] = field(default_factory=list)
@@ -185,9 +185,11 @@ class OnlineOrbit:
         if len(taken) == len(known) and all(map(_is_same, taken, known)):
             return False
         is_longer = len(taken) > len(known) and all(map(_is_same, taken, known))
-        learnt_s = _scatter_s(track.last)
-        if abs(learnt_s - target.scatter_s) > _LEARNT * max(learnt_s, target.scatter_s):
-            target.scatter_s, is_longer = learnt_s, False
+        learnt = _learnt(track.last)
+        if any(
+            abs(a - b) > _LEARNT * max(a, b) for a, b in zip(learnt, target.learnt, strict=True)
+        ):
+            target.learnt, is_longer = learnt, False
         fresh = _with_scatter(taken, target)[len(known) if is_longer else 0 :]
         seen = self._reduced(fresh)
         if (seen is None or len(seen) < len(fresh)) and not target.is_told_of_none:
@@ -321,13 +323,14 @@ class OnlineOrbit:
         )
 
 
-def _scatter_s(state: TrackState) -> float:
-    """What preset ``adaptive`` has learnt."""
-    return 0.0 if state.weighed is None else state.weighed.scatter_s
+def _learnt(state: TrackState) -> tuple[float, float]:
+    """Scatter (s) and widening, as preset ``adaptive`` has learnt them."""
+    said = state.weighed
+    return (0.0, 1.0) if said is None else (said.scatter_s, said.widening)
 
 
 def _with_scatter(taken: Sequence[Measurement], target: _Target) -> tuple[Measurement, ...]:
-    return adaptive.with_scatter(taken, target.scatter_s)
+    return adaptive.with_scatter(taken, *target.learnt)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,6 +18,8 @@ from rsoconsole.tracking import lqe
 from rsoconsole.tracking.bank import Bank, Sighted
 from rsoconsole.tracking.sky_path import GAIN, TURN, VX, VY, Plane
 
+_WORTH_TELLING = 1.5
+
 Bend = tuple[FloatArray, FloatArray]
 """Mean (2,) and covariance (2, 2) of change of speed (arcsec/s^2) and turn."""
 
@@ -173,7 +175,7 @@ def _from_record(state: TrackState) -> Bank:
     motion[VX], motion[VY] = state.x[1] * to_sky[2], state.x[3] * to_sky[3]
     covariance = np.zeros((6, 6))
     covariance[:4, :4] = np.array(state.P)[order] * np.outer(to_sky, to_sky)
-    shares, scatter_s = list(banks.MOTION_SHARES), 0.0
+    shares, scatter_s, widening = list(banks.MOTION_SHARES), 0.0, 1.0
     if said is None:
         covariance[GAIN:, GAIN:] = banks.any_bend(math.hypot(*motion[VX : VY + 1]))[1]
     else:
@@ -182,10 +184,9 @@ def _from_record(state: TrackState) -> Bank:
         covariance[TURN, TURN] = said.turn_sigma**2
         known = dict(said.motion_shares)
         shares = [known.get(name, 0.0) for name in banks.MOTIONS]
-        scatter_s = said.scatter_s
-    return banks.of_one(
-        Plane.at(state.x[0], state.x[2]), state.t_utc_ns, motion, covariance, shares, scatter_s
-    )
+        scatter_s, widening = said.scatter_s, said.widening
+    plane = Plane.at(state.x[0], state.x[2])
+    return banks.of_one(plane, state.t_utc_ns, motion, covariance, shares, scatter_s, widening)
 
 
 def _state(bank: Bank, **told: object) -> TrackState:
@@ -210,6 +211,7 @@ def _state(bank: Bank, **told: object) -> TrackState:
             scatter_s=median,
             scatter_low_s=low,
             scatter_high_s=high,
+            widening=float(bank.widening_shares @ banks.WIDENINGS),
         ),
         memory=_Memory(bank, x),
         **told,  # type: ignore[arg-type]
@@ -241,33 +243,40 @@ def learnt_words(state: TrackState | None, known_s: float) -> str:
     name, share = max(state.weighed.motion_shares, key=lambda each: each[1])
     speed = math.hypot(*lqe.sky_rate_arcsec_s(state))
     scatter_s = math.hypot(state.weighed.scatter_s, known_s)
-    return f"{name} {share:.0%}, scatter {scatter_s * speed:.1f}″ = {scatter_s:.2g} s"
+    wider = math.sqrt(state.weighed.widening)
+    errors = f", errors ×{wider:.1f}" if wider >= _WORTH_TELLING else ""
+    return f"{name} {share:.0%}, scatter {scatter_s * speed:.1f}″ = {scatter_s:.2g} s{errors}"
 
 
-def with_scatter(taken: Sequence[Measurement], scatter_s: float) -> tuple[Measurement, ...]:
-    """A track's measurements, whose covariances reckon with what it has learnt of scatter.
+def with_scatter(
+    taken: Sequence[Measurement], scatter_s: float, widening: float = 1.0
+) -> tuple[Measurement, ...]:
+    """A track's measurements, whose covariances reckon with what it has learnt of their errors.
 
     Each moves as from the one before to the one after.
     """
-    if len(taken) < 2 or scatter_s <= 0.0:
+    if len(taken) < 2 or (scatter_s <= 0.0 and widening == 1.0):
         return tuple(taken)
     last = len(taken) - 1
     return tuple(
-        _scattered(m, taken[max(n - 1, 0)], taken[min(n + 1, last)], scatter_s)
+        _scattered(m, taken[max(n - 1, 0)], taken[min(n + 1, last)], (scatter_s, widening))
         for n, m in enumerate(taken)
     )
 
 
 def _scattered(
-    measurement: Measurement, before: Measurement, after: Measurement, scatter_s: float
+    measurement: Measurement,
+    before: Measurement,
+    after: Measurement,
+    learnt: tuple[float, float],
 ) -> Measurement:
     span_s = (after.t_mid_utc_ns - before.t_mid_utc_ns) / 1e9
     if span_s <= 0.0:
         return measurement
     plane = Plane.at(before.ra_icrs_deg, before.dec_icrs_deg)
-    way = plane.place_of(after.ra_icrs_deg, after.dec_icrs_deg) / span_s * scatter_s
+    way = plane.place_of(after.ra_icrs_deg, after.dec_icrs_deg) / span_s * learnt[0]
     east, north = float(way[0]), float(way[1])
-    ee, en, nn = measurement.cov_sky_arcsec2
+    ee, en, nn = (learnt[1] * each for each in measurement.cov_sky_arcsec2)
     if not (ee > 0.0 and nn > 0.0 and ee * nn > en * en):
         return measurement  # what is no direction does not become one
     return replace(measurement, cov_sky_arcsec2=(ee + east**2, en + east * north, nn + north**2))

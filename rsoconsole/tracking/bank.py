@@ -33,11 +33,16 @@ from rsoconsole.tracking.sky_path import (
 MOTIONS = ("parallel", "great circle", "any orbit", "changing orbit")
 PARALLEL, GREAT_CIRCLE, ANY_ORBIT, CHANGING = range(4)
 SCATTERS = 14
+WIDENINGS = np.array([1.0, 5.0, 25.0])
+"""Of a measurement's own variances: wind, a plate of few stars and ends that cloud has moved make
+errors larger than they say, across the motion as well as along it."""
+PER_MOTION = len(WIDENINGS) * SCATTERS
 MOST_SCATTER_S = 3.0
 _LEAST_SCATTER_S = 0.005
 _SCATTER_FALLS = 0.4
 """Before anything is measured a scatter is as likely as it is small, to this power."""
 MOTION_SHARES = (0.3, 0.1, 0.4, 0.2)
+_WIDENING_SHARES = (0.85, 0.12, 0.03)
 _LEAST_SHARE = 1e-12
 _TEMPERED = 0.65
 """The likelihood is too sharp, as no motion is quite what is followed: power that makes intervals
@@ -59,7 +64,7 @@ _OF_RATE = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bank:
-    """All filters at one instant: of motion i // SCATTERS, of scatter i % SCATTERS."""
+    """All filters at one instant: by motion, widening, scatter, the last of them quickest."""
 
     plane: Plane
     t_utc_ns: int
@@ -83,12 +88,17 @@ class Bank:
     @property
     def motion_shares(self) -> FloatArray:
         """(3,) of ``MOTIONS``."""
-        return np.asarray(self.shares.reshape(-1, SCATTERS).sum(axis=1))
+        return np.asarray(self.shares.reshape(-1, PER_MOTION).sum(axis=1))
 
     @property
     def scatter_shares(self) -> FloatArray:
         """(SCATTERS,)"""
         return np.asarray(self.shares.reshape(-1, SCATTERS).sum(axis=0))
+
+    @property
+    def widening_shares(self) -> FloatArray:
+        """(3,) of ``WIDENINGS``."""
+        return np.asarray(self.shares.reshape(-1, len(WIDENINGS), SCATTERS).sum(axis=(0, 2)))
 
     def moments(self) -> tuple[FloatArray, FloatArray]:
         """Mean (6,) and covariance (6, 6) of the mixture."""
@@ -151,22 +161,25 @@ def begun(
     calm = parallel_of(first.dec_icrs_deg, rate)
     bends = (calm, np.zeros(2), mean, mean)
     means = np.array([[0.0, 0.0, *rate_arcsec_s, *each] for each in bends])
-    covariances = np.zeros((len(MOTIONS), SCATTERS, 6, 6))
+    covariances = np.zeros((len(MOTIONS), len(WIDENINGS), SCATTERS, 6, 6))
     along = np.outer(ahead, ahead) * speed**2
-    covariances[..., :2, :2] = first.covariance + scatters_s[:, None, None] ** 2 * along
+    covariances[..., :2, :2] = WIDENINGS[:, None, None, None] * first.covariance
+    covariances[..., :2, :2] += scatters_s[:, None, None] ** 2 * along
     covariances[..., 2, 2] = covariances[..., 3, 3] = (_OF_RATE * speed) ** 2
-    covariances[ANY_ORBIT:, :, GAIN:, GAIN:] = _WIDENED * spread
+    covariances[ANY_ORBIT:, ..., GAIN:, GAIN:] = _WIDENED * spread
     if scatter_shares is None:
         scatter_shares = scatters_s**-_SCATTER_FALLS
-    shares = np.outer(MOTION_SHARES, scatter_shares / scatter_shares.sum())
+    shares = np.einsum(
+        "m,w,s->mws", MOTION_SHARES, _WIDENING_SHARES, scatter_shares / scatter_shares.sum()
+    )
     return Bank(
         plane=plane,
         t_utc_ns=first.t_utc_ns,
-        means=np.repeat(means, SCATTERS, axis=0),
+        means=np.repeat(means, PER_MOTION, axis=0),
         covariances=covariances.reshape(-1, 6, 6),
         log_shares=np.log(np.maximum(shares.ravel(), _LEAST_SHARE)),
         scatters_s=scatters_s,
-        unheard_rad=np.zeros(len(MOTIONS) * SCATTERS),
+        unheard_rad=np.zeros(len(MOTIONS) * PER_MOTION),
     )
 
 
@@ -185,7 +198,7 @@ def ahead(bank: Bank, t_utc_ns: int, roots: FloatArray | None = None) -> Bank:
 
 def _stepped(bank: Bank, dt_s: float, scale: FloatArray) -> Bank:
     means = bank.means.copy()
-    calm = slice(PARALLEL * SCATTERS, (PARALLEL + 1) * SCATTERS)
+    calm = slice(PARALLEL * PER_MOTION, (PARALLEL + 1) * PER_MOTION)
     _, dec_deg = bank.plane.direction_deg
     means[calm, GAIN:] = parallel_of(dec_deg + means[calm, 1] / 3600.0, means[calm, 2:4])
     mean = bank.shares @ means
@@ -209,7 +222,7 @@ def _noise(
     """(N, 6, 6); over a coast what changes goes on changing the same way."""
     span = abs(dt_s)
     speed = np.hypot(means[:, 2], means[:, 3])
-    motion = np.arange(len(means)) // SCATTERS
+    motion = np.arange(len(means)) // PER_MOTION
     is_open = motion >= ANY_ORBIT
     q = np.where(is_open, _OPEN_Q, _CALM_Q) * (speed / _CALM_RATE_ARCSEC_S) ** 3
     noise = np.zeros((len(means), 6, 6))
@@ -255,7 +268,7 @@ def heard(bank: Bank, seen: Sighted) -> Heard:
         log_shares=np.maximum(total - log_likelihood, math.log(_LEAST_SHARE)),
         unheard_rad=np.zeros(len(means)),
     )
-    calm = slice(0, ANY_ORBIT * SCATTERS)
+    calm = slice(0, ANY_ORBIT * PER_MOTION)
     taken.covariances[calm, GAIN:, :] = taken.covariances[calm, :, GAIN:] = 0.0
     return Heard(
         after=_centred(taken),
@@ -281,10 +294,12 @@ def _nis_of(shares: FloatArray, nis: FloatArray) -> float:
 
 
 def _measured_noise(bank: Bank, covariance: FloatArray) -> FloatArray:
-    """(N, 2, 2): the measurement's own, and each filter's scatter along its motion."""
+    """(N, 2, 2): the measurement's own, as much wider as each filter has it, and its scatter."""
     late_s = np.tile(bank.scatters_s, len(bank.means) // SCATTERS)
+    widened = np.tile(np.repeat(WIDENINGS, SCATTERS), len(MOTIONS))
     shift = bank.means[:, 2:4] * late_s[:, None]
-    return np.asarray(covariance + shift[:, :, None] * shift[:, None, :])
+    own = widened[:, None, None] * covariance
+    return np.asarray(own + shift[:, :, None] * shift[:, None, :])
 
 
 def any_bend(speed_arcsec_s: float) -> tuple[FloatArray, FloatArray]:
@@ -312,15 +327,15 @@ def reseeded(
     bends = (calm, np.zeros(2), mean, mean)
     means = np.array([[0.0, 0.0, *rate_arcsec_s, *each] for each in bends])
     order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
-    covariances = np.zeros((len(MOTIONS), SCATTERS, 6, 6))
+    covariances = np.zeros((len(MOTIONS), PER_MOTION, 6, 6))
     covariances[..., :4, :4] = np.asarray(covariance)[order]
     covariances[ANY_ORBIT:, :, GAIN:, GAIN:] = _WIDENED * spread
     return replace(
         bank,
         plane=plane,
-        means=np.repeat(means, SCATTERS, axis=0),
+        means=np.repeat(means, PER_MOTION, axis=0),
         covariances=covariances.reshape(-1, 6, 6),
-        unheard_rad=np.zeros(len(MOTIONS) * SCATTERS),
+        unheard_rad=np.zeros(len(MOTIONS) * PER_MOTION),
     )
 
 
@@ -331,12 +346,14 @@ def of_one(  # noqa: PLR0917 -- all that one filter says
     covariance: FloatArray,
     motion_shares: Sequence[float],
     scatter_s: float,
+    widening: float = 1.0,
 ) -> Bank:
     """A bank of which every filter has one motion (6,) and covariance (6, 6)."""
-    every, known_s = len(MOTIONS) * SCATTERS, scatters()
+    every, known_s = len(MOTIONS) * PER_MOTION, scatters()
     nearest = int(np.argmin(np.abs(np.log(known_s / max(scatter_s, _LEAST_SCATTER_S)))))
-    shares = np.full((len(MOTIONS), SCATTERS), _LEAST_SHARE)
-    shares[:, nearest] = np.maximum(motion_shares, _LEAST_SHARE)
+    widest = int(np.argmin(np.abs(np.log(WIDENINGS / widening))))
+    shares = np.full((len(MOTIONS), len(WIDENINGS), SCATTERS), _LEAST_SHARE)
+    shares[:, widest, nearest] = np.maximum(motion_shares, _LEAST_SHARE)
     return Bank(
         plane=plane,
         t_utc_ns=t_utc_ns,
