@@ -21,6 +21,10 @@ from rsoconsole.sky.angles import wrap_180
 DIRECTION_TOLERANCE_DEG = 12.0
 LENGTH_TOLERANCE = 0.25
 SHORTEST_WITH_DIRECTION_ARCSEC = 20.0
+SHORTER_TOLERANCE = 0.4
+"""Of a pair that begins a track (preset ``adaptive``): a streak may have lost so much of itself."""
+ACROSS_ARCSEC, ACROSS_SHARE, LENGTH_SHARE = 3.0, 0.02, 0.15
+"""Sigma of a streak's direction, as displacement across it, and of its length."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +67,13 @@ def axis_difference_deg(a_deg: float, b_deg: float) -> float:
     return min(difference, 180.0 - difference)
 
 
-def disagreement(measurement: Measurement, expected: Motion) -> MotionMismatch | None:
+def disagreement(
+    measurement: Measurement, expected: Motion, shorter: float = LENGTH_TOLERANCE
+) -> MotionMismatch | None:
     """Why the streak cannot be this motion during the exposure; None when it can.
 
-    ``expected`` is the motion over one exposure. A clipped streak has no length to compare, and
-    a short one no direction.
+    ``expected`` is the motion over one exposure; ``shorter``: the share of it that a streak may
+    have lost. A clipped streak has no length to compare, and a short one no direction.
     """
     streak = streak_motion(measurement)
     if streak is None:
@@ -78,7 +84,8 @@ def disagreement(measurement: Measurement, expected: Motion) -> MotionMismatch |
             return MotionMismatch.of_direction(off_deg)
     if measurement.is_clipped:
         return None
-    allowed_arcsec = max(LENGTH_TOLERANCE * expected.length_arcsec, 10.0)
+    share = shorter if streak.length_arcsec < expected.length_arcsec else LENGTH_TOLERANCE
+    allowed_arcsec = max(share * expected.length_arcsec, 10.0)
     if abs(streak.length_arcsec - expected.length_arcsec) > allowed_arcsec:
         return MotionMismatch.of_length(streak.length_arcsec, expected.length_arcsec)
     return None
@@ -130,19 +137,11 @@ def paired(
 ) -> dict[Measurement, Measurement]:
     """The first of each second one, where two frames agree; each is in one pair at most.
 
-    Of all ways to pair them the one whose displacements are together nearest to the streaks: of
-    two neighbours that were not both seen in the first frame the one that was finds itself.
+    Of all ways to pair them the likeliest: of two neighbours that were not both seen in the first
+    frame the one that was finds itself.
     """
     cost = np.array(
-        [
-            [
-                pair_misfit_arcsec(first, second, exposure_s)
-                if pair_disagreement(first, second, exposure_s) is None
-                else math.inf
-                for first in firsts
-            ]
-            for second in seconds
-        ]
+        [[_pair_cost(first, second, exposure_s) for first in firsts] for second in seconds]
     ).reshape(len(seconds), len(firsts))
     is_one = np.isfinite(cost)
     if not is_one.any():
@@ -160,6 +159,43 @@ def paired(
         for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
         if is_one[row, column]
     }
+
+
+def may_be_one(first: Measurement, second: Measurement, exposure_s: float) -> bool:
+    """Whether two measurements of different frames agree on one motion."""
+    return math.isfinite(_pair_cost(first, second, exposure_s))
+
+
+def _pair_cost(first: Measurement, second: Measurement, exposure_s: float) -> float:
+    """How little a pair agrees on one motion, as a sum of squares; infinite where it does not.
+
+    A streak tells its direction well and its length badly: cloud, glint and stars upon its ends
+    make it shorter.
+    """
+    moved = _motion_in_exposure(first, second, exposure_s)
+    if moved is None:
+        return math.inf
+    return _half_cost(first, moved) + _half_cost(second, moved)
+
+
+def _half_cost(measurement: Measurement, moved: Motion) -> float:
+    streak = streak_motion(measurement)
+    if streak is None:
+        return 0.0
+    expected = moved.length_arcsec
+    cost, length = 0.0, streak.length_arcsec
+    if min(length, expected) > SHORTEST_WITH_DIRECTION_ARCSEC:
+        off_deg = axis_difference_deg(streak.axis_deg, moved.axis_deg)
+        if off_deg > DIRECTION_TOLERANCE_DEG:
+            return math.inf
+        across = expected * math.sin(math.radians(off_deg))
+        cost += (across / max(ACROSS_ARCSEC, ACROSS_SHARE * expected)) ** 2
+    if measurement.is_clipped:
+        return cost
+    shorter = expected - length
+    if not -LENGTH_TOLERANCE * expected - 10.0 < shorter < SHORTER_TOLERANCE * expected + 10.0:
+        return math.inf
+    return cost + (shorter / (LENGTH_SHARE * expected + 3.0)) ** 2
 
 
 def _motion_in_exposure(

@@ -25,8 +25,11 @@ from rsoconsole.records import (
 from rsoconsole.tracking import estimator, lqe
 from rsoconsole.tracking.adaptive import Bend
 from rsoconsole.tracking.association import (
+    LENGTH_TOLERANCE,
+    SHORTER_TOLERANCE,
     Motion,
     disagreement,
+    may_be_one,
     motion_between,
     pair_disagreement,
     pair_misfit_arcsec,
@@ -465,7 +468,7 @@ def _begun(
     first: Measurement, second: Measurement, seen: Seen, settings: FollowSettings
 ) -> TrackState | None:
     """A track through two measurements of different frames; None where they disagree."""
-    if pair_disagreement(first, second, seen.exposure_s) is not None:
+    if not may_be_one(first, second, seen.exposure_s):
         return None
     bend = _bend_of(first, second, settings)
     return estimator.initialise(first, second, settings.filter, bend=bend)
@@ -476,7 +479,8 @@ def _gone_on(
 ) -> TrackState | None:
     """That track after another measurement; None where it does not fit."""
     predicted = estimator.predict(track, m.t_mid_utc_ns, settings.filter, m.frame_id)
-    if disagreement(m, expected_motion(predicted, seen.exposure_s)) is not None:
+    expected = expected_motion(predicted, seen.exposure_s)
+    if disagreement(m, expected, SHORTER_TOLERANCE) is not None:
         return None
     updated = estimator.update(predicted, m, settings.filter)
     return None if lqe.is_gated_out(_nis(updated), settings.filter) else updated
@@ -600,8 +604,10 @@ def _refusals(  # noqa: PLR0917 -- one call, each argument a different thing
 ) -> dict[Measurement, NotTaken]:
     """Which measurements do not belong to the track, and why: motion, position, neighbours."""
     reasons: dict[Measurement, NotTaken] = {}
+    is_adaptive = settings.filter.preset == "adaptive"
+    shorter = SHORTER_TOLERANCE if is_adaptive else LENGTH_TOLERANCE
     for measurement in updated:
-        mismatch = disagreement(measurement, expected)
+        mismatch = disagreement(measurement, expected, shorter)
         reason = None if mismatch is None else NotTaken(kind="moves otherwise", mismatch=mismatch)
         if reason is None and measurement.is_clipped:
             reason = _too_far_for_clipped(measurement, predicted, expected)
