@@ -2,9 +2,9 @@
 
     .venv/bin/python -m tests.bench.bench_tracker
 
-Processor's milliseconds of one core a frame, the median of nights of 40 frames: ``alone`` one streak
-a frame, ``three`` with two neighbours, ``astray`` a track that fits nothing while others do not agree
-with each other, ``begin`` the frame that begins a track (the admissible region is reckoned with).
+Processor's milliseconds of one core a frame, the median of nights of 40 frames: ``alone`` one
+streak a frame, ``three`` with two neighbours, ``astray`` a track that fits nothing while others do
+not agree with each other, ``begin`` the frame that begins a track (the admissible region).
 """
 
 import statistics
