@@ -144,12 +144,14 @@ class OnlineOrbit:
         return tuple(each for each in found if each is not None)
 
     def _refined(self, target: _Target, track: Track) -> Refined | None:
-        count = len(target.taken)
+        count, learnt = len(target.taken), target.learnt
         if not self._take(target, track) or target.seen is None:
             return None
         predicted = None
         if len(target.taken) == count + 1 and target.orbit is not None:
-            predicted = self._foretold(target.orbit, _with_scatter(target.taken, target)[-1])
+            # By what was learnt before it, as the filter's own answer is.
+            last = adaptive.with_scatter(target.taken[-2:], *learnt)[-1]
+            predicted = self._foretold(target.orbit, last)
         self._ask_earlier(target)
         seen, _ = together(target.parts)
         orbit = target.orbit = self._determined(target, seen)

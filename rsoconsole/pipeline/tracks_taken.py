@@ -126,7 +126,17 @@ class TracksTaken:
         if not self._frames:
             return []
         newest = self._frames[max(self._frames)].steps
-        found = [track for track in self.tracks() if track.track_id in newest]
+        is_anew = any(
+            each.corrected is not None and each.corrected.kind == "initial" and each.is_lead
+            for each in newest.values()
+        )
+        # A lead that was only predicted where another begins has been given up for it.
+        ended = {n for n, s in newest.items() if is_anew and s.corrected is None and s.is_lead}
+        found = [
+            track
+            for track in self.tracks()
+            if track.track_id in newest and track.track_id not in ended
+        ]
         return sorted(found, key=lambda track: not newest[track.track_id].is_lead)
 
     def _go_on(

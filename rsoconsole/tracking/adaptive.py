@@ -19,6 +19,7 @@ from rsoconsole.tracking.bank import Bank, Sighted
 from rsoconsole.tracking.sky_path import GAIN, TURN, VX, VY, Plane
 
 _WORTH_TELLING = 1.5
+_MOST_CORRELATED = 0.99999
 
 Bend = tuple[FloatArray, FloatArray]
 """Mean (2,) and covariance (2, 2) of change of speed (arcsec/s^2) and turn."""
@@ -130,7 +131,11 @@ def log_det_innovation(
 
 def _sighted(measurement: Measurement, settings: FilterConfig) -> Sighted:
     noise = lqe.measurement_noise(measurement, settings) * lqe.ARCSEC_PER_DEG**2
-    to_sky = np.array([math.cos(math.radians(measurement.dec_icrs_deg)), 1.0])
+    # An ellipse whatever a file may claim: what is more than correlated has no density.
+    most = _MOST_CORRELATED * math.sqrt(noise[0, 0] * noise[1, 1])
+    noise[0, 1] = noise[1, 0] = min(max(noise[0, 1], -most), most)
+    cos_dec = max(math.cos(math.radians(measurement.dec_icrs_deg)), 1e-3)
+    to_sky = np.array([cos_dec, 1.0])
     return Sighted(
         t_utc_ns=measurement.t_mid_utc_ns,
         ra_icrs_deg=measurement.ra_icrs_deg,
@@ -253,28 +258,34 @@ def with_scatter(
 ) -> tuple[Measurement, ...]:
     """A track's measurements, whose covariances reckon with what it has learnt of their errors.
 
-    Each moves as from the one before to the one after.
+    Each moves as from or to the one that is nearer to it in time.
     """
     if len(taken) < 2 or (scatter_s <= 0.0 and widening == 1.0):
         return tuple(taken)
     last = len(taken) - 1
     return tuple(
-        _scattered(m, taken[max(n - 1, 0)], taken[min(n + 1, last)], (scatter_s, widening))
+        _scattered(
+            m, _nearer(m, taken[max(n - 1, 0)], taken[min(n + 1, last)]), (scatter_s, widening)
+        )
         for n, m in enumerate(taken)
     )
 
 
+def _nearer(measurement: Measurement, before: Measurement, after: Measurement) -> Measurement:
+    """Of its two neighbours in time; at an end one of them is itself."""
+    since_ns = measurement.t_mid_utc_ns - before.t_mid_utc_ns
+    until_ns = after.t_mid_utc_ns - measurement.t_mid_utc_ns
+    return after if since_ns <= 0 or 0 < until_ns < since_ns else before
+
+
 def _scattered(
-    measurement: Measurement,
-    before: Measurement,
-    after: Measurement,
-    learnt: tuple[float, float],
+    measurement: Measurement, other: Measurement, learnt: tuple[float, float]
 ) -> Measurement:
-    span_s = (after.t_mid_utc_ns - before.t_mid_utc_ns) / 1e9
-    if span_s <= 0.0:
+    span_s = (other.t_mid_utc_ns - measurement.t_mid_utc_ns) / 1e9
+    if span_s == 0.0:
         return measurement
-    plane = Plane.at(before.ra_icrs_deg, before.dec_icrs_deg)
-    way = plane.place_of(after.ra_icrs_deg, after.dec_icrs_deg) / span_s * learnt[0]
+    plane = Plane.at(measurement.ra_icrs_deg, measurement.dec_icrs_deg)
+    way = plane.place_of(other.ra_icrs_deg, other.dec_icrs_deg) / span_s * learnt[0]
     east, north = float(way[0]), float(way[1])
     ee, en, nn = (learnt[1] * each for each in measurement.cov_sky_arcsec2)
     if not (ee > 0.0 and nn > 0.0 and ee * nn > en * en):

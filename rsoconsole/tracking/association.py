@@ -22,7 +22,7 @@ DIRECTION_TOLERANCE_DEG = 12.0
 LENGTH_TOLERANCE = 0.25
 SHORTEST_WITH_DIRECTION_ARCSEC = 20.0
 SHORTER_TOLERANCE = 0.4
-"""Of a pair that begins a track (preset ``adaptive``): a streak may have lost so much of itself."""
+"""With preset ``adaptive`` a streak may have lost so much of itself."""
 ACROSS_ARCSEC, ACROSS_SHARE, LENGTH_SHARE = 3.0, 0.02, 0.15
 """Sigma of a streak's direction, as displacement across it, and of its length."""
 

@@ -55,7 +55,7 @@ _CHANGES, _OVER_RAD = np.array([0.006, 0.006, 0.5, 4.0]), 0.02
 turning Earth does. From one measurement to the next it changes as at random over such lengths."""
 _GOES_ON = np.array([0.0, 0.0, 1.5, 1.5])
 """By how much at least over a coast that is longer than that."""
-_LONGEST_STEP_S = 120.0
+_LONGEST_STEP_S, _MOST_STEPS = 120.0, 60
 _WIDENED = 2.0
 """Of the variances that the admissible region leaves: it is no census."""
 _OF_RATE = 0.5
@@ -87,7 +87,7 @@ class Bank:
 
     @property
     def motion_shares(self) -> FloatArray:
-        """(3,) of ``MOTIONS``."""
+        """(4,) of ``MOTIONS``."""
         return np.asarray(self.shares.reshape(-1, PER_MOTION).sum(axis=1))
 
     @property
@@ -189,7 +189,7 @@ def ahead(bank: Bank, t_utc_ns: int, roots: FloatArray | None = None) -> Bank:
     ``roots`` (6,): of the operator's factors of the process noise; None: all 1.
     """
     left_s = (t_utc_ns - bank.t_utc_ns) / 1e9
-    steps = max(math.ceil(abs(left_s) / _LONGEST_STEP_S), 1)
+    steps = min(max(math.ceil(abs(left_s) / _LONGEST_STEP_S), 1), _MOST_STEPS)
     scale = np.ones((6, 6)) if roots is None else np.outer(roots, roots)
     for _ in range(steps if left_s else 0):
         bank = _stepped(bank, left_s / steps, scale)
@@ -270,6 +270,7 @@ def heard(bank: Bank, seen: Sighted) -> Heard:
     )
     calm = slice(0, ANY_ORBIT * PER_MOTION)
     taken.covariances[calm, GAIN:, :] = taken.covariances[calm, :, GAIN:] = 0.0
+    taken.means[GREAT_CIRCLE * PER_MOTION : ANY_ORBIT * PER_MOTION, GAIN:] = 0.0
     return Heard(
         after=_centred(taken),
         nis=_nis_of(shares, nis),
@@ -290,6 +291,8 @@ def _nis_of(shares: FloatArray, nis: FloatArray) -> float:
     """-2 log sum(shares exp(-nis / 2)), also where all are far off."""
     terms = np.log(np.maximum(shares, 1e-300)) - 0.5 * nis
     most = float(terms.max())
+    if not math.isfinite(most):
+        return math.inf
     return max(-2.0 * (most + math.log(float(np.exp(terms - most).sum()))), 0.0)
 
 
@@ -329,7 +332,7 @@ def reseeded(
     order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
     covariances = np.zeros((len(MOTIONS), PER_MOTION, 6, 6))
     covariances[..., :4, :4] = np.asarray(covariance)[order]
-    covariances[ANY_ORBIT:, :, GAIN:, GAIN:] = _WIDENED * spread
+    covariances[ANY_ORBIT:, :, GAIN:, GAIN:] = spread
     return replace(
         bank,
         plane=plane,
@@ -354,11 +357,14 @@ def of_one(  # noqa: PLR0917 -- all that one filter says
     widest = int(np.argmin(np.abs(np.log(WIDENINGS / widening))))
     shares = np.full((len(MOTIONS), len(WIDENINGS), SCATTERS), _LEAST_SHARE)
     shares[:, widest, nearest] = np.maximum(motion_shares, _LEAST_SHARE)
+    means, covariances = np.tile(motion, (every, 1)), np.tile(covariance, (every, 1, 1))
+    calm = slice(0, ANY_ORBIT * PER_MOTION)
+    means[calm, GAIN:] = covariances[calm, GAIN:, :] = covariances[calm, :, GAIN:] = 0.0
     return Bank(
         plane=plane,
         t_utc_ns=t_utc_ns,
-        means=np.tile(motion, (every, 1)),
-        covariances=np.tile(covariance, (every, 1, 1)),
+        means=means,
+        covariances=covariances,
         log_shares=np.log(shares.ravel()),
         scatters_s=known_s,
         unheard_rad=np.zeros(every),
@@ -375,7 +381,7 @@ def scatter_interval_s(bank: Bank, share: float = 0.9) -> tuple[float, float, fl
     fine = np.linspace(log_s[0], log_s[-1], 40 * (SCATTERS - 1) + 1)
     logs, best = np.log(np.maximum(each, 1e-30)), int(np.argmax(each))
     told = np.interp(fine, log_s, logs)
-    if 1 < best < SCATTERS - 1:
+    if 0 < best < SCATTERS - 1:
         near = slice(best - 1, best + 2)
         told = np.polyval(np.polyfit(log_s[near] - log_s[best], logs[near], 2), fine - log_s[best])
     density = np.exp(_TEMPERED * (told - told.max()))

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+
 from rsoconsole.config import FilterConfig
 from rsoconsole.reasons import Cause, Missed, NotTaken, TrackLost
 from rsoconsole.records import (
@@ -57,6 +59,9 @@ ANOTHER_OBJECT_NIS = 100.0
 """What the operator chooses ten sigmas from the prediction is another object: it begins anew."""
 ALONE_FOR_S = 100.0
 """How long the motions of preset ``adaptive`` are believed without an orbit: three frames or so."""
+_ABSENT = ("no detection", "nothing fits")
+"""Misses that say that it was not there."""
+_MOST_UNFIT = 6
 CANNOT_TELL = NotTaken(kind="cannot be told apart")
 
 
@@ -173,7 +178,14 @@ def follow(
             reason=_reason(before, after, records, seen),
         )
         records = (*records, change)
-    return after, records
+    return after, tuple(_as_recorded(each) for each in records)
+
+
+def _as_recorded(record: FoldRecord) -> FoldRecord:
+    """Without what the next frame needs of it, which is large: that goes along in what follows."""
+    if isinstance(record, TrackState) and record.memory is not None:
+        return replace(record, memory=None)
+    return record
 
 
 def _without_crossings(seen: Seen) -> tuple[Seen, tuple[NotFollowed, ...]]:
@@ -230,25 +242,33 @@ def _follow_tracks(
     """
     steps: list[_Step] = []
     records: tuple[FoldRecord, ...] = ()
-    left = seen
+    left, last_track_id, causes = seen, before.last_track_id, list[Cause]()
     for number, each in enumerate(before.tracks):
         if number == 0 and seen.chosen is not None:
             step = _follow_chosen(each, seen.chosen, seen, settings)
         else:
             step = _follow_track(each, left, settings)
         refused = seen.refused if number == 0 else ()
+        if step.reacquired is not None:
+            last_track_id += 1
+            causes += [_cause_of(step.reacquired)] * (number == 0)
+            step = _begun_anew(step, each.track.is_lead, last_track_id, seen, settings)
         steps.append(step)
         told = (*step.records, *(_not_followed(m, REFUSED) for m in refused))
         records += _of_track(told, each.track.track_id)
         if step.begins_with is not None:
             return before.without_track("ACQUIRE", (step.begins_with,)), records
-        if step.reacquired is not None:
-            return _begun_anew(before, number, steps, step.reacquired, seen, settings, records)
         is_last = number + 1 == len(before.tracks)
         if step.is_measured and step.after is not None and not is_last:
             others = tuple(m for m in left.measurements if m != step.after.taken)
             left = replace(left, measurements=others, chosen=None)
-    return _led(before, tuple(steps)), records
+    after = replace(_led(before, tuple(steps)), last_track_id=last_track_id)
+    if causes and after.state == "TRACK":
+        change = StateChange(
+            frame_id=seen.frame_id, before=before.state, after="TRACK", reason=causes[0]
+        )
+        records = (*records, change)
+    return after, records
 
 
 def _led(before: Following, steps: tuple[_Step, ...]) -> Following:
@@ -404,7 +424,6 @@ def _follow_track(before: Tracked, seen: Seen, settings: FollowSettings) -> _Ste
     if step is not None:
         return step
     reason = seen.why_absent
-    is_hidden = isinstance(reason, Missed) and bool(reason.hidden_by)
     if seen.measurements and reason == NOTHING_SEEN:
         reason = Missed(kind="nothing fits")
     is_nothing_fitting = isinstance(reason, Missed) and reason.kind == "nothing fits"
@@ -415,7 +434,9 @@ def _follow_track(before: Tracked, seen: Seen, settings: FollowSettings) -> _Ste
     step = _coast(before, predicted, seen, settings, (predicted, *refused), reason)
     if settings.filter.preset != "adaptive" or step.after is None:
         return step
-    return _with_rivals(step, before, predicted, reasons, is_hidden, seen, settings)
+    is_absent = isinstance(reason, Missed) and reason.kind in _ABSENT and not reason.hidden_by
+    is_absent = is_absent and _is_in_field(predicted, seen.field)
+    return _with_rivals(step, before, predicted, reasons, is_absent, seen, settings)
 
 
 def _with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
@@ -423,19 +444,23 @@ def _with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
     before: Tracked,
     predicted: TrackState,
     reasons: dict[Measurement, NotTaken],
-    is_hidden: bool,
+    is_absent: bool,
     seen: Seen,
     settings: FollowSettings,
 ) -> _Step:
     """A step that coasts, with what fits nothing but each other, and whether that takes over."""
     unfit = tuple(m for m, why in reasons.items() if why.kind in {"NIS", "moves otherwise"})
     usable = tuple(m for m in unfit if not m.is_clipped and m.object_class in MAY_BE_FOLLOWED)
+    t_utc_ns, frame_id = seen.t_mid_utc_ns, seen.frame_id
     ways = Ways(
         begin=lambda first, second: _begun(first, second, seen, settings),
-        go_on=lambda track, m: _gone_on(track, m, seen, settings),
+        ahead=lambda track: estimator.predict(track, t_utc_ns, settings.filter, frame_id),
+        take=lambda there, m: _gone_on(there, m, seen, settings),
     )
-    rivals = after_miss(before.rivals, usable, seen.t_mid_utc_ns, ways)
-    unexplained = before.unexplained + (not is_hidden)
+    # What the operator will not have is no rival either.
+    known = () if seen.refused else before.rivals
+    rivals = after_miss(known, usable[:_MOST_UNFIT], t_utc_ns, ways)
+    unexplained = before.unexplained + is_absent
     assert step.after is not None
     after = replace(step.after, rivals=rivals, unexplained=unexplained)
     likely = [
@@ -470,20 +495,27 @@ def _begun(
     """A track through two measurements of different frames; None where they disagree."""
     if not may_be_one(first, second, seen.exposure_s):
         return None
-    bend = _bend_of(first, second, settings)
-    return estimator.initialise(first, second, settings.filter, bend=bend)
+    return estimator.initialise(first, second, settings.filter)
 
 
 def _gone_on(
-    track: TrackState, m: Measurement, seen: Seen, settings: FollowSettings
+    predicted: TrackState, m: Measurement, seen: Seen, settings: FollowSettings
 ) -> TrackState | None:
-    """That track after another measurement; None where it does not fit."""
-    predicted = estimator.predict(track, m.t_mid_utc_ns, settings.filter, m.frame_id)
+    """A track that was predicted to a measurement after it; None where it does not fit."""
     expected = expected_motion(predicted, seen.exposure_s)
     if disagreement(m, expected, SHORTER_TOLERANCE) is not None:
         return None
     updated = estimator.update(predicted, m, settings.filter)
     return None if lqe.is_gated_out(_nis(updated), settings.filter) else updated
+
+
+def _is_in_field(predicted: TrackState, field: Field | None) -> bool:
+    """Whether the frame should have shown it, as far as the frame's field is known."""
+    if field is None:
+        return True
+    inside_arcsec = np.array([3600.0 * three_sigma_deg(predicted)])
+    ra_deg, dec_deg = lqe.direction_icrs_deg(predicted)
+    return bool(field.holds(np.array([ra_deg]), np.array([dec_deg]), inside_arcsec)[0])
 
 
 def _is_neighbour(m: Measurement, predicted: TrackState, neighbours: tuple[Neighbour, ...]) -> bool:
@@ -498,37 +530,31 @@ def _is_neighbour(m: Measurement, predicted: TrackState, neighbours: tuple[Neigh
     )
 
 
-def _begun_anew(  # noqa: PLR0917 -- one call, each argument a different thing
-    before: Following,
-    number: int,
-    steps: list[_Step],
-    found: _Reacquired,
-    seen: Seen,
-    settings: FollowSettings,
-    records: tuple[FoldRecord, ...],
-) -> tuple[Following, tuple[FoldRecord, ...]]:
+def _begun_anew(
+    step: _Step, is_lead: bool, track_id: int, seen: Seen, settings: FollowSettings
+) -> _Step:
     """A new track takes the place of one that had gone astray."""
-    track_id = before.last_track_id + 1
+    found = step.reacquired
+    assert found is not None
     bend = _bend_of(found.first, found.second, settings)
     track = estimator.initialise(
         found.first, found.second, settings.filter, track_id=track_id, bend=bend
     )
-    track = replace(track, is_lead=before.tracks[number].track.is_lead)
-    beside = _beside((), track, found.second, seen)
-    fresh = Tracked(track=track, taken=found.second, neighbours=beside)
-    others = [step.after for step in steps[:-1] if step.after is not None]
-    others += list(before.tracks[number + 1 :])
-    tracks = (fresh, *others) if track.is_lead else (*others, fresh)
-    after = Following(state="TRACK", tracks=tracks, last_track_id=track_id)
-    told = Cause(
+    track = replace(track, is_lead=is_lead)
+    fresh = Tracked(
+        track=track, taken=found.second, neighbours=_beside((), track, found.second, seen)
+    )
+    return _Step(records=(*step.records, track), after=fresh, is_measured=True)
+
+
+def _cause_of(found: _Reacquired) -> Cause:
+    return Cause(
         kind="re-acquired",
         detail=(
             f"{found.away_arcsec:.0f} arcsec from the prediction:"
             f" {found.frames} frames agree, {min(found.odds, 1e6):.0f} to 1"
         ),
     )
-    change = StateChange(frame_id=seen.frame_id, before=before.state, after="TRACK", reason=told)
-    return after, (*records, track, change)
 
 
 def _predicted(before: Tracked, seen: Seen, settings: FollowSettings) -> TrackState:

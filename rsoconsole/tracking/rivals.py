@@ -29,6 +29,8 @@ OTHERS_A_DEG2 = 0.04
 _BROKEN_ARCSEC = 60.0
 """Scale of the distance to where it reappears; far away it falls with the cube."""
 _MOST = 8
+_MOST_MISSED = 6
+"""More frames without it say no more: what hides it may last."""
 _KEPT_S = 130.0
 """Without another streak of it."""
 
@@ -48,8 +50,10 @@ class Ways:
 
     begin: Callable[[Measurement, Measurement], TrackState | None]
     """None where the two do not agree on one motion."""
-    go_on: Callable[[TrackState, Measurement], TrackState | None]
-    """None where the measurement does not fit."""
+    ahead: Callable[[TrackState], TrackState]
+    """To the frame's instant."""
+    take: Callable[[TrackState, Measurement], TrackState | None]
+    """From there; None where the measurement does not fit."""
 
 
 def after_miss(
@@ -70,11 +74,12 @@ def after_miss(
 
 def _longer(rival: Rival, left: list[Measurement], ways: Ways) -> Rival | None:
     fits: list[tuple[float, Measurement, TrackState]] = []
+    predicted = None if rival.track is None or not left else ways.ahead(rival.track)
     for each in left:
-        if rival.track is None:
+        if predicted is None:
             track = ways.begin(rival.measurements[-1], each)
         else:
-            track = ways.go_on(rival.track, each)
+            track = ways.take(predicted, each)
         if track is not None:
             fits.append((track.nis or 0.0, each, track))
     if not fits:
@@ -100,4 +105,5 @@ def odds(rival: Rival, predicted: TrackState, unexplained: int) -> float:
     # Cauchy's density in two dimensions.
     reappears = (1.0 + away**2 / scale2) ** -1.5 / (2.0 * math.pi * scale2)
     another = OTHERS_A_DEG2 / 3600.0**2
-    return float(BREAKS * reappears / another * UNDETECTED**-unexplained)
+    missed = min(unexplained, _MOST_MISSED)
+    return float(BREAKS * reappears / another * UNDETECTED**-missed)
