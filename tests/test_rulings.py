@@ -38,7 +38,7 @@ from tests.engine_rig import Rig, ScriptedReducer, asked, desk_of, rig, told
 from tests.makers import straight_detection
 
 CONFIG = Config.model_validate({"search": {"recentre": "every"}})
-FAR_OFF_ARCSEC = 40.0
+FAR_OFF_ARCSEC = 120.0
 
 
 class Misleading(ScriptedReducer):
