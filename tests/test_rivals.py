@@ -13,10 +13,12 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.fold import follow_settings
+from rsoconsole.pipeline.tracks_taken import TracksTaken
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import HiddenBy, Missed
 from rsoconsole.records import FloatArray, FrameTaken, Measurement, StateChange
 from rsoconsole.tracking.follow import Following, FollowSettings, Seen, follow
+from rsoconsole.tracking.rivals import Rival, odds
 from rsoconsole.tracking.sky_path import Plane
 from tests.seen_satellites import DAYTONA, T0_UTC_NS
 from tests.test_bank import CADENCE_S, places_of
@@ -175,7 +177,7 @@ def test_nobody_steals_the_track_and_it_holds(company: str, scatter_s: float) ->
 def test_a_track_begun_with_two_objects_is_begun_anew_with_one() -> None:
     """In the first frame one of two neighbours is seen, in the second the other."""
     random = np.random.default_rng(1)
-    following, told = Following(), []
+    following, told, taken = Following(), [], TracksTaken()
     for k in range(12):
         rate = truth()[k].rate
         ours = streak(k, "ours", random, np.zeros(2), rate, 0.0)
@@ -183,6 +185,11 @@ def test_a_track_begun_with_two_objects_is_begun_anew_with_one() -> None:
         shown = {0: (ours,), 1: (other,)}.get(k, (ours,))
         following, records = follow(following, seen(k, *shown), every_day())
         told += [text(r.reason) for r in records if isinstance(r, StateChange)]
+        for record in (*shown, *records):
+            taken.hear(record)
+        if told[-1].startswith("re-acquired"):
+            # The orbit hears of it at once: the track that was given up leads nothing.
+            assert [each.track_id for each in taken.live()] == [2]
     assert following.state == "TRACK"
     assert taken_of(following, 11) == "ours"
     anew = [each for each in told if each.startswith("re-acquired")]
@@ -233,3 +240,24 @@ def test_what_is_not_hidden_and_stays_away_is() -> None:
     after = hidden_and_another(None, 15)
     assert after.state == "TRACK"
     assert after.track_id == 2
+
+
+def test_what_is_unseen_for_a_night_is_weighed_without_an_overflow() -> None:
+    random = np.random.default_rng(4)
+    three = tuple(
+        streak(k, "other", random, np.array([400.0, 0.0]), truth()[k].rate, 0.0) for k in range(3)
+    )
+    following = Following()
+    for k in range(3):
+        shown = streak(k, "ours", random, np.zeros(2), truth()[k].rate, 0.0)
+        following, _ = follow(following, seen(k, shown), every_day())
+    assert following.track is not None
+    rival = Rival(measurements=three)
+    assert odds(rival, following.track, 10_000) == odds(rival, following.track, 10)
+    assert odds(rival, following.track, 0) < odds(rival, following.track, 3)
+
+
+def test_frames_that_say_nothing_are_no_evidence_against_it() -> None:
+    """Not solved, hidden: with another satellite beside nobody takes over."""
+    after = hidden_and_another(Missed(kind="not solved"), 15)
+    assert after.track_id == 1
