@@ -247,11 +247,11 @@ track_id integer the track, from 1 in the order in which they began
 measurement_id text the measurement that it took
 first_measurement_id=begun_with.0 text the earlier of the two that it began with
 is_lead truth the telescope follows this one
-turn=weighed.turn real of its path to the left, radians for each radian that it goes on
-scatter_s=weighed.scatter_s real excess scatter along the motion, as of the shutter's time
-scatter_low_s=weighed.scatter_low_s real lower end of its interval of 90 %
-scatter_high_s=weighed.scatter_high_s real upper end of it
-widening=weighed.widening real of the variances that measurements claim
+turn=mixture.turn real of its path to the left, radians for each radian that it goes on
+scatter_s=mixture.scatter_s real excess scatter along the motion, as of the shutter's time
+scatter_low_s=mixture.scatter_low_s real lower end of its interval of 90 %
+scatter_high_s=mixture.scatter_high_s real upper end of it
+variance_scale=mixture.variance_scale real of the variances that measurements claim
 """
 _OF_SLEW = """
 ra_icrs_deg real where to look

@@ -291,14 +291,14 @@ class FollowedAgain:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Weighed:
+class Mixture:
     """What preset ``adaptive`` makes of a track: the motions it believes, how a night scatters."""
 
-    motion_shares: tuple[tuple[str, float], ...]
+    motion_probabilities: tuple[tuple[str, float], ...]
     """Each of ``tracking.bank.MOTIONS`` with its probability."""
-    gain_arcsec_s2: float
+    acceleration_arcsec_s2: float
     """By which the speed on the sky changes."""
-    gain_sigma_arcsec_s2: float
+    acceleration_sigma_arcsec_s2: float
     turn: float
     """Of the path to the left, radians for each radian that it goes on; a great circle has 0."""
     turn_sigma: float
@@ -308,7 +308,7 @@ class Weighed:
     scatter_low_s: float
     """The interval of 90 %."""
     scatter_high_s: float
-    widening: float = 1.0
+    variance_scale: float = 1.0
     """Of the variances that measurements claim: how much larger they are taken to be."""
 
 
@@ -344,7 +344,7 @@ class TrackState:
     """The two measurements that a track began with, the earlier one first; None later on."""
     is_lead: bool = True
     """Whether the telescope follows this one of the frame's tracks."""
-    weighed: Weighed | None = None
+    mixture: Mixture | None = None
     """Preset ``adaptive`` only."""
     memory: object | None = field(
         default=None, repr=False, compare=False, metadata={OFF_RECORD: True}

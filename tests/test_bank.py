@@ -156,7 +156,7 @@ def test_the_interval_of_the_scatter_holds_the_truth(scatter_s: float) -> None:
     """It claims 90 %: of 30 nights with a chance of one in a thousand fewer than 21 hold it."""
     held, medians = 0, []
     for seed in range(30):
-        said = followed(measured("navigation", scatter_s, 100 + seed, 25))[1][-1].weighed
+        said = followed(measured("navigation", scatter_s, 100 + seed, 25))[1][-1].mixture
         assert said is not None
         held += said.scatter_low_s <= scatter_s <= said.scatter_high_s
         medians.append(said.scatter_s)
@@ -165,7 +165,7 @@ def test_the_interval_of_the_scatter_holds_the_truth(scatter_s: float) -> None:
 
 
 def test_a_punctual_shutter_is_not_accused() -> None:
-    said = followed(measured("geostationary", 0.0, 1))[1][-1].weighed
+    said = followed(measured("geostationary", 0.0, 1))[1][-1].mixture
     assert said is not None
     assert said.scatter_low_s == 0.0
     assert said.scatter_high_s < 0.05
@@ -173,11 +173,11 @@ def test_a_punctual_shutter_is_not_accused() -> None:
 
 def test_the_motion_is_named_that_it_is() -> None:
     def likeliest(name: str) -> str:
-        said = followed(measured(name, 0.015, 3))[1][-1].weighed
+        said = followed(measured(name, 0.015, 3))[1][-1].mixture
         assert said is not None
-        shares = dict(said.motion_shares)
-        assert sum(shares.values()) == pytest.approx(1.0)
-        return max(shares, key=lambda each: shares[each])
+        weights = dict(said.motion_probabilities)
+        assert sum(weights.values()) == pytest.approx(1.0)
+        return max(weights, key=lambda each: weights[each])
 
     assert likeliest("geostationary") == "parallel"
     for name in ("inclined geosynchronous", "navigation", "Molniya at apogee"):
@@ -231,27 +231,27 @@ def test_wherever_it_runs_numbers_stay_numbers(
     ra: float, dec: float, rate: float, angle: float
 ) -> None:
     """Across RA 0h, near the pole, fast and slow; covariances stay positive."""
-    seen = bank.Sighted(
+    seen = bank.Position(
         t_utc_ns=T0_UTC_NS, ra_icrs_deg=ra, dec_icrs_deg=dec, covariance=0.25 * np.eye(2)
     )
     motion = (rate * math.cos(angle), rate * math.sin(angle))
-    held = bank.begun(seen, motion, None, bank.scatters())
+    held = bank.initiate(seen, motion, None)
     for step in range(1, 6):
-        held = bank.ahead(held, T0_UTC_NS + step * 30 * NS_PER_S)
+        held = bank.predict(held, T0_UTC_NS + step * 30 * NS_PER_S)
         mean, covariance = held.moments()
         assert np.all(np.isfinite(mean))
         assert np.linalg.eigvalsh(_scaled(covariance))[0] > -1e-9
         at = held.plane.direction_of(float(mean[0]), float(mean[1]))
-        told = bank.Sighted(
+        told = bank.Position(
             t_utc_ns=held.t_utc_ns,
             ra_icrs_deg=at[0],
             dec_icrs_deg=at[1],
             covariance=0.25 * np.eye(2),
         )
-        said = bank.heard(held, told)
+        said = bank.update(held, told)
         assert 0.0 <= said.nis < math.inf
         held = said.after
-    assert held.shares.sum() == pytest.approx(1.0)
+    assert held.weights.sum() == pytest.approx(1.0)
 
 
 def _scaled(covariance: FloatArray) -> FloatArray:

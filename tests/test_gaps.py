@@ -49,6 +49,6 @@ def test_through_frames_that_show_nothing_it_coasts_and_comes_back(regime):
     ]
     assert {r.foretold_by for r in coasted} == {"orbit"}
     # What is not known of the path's bend grows with the coast, not with the number of its frames.
-    said = coasted[-1].weighed
+    said = coasted[-1].mixture
     assert said is not None
     assert said.turn_sigma < 0.5

@@ -32,6 +32,7 @@ from rsoconsole.records import (
     FrameTaken,
     Measurement,
     Miss,
+    Mixture,
     NotFollowed,
     NotSolved,
     OperatorAction,
@@ -43,7 +44,6 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
     Wcs,
-    Weighed,
 )
 from rsoconsole.session import writer as writer_module
 from rsoconsole.session.codec import KINDS
@@ -149,10 +149,10 @@ NIGHT = (
         nis=1.5,
         innovation_arcsec=(0.5, -0.25),
         sigma_innovation_arcsec=(1.0, 2.0),
-        weighed=Weighed(
-            motion_shares=(("parallel", 0.9), ("any orbit", 0.1)),
-            gain_arcsec_s2=1e-6,
-            gain_sigma_arcsec_s2=1e-7,
+        mixture=Mixture(
+            motion_probabilities=(("parallel", 0.9), ("any orbit", 0.1)),
+            acceleration_arcsec_s2=1e-6,
+            acceleration_sigma_arcsec_s2=1e-7,
             turn=-0.1,
             turn_sigma=0.01,
             scatter_s=0.2,

@@ -18,7 +18,7 @@ from rsoconsole.console.plot import (
     sparkline,
 )
 from rsoconsole.console.words import arcsec_text, clipped, short, unsigned_text
-from rsoconsole.tracking.adaptive import learnt_words
+from rsoconsole.tracking.adaptive import summary_words
 from rsoconsole.tracking.consistency import NIS_BAND, WINDOW, consistency
 
 MISS = "○"
@@ -85,7 +85,7 @@ def nis_lines(night: NightView, width: int, height: int) -> list[Line]:
     band = f"95% {NIS_BAND[0]:.2f}-{NIS_BAND[1]:.1f}"
     title = rule(f"{mean} · {frames}", band, width)
     ink: Ink = "" if judged.verdict in {"sound", "too few"} else "warn"
-    learnt = learnt_words(night.track, float(night.setting("exposure.timing_sigma_s") or 0.0))
+    learnt = summary_words(night.track, float(night.setting("exposure.timing_sigma_s") or 0.0))
     told = " · ".join(each for each in (judged.words, learnt) if each)
     said = clipped([(f" {told}", ink or "dim")], width)
     return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]

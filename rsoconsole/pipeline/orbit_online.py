@@ -31,7 +31,7 @@ JOINED_FROM, PARTED_BELOW = 0.99, 0.5
 """Probabilities: a wrong join makes an orbit of two objects, and what leads the telescope."""
 _MOST_EARLIER = 4
 _LEARNT = 0.2
-"""Share by which they must have changed before all is reckoned anew."""
+"""Share by which they must have changed before all is computed again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ class _Target:
     joined: "_Target | None" = None
     """What it was before, if it has been followed before."""
     learnt: tuple[float, float] = (0.0, 1.0)
-    """Scatter (s) and widening with which its directions are reckoned."""
+    """Scatter (s) and variance_scale of its measurements' errors."""
     is_told_of_none: bool = False
     """Of a measurement that was no direction."""
     words: list[str] = field(default_factory=list)
@@ -150,7 +150,7 @@ class OnlineOrbit:
         predicted = None
         if len(target.taken) == count + 1 and target.orbit is not None:
             # By what was learnt before it, as the filter's own answer is.
-            last = adaptive.with_scatter(target.taken[-2:], *learnt)[-1]
+            last = adaptive.with_learned_errors(target.taken[-2:], *learnt)[-1]
             predicted = self._foretold(target.orbit, last)
         self._ask_earlier(target)
         seen, _ = together(target.parts)
@@ -192,7 +192,10 @@ class OnlineOrbit:
             abs(a - b) > _LEARNT * max(a, b) for a, b in zip(learnt, target.learnt, strict=True)
         ):
             target.learnt, is_longer = learnt, False
-        fresh = _with_scatter(taken, target)[len(known) if is_longer else 0 :]
+        # The first new one is measured against the last known one.
+        start = len(known) if is_longer else 0
+        back = min(start, 1)
+        fresh = adaptive.with_learned_errors(taken[start - back :], *target.learnt)[back:]
         seen = self._reduced(fresh)
         if (seen is None or len(seen) < len(fresh)) and not target.is_told_of_none:
             target.is_told_of_none = True
@@ -326,13 +329,9 @@ class OnlineOrbit:
 
 
 def _learnt(state: TrackState) -> tuple[float, float]:
-    """Scatter (s) and widening, as preset ``adaptive`` has learnt them."""
-    said = state.weighed
-    return (0.0, 1.0) if said is None else (said.scatter_s, said.widening)
-
-
-def _with_scatter(taken: Sequence[Measurement], target: _Target) -> tuple[Measurement, ...]:
-    return adaptive.with_scatter(taken, *target.learnt)
+    """Scatter (s) and variance_scale, as preset ``adaptive`` has learnt them."""
+    said = state.mixture
+    return (0.0, 1.0) if said is None else (said.scatter_s, said.variance_scale)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

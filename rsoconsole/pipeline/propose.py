@@ -74,7 +74,7 @@ def _nothing_to_propose(sessions: Sequence[_Session]) -> str:
     """What preset ``adaptive`` has learnt of each night by itself, and what may be made of it."""
     told = []
     for session in sessions:
-        states = (r for r in session.records if isinstance(r, TrackState) and r.weighed is not None)
+        states = (r for r in session.records if isinstance(r, TrackState) and r.mixture is not None)
         last = deque(states, maxlen=1)
         known_s = session.config.exposure.timing_sigma_s
         words = scatter_words(last[0], known_s) if last else None

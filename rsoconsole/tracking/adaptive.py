@@ -1,8 +1,7 @@
 """Preset ``adaptive``: the track as the mixture of a bank of filters (``bank``). Pure.
 
 The state on record is the mixture's mean and covariance, as of one filter; the bank itself goes
-along in memory. A state that was read from a session has none: it is carried on by what the record
-says of its motions.
+along in memory. A state that was read from a session has none: the record predicts it.
 """
 
 import math
@@ -12,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.records import FloatArray, Measurement, TrackState, Weighed
+from rsoconsole.records import FloatArray, Measurement, Mixture, TrackState
 from rsoconsole.tracking import bank as banks
 from rsoconsole.tracking import lqe
-from rsoconsole.tracking.bank import Bank, Sighted
-from rsoconsole.tracking.sky_path import GAIN, TURN, VX, VY, Plane
+from rsoconsole.tracking.bank import Bank, Position
+from rsoconsole.tracking.sky_path import ACCELERATION, TURN, VX, VY, Plane
 
 _WORTH_TELLING = 1.5
 _MOST_CORRELATED = 0.99999
@@ -41,11 +40,11 @@ def initialise(
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
     if dt_s <= 0.0:
         raise ValueError(f"a track needs its second measurement after the first, not {dt_s:+.3f} s")
-    one, two = _sighted(first, settings), _sighted(second, settings)
+    one, two = _position(first, settings), _position(second, settings)
     way = Plane.at(one.ra_icrs_deg, one.dec_icrs_deg).place_of(two.ra_icrs_deg, two.dec_icrs_deg)
     rate = (float(way[0]) / dt_s, float(way[1]) / dt_s)
-    bank = banks.begun(one, rate, bend, banks.scatters())
-    bank = banks.heard(banks.ahead(bank, two.t_utc_ns, _roots(settings)), two).after
+    bank = banks.initiate(one, rate, bend)
+    bank = banks.update(banks.predict(bank, two.t_utc_ns, _roots(settings)), two).after
     return _state(
         bank,
         kind="initial",
@@ -59,7 +58,7 @@ def initialise(
 def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
     """The track carried to another instant, for the frame ``frame_id``."""
     return _state(
-        banks.ahead(_bank_of(state), t_utc_ns, _roots(settings)),
+        banks.predict(_bank_of(state), t_utc_ns, _roots(settings)),
         kind="predicted",
         frame_id=frame_id,
         track_id=state.track_id,
@@ -76,7 +75,7 @@ def update(predicted: TrackState, measurement: Measurement, settings: FilterConf
     """
     if measurement.t_mid_utc_ns != predicted.t_utc_ns:
         raise ValueError("the measurement and the prediction are of different instants")
-    said = banks.heard(_bank_of(predicted), _sighted(measurement, settings))
+    said = banks.update(_bank_of(predicted), _position(measurement, settings))
     east, north = said.innovation.tolist()
     sigma = np.sqrt(np.diag(said.covariance)).tolist()
     return _state(
@@ -101,16 +100,16 @@ def begun_from(
     frame_id: int,
     failed: TrackState,
 ) -> TrackState:
-    """The bank begun anew from another prediction at the instant of one that has ``failed``.
+    """The bank restarted from another prediction at the instant of one that has ``failed``.
 
     ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. What was learnt
     of scatter and of how the path bends stays.
     """
     before = _bank_of(failed)
     mean, spread = before.moments()
-    bend = (mean[GAIN:], spread[GAIN:, GAIN:])
+    bend = (mean[ACCELERATION:], spread[ACCELERATION:, ACCELERATION:])
     return _state(
-        banks.reseeded(before, direction_deg, rate_arcsec_s, covariance, bend),
+        banks.restarted(before, direction_deg, rate_arcsec_s, covariance, bend),
         kind="predicted",
         frame_id=frame_id,
         track_id=failed.track_id,
@@ -125,18 +124,18 @@ def log_det_innovation(
     predicted: TrackState, measurement: Measurement, settings: FilterConfig
 ) -> float:
     """Logarithm of the determinant of the mixture's innovation covariance, arcsec^2 squared."""
-    said = banks.heard(_bank_of(predicted), _sighted(measurement, settings))
+    said = banks.update(_bank_of(predicted), _position(measurement, settings))
     return float(np.linalg.slogdet(said.covariance)[1])
 
 
-def _sighted(measurement: Measurement, settings: FilterConfig) -> Sighted:
+def _position(measurement: Measurement, settings: FilterConfig) -> Position:
     noise = lqe.measurement_noise(measurement, settings) * lqe.ARCSEC_PER_DEG**2
     # An ellipse whatever a file may claim: what is more than correlated has no density.
     most = _MOST_CORRELATED * math.sqrt(noise[0, 0] * noise[1, 1])
     noise[0, 1] = noise[1, 0] = min(max(noise[0, 1], -most), most)
     cos_dec = max(math.cos(math.radians(measurement.dec_icrs_deg)), 1e-3)
     to_sky = np.array([cos_dec, 1.0])
-    return Sighted(
+    return Position(
         t_utc_ns=measurement.t_mid_utc_ns,
         ra_icrs_deg=measurement.ra_icrs_deg,
         dec_icrs_deg=measurement.dec_icrs_deg,
@@ -175,23 +174,27 @@ def _from_record(state: TrackState) -> Bank:
     cos_dec = max(math.cos(math.radians(state.x[2])), 1e-3)
     to_sky = np.array([cos_dec, 1.0, cos_dec, 1.0]) * lqe.ARCSEC_PER_DEG
     order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
-    said = state.weighed
+    said = state.mixture
     motion = np.zeros(6)
     motion[VX], motion[VY] = state.x[1] * to_sky[2], state.x[3] * to_sky[3]
     covariance = np.zeros((6, 6))
     covariance[:4, :4] = np.array(state.P)[order] * np.outer(to_sky, to_sky)
-    shares, scatter_s, widening = list(banks.MOTION_SHARES), 0.0, 1.0
+    weights, scatter_s, variance_scale = list(banks.MOTION_PRIORS), 0.0, 1.0
     if said is None:
-        covariance[GAIN:, GAIN:] = banks.any_bend(math.hypot(*motion[VX : VY + 1]))[1]
+        covariance[ACCELERATION:, ACCELERATION:] = banks.unknown_bend(
+            math.hypot(*motion[VX : VY + 1])
+        )[1]
     else:
-        motion[GAIN], motion[TURN] = said.gain_arcsec_s2, said.turn
-        covariance[GAIN, GAIN] = said.gain_sigma_arcsec_s2**2
+        motion[ACCELERATION], motion[TURN] = said.acceleration_arcsec_s2, said.turn
+        covariance[ACCELERATION, ACCELERATION] = said.acceleration_sigma_arcsec_s2**2
         covariance[TURN, TURN] = said.turn_sigma**2
-        known = dict(said.motion_shares)
-        shares = [known.get(name, 0.0) for name in banks.MOTIONS]
-        scatter_s, widening = said.scatter_s, said.widening
+        known = dict(said.motion_probabilities)
+        weights = [known.get(name, 0.0) for name in banks.MOTIONS]
+        scatter_s, variance_scale = said.scatter_s, said.variance_scale
     plane = Plane.at(state.x[0], state.x[2])
-    return banks.of_one(plane, state.t_utc_ns, motion, covariance, shares, scatter_s, widening)
+    return banks.of_single(
+        plane, state.t_utc_ns, motion, covariance, weights, scatter_s, variance_scale
+    )
 
 
 def _state(bank: Bank, **told: object) -> TrackState:
@@ -207,16 +210,20 @@ def _state(bank: Bank, **told: object) -> TrackState:
         t_utc_ns=bank.t_utc_ns,
         x=x,
         P=tuple(map(tuple, ((P + P.T) / 2.0).tolist())),
-        weighed=Weighed(
-            motion_shares=tuple(zip(banks.MOTIONS, bank.motion_shares.tolist(), strict=True)),
-            gain_arcsec_s2=float(mean[GAIN]),
-            gain_sigma_arcsec_s2=math.sqrt(max(covariance[GAIN, GAIN], 0.0)),
+        mixture=Mixture(
+            motion_probabilities=tuple(
+                zip(banks.MOTIONS, bank.motion_probabilities.tolist(), strict=True)
+            ),
+            acceleration_arcsec_s2=float(mean[ACCELERATION]),
+            acceleration_sigma_arcsec_s2=math.sqrt(
+                max(covariance[ACCELERATION, ACCELERATION], 0.0)
+            ),
             turn=float(mean[TURN]),
             turn_sigma=math.sqrt(max(covariance[TURN, TURN], 0.0)),
             scatter_s=median,
             scatter_low_s=low,
             scatter_high_s=high,
-            widening=float(bank.widening_shares @ banks.WIDENINGS),
+            variance_scale=float(bank.variance_scale_probabilities @ banks.VARIANCE_SCALES),
         ),
         memory=_Memory(bank, x),
         **told,  # type: ignore[arg-type]
@@ -227,11 +234,11 @@ def scatter_words(state: TrackState, known_s: float) -> str | None:
     """What a track has learnt of scatter along its motion; None: nothing.
 
     One streak alone does not tell the shutter from an end that is found badly, so it is called
-    the shutter's only under a condition. ``known_s``: what the measurements reckon with already.
+    the shutter's only under a condition. ``known_s``: what the measurements contain already.
     """
-    if state.weighed is None:
+    if state.mixture is None:
         return None
-    said = state.weighed
+    said = state.mixture
     speed = math.hypot(*lqe.sky_rate_arcsec_s(state))
     every = (said.scatter_s, said.scatter_low_s, said.scatter_high_s)
     median, low, high = (math.hypot(each, known_s) for each in every)
@@ -241,34 +248,32 @@ def scatter_words(state: TrackState, known_s: float) -> str | None:
     )
 
 
-def learnt_words(state: TrackState | None, known_s: float) -> str:
+def summary_words(state: TrackState | None, known_s: float) -> str:
     """In a few words for a narrow screen what motion is believed, and the scatter; may be empty."""
-    if state is None or state.weighed is None:
+    if state is None or state.mixture is None:
         return ""
-    name, share = max(state.weighed.motion_shares, key=lambda each: each[1])
+    name, share = max(state.mixture.motion_probabilities, key=lambda each: each[1])
     speed = math.hypot(*lqe.sky_rate_arcsec_s(state))
-    scatter_s = math.hypot(state.weighed.scatter_s, known_s)
-    wider = math.sqrt(state.weighed.widening)
+    scatter_s = math.hypot(state.mixture.scatter_s, known_s)
+    wider = math.sqrt(state.mixture.variance_scale)
     errors = f", errors ×{wider:.1f}" if wider >= _WORTH_TELLING else ""
     return f"{name} {share:.0%}, scatter {scatter_s * speed:.1f}″ = {scatter_s:.2g} s{errors}"
 
 
-def with_scatter(
-    taken: Sequence[Measurement], scatter_s: float, widening: float = 1.0
+def with_learned_errors(
+    taken: Sequence[Measurement], scatter_s: float, variance_scale: float = 1.0
 ) -> tuple[Measurement, ...]:
-    """A track's measurements, whose covariances reckon with what it has learnt of their errors.
+    """A track's measurements, with covariances that contain the errors learnt.
 
     Each moves as from or to the one that is nearer to it in time.
     """
-    if len(taken) < 2 or (scatter_s <= 0.0 and widening == 1.0):
+    if len(taken) < 2 or (scatter_s <= 0.0 and variance_scale == 1.0):
         return tuple(taken)
-    last = len(taken) - 1
-    return tuple(
-        _scattered(
-            m, _nearer(m, taken[max(n - 1, 0)], taken[min(n + 1, last)]), (scatter_s, widening)
-        )
-        for n, m in enumerate(taken)
-    )
+    last, errors = len(taken) - 1, (scatter_s, variance_scale)
+    others = [
+        _nearer(m, taken[max(n - 1, 0)], taken[min(n + 1, last)]) for n, m in enumerate(taken)
+    ]
+    return tuple(_scattered(*pair, errors) for pair in zip(taken, others, strict=True))
 
 
 def _nearer(measurement: Measurement, before: Measurement, after: Measurement) -> Measurement:
@@ -297,10 +302,10 @@ __all__ = [
     "Bend",
     "begun_from",
     "initialise",
-    "learnt_words",
     "log_det_innovation",
     "predict",
     "scatter_words",
+    "summary_words",
     "update",
-    "with_scatter",
+    "with_learned_errors",
 ]

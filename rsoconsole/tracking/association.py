@@ -161,7 +161,7 @@ def paired(
     }
 
 
-def may_be_one(first: Measurement, second: Measurement, exposure_s: float) -> bool:
+def agree(first: Measurement, second: Measurement, exposure_s: float) -> bool:
     """Whether two measurements of different frames agree on one motion."""
     return math.isfinite(_pair_cost(first, second, exposure_s))
 

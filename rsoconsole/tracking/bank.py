@@ -1,15 +1,15 @@
 """Several motions weighed by their likelihood, and how much a night scatters. Pure.
 
 One filter cannot fit a satellite that keeps its slot, one that turns ten times as fast, and a
-shutter that opens when it likes. So as many filters as there are motions times scatters hear every
-measurement, each with a motion of ``MOTIONS`` and an excess scatter along the motion; what each
-gave to what was then measured weighs it (a bank of filters: Magill 1965; Bar-Shalom, Li &
-Kirubarajan 2001, 11.6). Their mixture predicts. A motion is six numbers (``sky_path``): of the
+shutter that opens when it likes. So a filter for each combination of ``MOTIONS``, of
+``VARIANCE_SCALES`` of the measurements' errors and of ``SCATTERS_S`` along the motion is updated
+with every measurement; its likelihood is its weight (a bank of filters: Magill 1965; Bar-Shalom,
+Li & Kirubarajan 2001, 11.6). Their mixture predicts. A motion is six numbers (``sky_path``): of the
 ``parallel`` and the ``great circle`` the last two are what their names say, of ``any orbit`` they
 are open as far as the admissible region of orbits leaves them (``orbit.admissible``).
 
 What the shutter is late by moves a streak along itself. How much it scatters is not known
-beforehand: the share of each scatter is what the innovations make of it, and its interval is told.
+in advance: the innovations give each scatter its probability, and the interval is on record.
 """
 
 import math
@@ -20,8 +20,8 @@ import numpy as np
 
 from rsoconsole.records import FloatArray
 from rsoconsole.tracking.sky_path import (
+    ACCELERATION,
     ARCSEC_RAD,
-    GAIN,
     TURN,
     Plane,
     moved,
@@ -31,19 +31,21 @@ from rsoconsole.tracking.sky_path import (
 )
 
 MOTIONS = ("parallel", "great circle", "any orbit", "changing orbit")
-PARALLEL, GREAT_CIRCLE, ANY_ORBIT, CHANGING = range(4)
+PARALLEL, GREAT_CIRCLE, ANY_ORBIT = range(3)
 SCATTERS = 14
-WIDENINGS = np.array([1.0, 5.0, 25.0])
+VARIANCE_SCALES = np.array([1.0, 5.0, 25.0])
 """Of a measurement's own variances: wind, a plate of few stars and ends that cloud has moved make
 errors larger than they say, across the motion as well as along it."""
-PER_MOTION = len(WIDENINGS) * SCATTERS
+PER_MOTION = len(VARIANCE_SCALES) * SCATTERS
 MOST_SCATTER_S = 3.0
 _LEAST_SCATTER_S = 0.005
+SCATTERS_S = np.geomspace(_LEAST_SCATTER_S, MOST_SCATTER_S, SCATTERS)
+"""Timing scatter beyond what the measurements' covariances contain."""
 _SCATTER_FALLS = 0.4
 """Before anything is measured a scatter is as likely as it is small, to this power."""
-MOTION_SHARES = (0.3, 0.1, 0.4, 0.2)
-_WIDENING_SHARES = (0.85, 0.12, 0.03)
-_LEAST_SHARE = 1e-12
+MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
+_VARIANCE_SCALE_PRIORS = (0.85, 0.12, 0.03)
+_LEAST_WEIGHT = 1e-12
 _TEMPERED = 0.65
 """The likelihood is too sharp, as no motion is quite what is followed: power that makes intervals
 hold as often as they say (measured on SGP4's orbits)."""
@@ -64,7 +66,7 @@ _OF_RATE = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bank:
-    """All filters at one instant: by motion, widening, scatter, the last of them quickest."""
+    """All filters at one instant: by motion, variance_scale, scatter, the last of them quickest."""
 
     plane: Plane
     t_utc_ns: int
@@ -72,45 +74,43 @@ class Bank:
     """(N, 6)"""
     covariances: FloatArray
     """(N, 6, 6)"""
-    log_shares: FloatArray
+    log_weights: FloatArray
     """(N,)"""
-    scatters_s: FloatArray
-    """(SCATTERS,)"""
-    unheard_rad: FloatArray
+    path_since_update_rad: FloatArray
     """(N,) length of path since the last measurement."""
 
     @property
-    def shares(self) -> FloatArray:
+    def weights(self) -> FloatArray:
         """(N,) probabilities."""
-        each = np.exp(self.log_shares - self.log_shares.max())
+        each = np.exp(self.log_weights - self.log_weights.max())
         return np.asarray(each / each.sum())
 
     @property
-    def motion_shares(self) -> FloatArray:
+    def motion_probabilities(self) -> FloatArray:
         """(4,) of ``MOTIONS``."""
-        return np.asarray(self.shares.reshape(-1, PER_MOTION).sum(axis=1))
+        return np.asarray(self.weights.reshape(-1, PER_MOTION).sum(axis=1))
 
     @property
-    def scatter_shares(self) -> FloatArray:
+    def scatter_probabilities(self) -> FloatArray:
         """(SCATTERS,)"""
-        return np.asarray(self.shares.reshape(-1, SCATTERS).sum(axis=0))
+        return np.asarray(self.weights.reshape(-1, SCATTERS).sum(axis=0))
 
     @property
-    def widening_shares(self) -> FloatArray:
-        """(3,) of ``WIDENINGS``."""
-        return np.asarray(self.shares.reshape(-1, len(WIDENINGS), SCATTERS).sum(axis=(0, 2)))
+    def variance_scale_probabilities(self) -> FloatArray:
+        """(3,) of ``VARIANCE_SCALES``."""
+        return np.asarray(self.weights.reshape(-1, len(VARIANCE_SCALES), SCATTERS).sum(axis=(0, 2)))
 
     def moments(self) -> tuple[FloatArray, FloatArray]:
         """Mean (6,) and covariance (6, 6) of the mixture."""
-        shares = self.shares
-        mean = shares @ self.means
+        weights = self.weights
+        mean = weights @ self.means
         off = self.means - mean
-        spread = (off * shares[:, None]).T @ off
-        return mean, np.einsum("n,nij->ij", shares, self.covariances) + spread
+        spread = (off * weights[:, None]).T @ off
+        return mean, np.einsum("n,nij->ij", weights, self.covariances) + spread
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sighted:
+class Position:
     """One measured direction as a bank hears it."""
 
     t_utc_ns: int
@@ -121,7 +121,7 @@ class Sighted:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Heard:
+class Update:
     """What a measurement says to a bank, before it is taken."""
 
     after: Bank
@@ -132,58 +132,45 @@ class Heard:
     """(2,) arcsec, measured minus the mixture's mean."""
     covariance: FloatArray
     """(2, 2) of the mixture's innovation."""
-    log_likelihood: float
-    """Logarithm of the density at the measurement, 1/arcsec^2."""
 
 
-def scatters() -> FloatArray:
-    """Those that are reckoned with, seconds, beyond what is known of the shutter."""
-    return np.geomspace(_LEAST_SCATTER_S, MOST_SCATTER_S, SCATTERS)
-
-
-def begun(
-    first: Sighted,
+def initiate(
+    first: Position,
     rate_arcsec_s: tuple[float, float],
     bend: tuple[FloatArray, FloatArray] | None,
-    scatters_s: FloatArray,
-    scatter_shares: FloatArray | None = None,
 ) -> Bank:
     """A bank at one direction, with a rate (east, north) that is hardly believed.
 
     ``bend``: mean (2,) and covariance (2, 2) of change of speed and turn of any orbit through it;
-    None: unknown. ``scatter_shares``: what is believed of the scatters, where it is known.
+    None: unknown.
     """
     plane = Plane.at(first.ra_icrs_deg, first.dec_icrs_deg)
     rate = np.array(rate_arcsec_s)
     speed = max(float(np.hypot(*rate)), 1e-3)
     ahead = rate / speed
-    mean, spread = any_bend(speed) if bend is None else bend
+    mean, spread = unknown_bend(speed) if bend is None else bend
     calm = parallel_of(first.dec_icrs_deg, rate)
     bends = (calm, np.zeros(2), mean, mean)
     means = np.array([[0.0, 0.0, *rate_arcsec_s, *each] for each in bends])
-    covariances = np.zeros((len(MOTIONS), len(WIDENINGS), SCATTERS, 6, 6))
+    covariances = np.zeros((len(MOTIONS), len(VARIANCE_SCALES), SCATTERS, 6, 6))
     along = np.outer(ahead, ahead) * speed**2
-    covariances[..., :2, :2] = WIDENINGS[:, None, None, None] * first.covariance
-    covariances[..., :2, :2] += scatters_s[:, None, None] ** 2 * along
+    covariances[..., :2, :2] = VARIANCE_SCALES[:, None, None, None] * first.covariance
+    covariances[..., :2, :2] += SCATTERS_S[:, None, None] ** 2 * along
     covariances[..., 2, 2] = covariances[..., 3, 3] = (_OF_RATE * speed) ** 2
-    covariances[ANY_ORBIT:, ..., GAIN:, GAIN:] = _WIDENED * spread
-    if scatter_shares is None:
-        scatter_shares = scatters_s**-_SCATTER_FALLS
-    shares = np.einsum(
-        "m,w,s->mws", MOTION_SHARES, _WIDENING_SHARES, scatter_shares / scatter_shares.sum()
-    )
+    covariances[ANY_ORBIT:, ..., ACCELERATION:, ACCELERATION:] = _WIDENED * spread
+    likely = SCATTERS_S**-_SCATTER_FALLS
+    weights = np.einsum("m,w,s->mws", MOTION_PRIORS, _VARIANCE_SCALE_PRIORS, likely / likely.sum())
     return Bank(
         plane=plane,
         t_utc_ns=first.t_utc_ns,
         means=np.repeat(means, PER_MOTION, axis=0),
         covariances=covariances.reshape(-1, 6, 6),
-        log_shares=np.log(np.maximum(shares.ravel(), _LEAST_SHARE)),
-        scatters_s=scatters_s,
-        unheard_rad=np.zeros(len(MOTIONS) * PER_MOTION),
+        log_weights=np.log(np.maximum(weights.ravel(), _LEAST_WEIGHT)),
+        path_since_update_rad=np.zeros(len(MOTIONS) * PER_MOTION),
     )
 
 
-def ahead(bank: Bank, t_utc_ns: int, roots: FloatArray | None = None) -> Bank:
+def predict(bank: Bank, t_utc_ns: int, roots: FloatArray | None = None) -> Bank:
     """The bank carried to another instant, also back.
 
     ``roots`` (6,): of the operator's factors of the process noise; None: all 1.
@@ -198,26 +185,28 @@ def ahead(bank: Bank, t_utc_ns: int, roots: FloatArray | None = None) -> Bank:
 
 def _stepped(bank: Bank, dt_s: float, scale: FloatArray) -> Bank:
     means = bank.means.copy()
-    calm = slice(PARALLEL * PER_MOTION, (PARALLEL + 1) * PER_MOTION)
+    parallel = slice(PARALLEL * PER_MOTION, (PARALLEL + 1) * PER_MOTION)
     _, dec_deg = bank.plane.direction_deg
-    means[calm, GAIN:] = parallel_of(dec_deg + means[calm, 1] / 3600.0, means[calm, 2:4])
-    mean = bank.shares @ means
+    means[parallel, ACCELERATION:] = parallel_of(
+        dec_deg + means[parallel, 1] / 3600.0, means[parallel, 2:4]
+    )
+    mean = bank.weights @ means
     onto = plane_after(bank.plane, mean, dt_s)
     after, slopes = with_slopes(bank.plane, means, dt_s, onto)
     covariances = slopes @ bank.covariances @ np.swapaxes(slopes, -1, -2)
     length = np.hypot(means[:, 2], means[:, 3]) * abs(dt_s) * ARCSEC_RAD
-    covariances = covariances + scale * _noise(means, dt_s, bank.unheard_rad, length)
+    covariances = covariances + scale * _noise(means, dt_s, bank.path_since_update_rad, length)
     return replace(
         bank,
         plane=onto,
         means=after,
         covariances=covariances,
-        unheard_rad=bank.unheard_rad + length,
+        path_since_update_rad=bank.path_since_update_rad + length,
     )
 
 
 def _noise(
-    means: FloatArray, dt_s: float, unheard_rad: FloatArray, length_rad: FloatArray
+    means: FloatArray, dt_s: float, path_since_update_rad: FloatArray, length_rad: FloatArray
 ) -> FloatArray:
     """(N, 6, 6); over a coast what changes goes on changing the same way."""
     span = abs(dt_s)
@@ -230,16 +219,16 @@ def _noise(
         noise[:, place, place] = q * span**3 / 3.0
         noise[:, place, rate] = noise[:, rate, place] = q * dt_s * span / 2.0
         noise[:, rate, rate] = q * span
-    until = unheard_rad + length_rad
+    until = path_since_update_rad + length_rad
     at_random = _CHANGES[motion] ** 2 * np.minimum(length_rad, _OVER_RAD) * _OVER_RAD
-    goes_on = np.maximum(_CHANGES, _GOES_ON)[motion] ** 2 * (until**2 - unheard_rad**2)
+    goes_on = np.maximum(_CHANGES, _GOES_ON)[motion] ** 2 * (until**2 - path_since_update_rad**2)
     turned = np.maximum(at_random, np.where(until > _OVER_RAD, goes_on, 0.0))
     noise[:, TURN, TURN] = turned
-    noise[:, GAIN, GAIN] = turned * (speed**2 * ARCSEC_RAD) ** 2
+    noise[:, ACCELERATION, ACCELERATION] = turned * (speed**2 * ARCSEC_RAD) ** 2
     return noise
 
 
-def heard(bank: Bank, seen: Sighted) -> Heard:
+def update(bank: Bank, seen: Position) -> Update:
     """What a measurement at the bank's instant says, and the bank that has taken it."""
     place = bank.plane.place_of(seen.ra_icrs_deg, seen.dec_icrs_deg)
     off = place - bank.means[:, :2]
@@ -254,42 +243,41 @@ def heard(bank: Bank, seen: Sighted) -> Heard:
     left = np.eye(6) - np.concatenate([gain, np.zeros((len(gain), 6, 4))], axis=2)
     covariances = left @ bank.covariances @ np.swapaxes(left, -1, -2)
     covariances += gain @ noise @ np.swapaxes(gain, -1, -2)
-    shares, log_shares = bank.shares, np.log(np.maximum(bank.shares, _LEAST_SHARE))
-    total = log_shares + log_likelihoods
+    weights, log_weights = bank.weights, np.log(np.maximum(bank.weights, _LEAST_WEIGHT))
+    total = log_weights + log_likelihoods
     most = float(total.max())
     log_likelihood = most + math.log(float(np.exp(total - most).sum()))
-    mean = shares @ bank.means[:, :2]
+    mean = weights @ bank.means[:, :2]
     apart = bank.means[:, :2] - mean
-    covariance = np.einsum("n,nij->ij", shares, s) + (apart * shares[:, None]).T @ apart
+    covariance = np.einsum("n,nij->ij", weights, s) + (apart * weights[:, None]).T @ apart
     taken = replace(
         bank,
         means=means,
         covariances=covariances,
-        log_shares=np.maximum(total - log_likelihood, math.log(_LEAST_SHARE)),
-        unheard_rad=np.zeros(len(means)),
+        log_weights=np.maximum(total - log_likelihood, math.log(_LEAST_WEIGHT)),
+        path_since_update_rad=np.zeros(len(means)),
     )
     calm = slice(0, ANY_ORBIT * PER_MOTION)
-    taken.covariances[calm, GAIN:, :] = taken.covariances[calm, :, GAIN:] = 0.0
-    taken.means[GREAT_CIRCLE * PER_MOTION : ANY_ORBIT * PER_MOTION, GAIN:] = 0.0
-    return Heard(
+    taken.covariances[calm, ACCELERATION:, :] = taken.covariances[calm, :, ACCELERATION:] = 0.0
+    taken.means[GREAT_CIRCLE * PER_MOTION : ANY_ORBIT * PER_MOTION, ACCELERATION:] = 0.0
+    return Update(
         after=_centred(taken),
-        nis=_nis_of(shares, nis),
+        nis=_nis_of(weights, nis),
         innovation=place - mean,
         covariance=covariance,
-        log_likelihood=log_likelihood,
     )
 
 
 def _centred(bank: Bank) -> Bank:
     """The same bank on the plane that touches the sky where its mixture is."""
-    mean = bank.shares @ bank.means
+    mean = bank.weights @ bank.means
     onto = plane_after(bank.plane, mean, 0.0)
     return replace(bank, plane=onto, means=moved(bank.plane, bank.means, 0.0, onto))
 
 
-def _nis_of(shares: FloatArray, nis: FloatArray) -> float:
-    """-2 log sum(shares exp(-nis / 2)), also where all are far off."""
-    terms = np.log(np.maximum(shares, 1e-300)) - 0.5 * nis
+def _nis_of(weights: FloatArray, nis: FloatArray) -> float:
+    """-2 log sum(weights exp(-nis / 2)), also where all are far off."""
+    terms = np.log(np.maximum(weights, 1e-300)) - 0.5 * nis
     most = float(terms.max())
     if not math.isfinite(most):
         return math.inf
@@ -298,25 +286,25 @@ def _nis_of(shares: FloatArray, nis: FloatArray) -> float:
 
 def _measured_noise(bank: Bank, covariance: FloatArray) -> FloatArray:
     """(N, 2, 2): the measurement's own, as much wider as each filter has it, and its scatter."""
-    late_s = np.tile(bank.scatters_s, len(bank.means) // SCATTERS)
-    widened = np.tile(np.repeat(WIDENINGS, SCATTERS), len(MOTIONS))
+    late_s = np.tile(SCATTERS_S, len(bank.means) // SCATTERS)
+    widened = np.tile(np.repeat(VARIANCE_SCALES, SCATTERS), len(MOTIONS))
     shift = bank.means[:, 2:4] * late_s[:, None]
     own = widened[:, None, None] * covariance
     return np.asarray(own + shift[:, :, None] * shift[:, None, :])
 
 
-def any_bend(speed_arcsec_s: float) -> tuple[FloatArray, FloatArray]:
+def unknown_bend(speed_arcsec_s: float) -> tuple[FloatArray, FloatArray]:
     """Where no orbit passes, or none is asked for."""
     gain = speed_arcsec_s**2 * ARCSEC_RAD
     return np.zeros(2), np.diag([gain**2, 1.0])
 
 
-def reseeded(
+def restarted(
     bank: Bank,
     direction_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
     covariance: FloatArray,
-    bend: tuple[FloatArray, FloatArray] | None,
+    bend: tuple[FloatArray, FloatArray],
 ) -> Bank:
     """All filters where another prediction puts the object, at the bank's instant.
 
@@ -324,60 +312,60 @@ def reseeded(
     scatter stays.
     """
     plane = Plane.at(*direction_deg)
-    speed = max(float(np.hypot(*rate_arcsec_s)), 1e-3)
-    mean, spread = any_bend(speed) if bend is None else bend
+    mean, spread = bend
     calm = parallel_of(direction_deg[1], np.array(rate_arcsec_s))
     bends = (calm, np.zeros(2), mean, mean)
     means = np.array([[0.0, 0.0, *rate_arcsec_s, *each] for each in bends])
     order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
     covariances = np.zeros((len(MOTIONS), PER_MOTION, 6, 6))
     covariances[..., :4, :4] = np.asarray(covariance)[order]
-    covariances[ANY_ORBIT:, :, GAIN:, GAIN:] = spread
+    covariances[ANY_ORBIT:, :, ACCELERATION:, ACCELERATION:] = spread
     return replace(
         bank,
         plane=plane,
         means=np.repeat(means, PER_MOTION, axis=0),
         covariances=covariances.reshape(-1, 6, 6),
-        unheard_rad=np.zeros(len(MOTIONS) * PER_MOTION),
+        path_since_update_rad=np.zeros(len(MOTIONS) * PER_MOTION),
     )
 
 
-def of_one(  # noqa: PLR0917 -- all that one filter says
+def of_single(  # noqa: PLR0917 -- all that one filter says
     plane: Plane,
     t_utc_ns: int,
     motion: FloatArray,
     covariance: FloatArray,
-    motion_shares: Sequence[float],
+    motion_probabilities: Sequence[float],
     scatter_s: float,
-    widening: float = 1.0,
+    variance_scale: float = 1.0,
 ) -> Bank:
     """A bank of which every filter has one motion (6,) and covariance (6, 6)."""
-    every, known_s = len(MOTIONS) * PER_MOTION, scatters()
-    nearest = int(np.argmin(np.abs(np.log(known_s / max(scatter_s, _LEAST_SCATTER_S)))))
-    widest = int(np.argmin(np.abs(np.log(WIDENINGS / widening))))
-    shares = np.full((len(MOTIONS), len(WIDENINGS), SCATTERS), _LEAST_SHARE)
-    shares[:, widest, nearest] = np.maximum(motion_shares, _LEAST_SHARE)
+    every = len(MOTIONS) * PER_MOTION
+    nearest = int(np.argmin(np.abs(np.log(SCATTERS_S / max(scatter_s, _LEAST_SCATTER_S)))))
+    widest = int(np.argmin(np.abs(np.log(VARIANCE_SCALES / variance_scale))))
+    weights = np.full((len(MOTIONS), len(VARIANCE_SCALES), SCATTERS), _LEAST_WEIGHT)
+    weights[:, widest, nearest] = np.maximum(motion_probabilities, _LEAST_WEIGHT)
     means, covariances = np.tile(motion, (every, 1)), np.tile(covariance, (every, 1, 1))
     calm = slice(0, ANY_ORBIT * PER_MOTION)
-    means[calm, GAIN:] = covariances[calm, GAIN:, :] = covariances[calm, :, GAIN:] = 0.0
+    means[calm, ACCELERATION:] = covariances[calm, ACCELERATION:, :] = covariances[
+        calm, :, ACCELERATION:
+    ] = 0.0
     return Bank(
         plane=plane,
         t_utc_ns=t_utc_ns,
         means=means,
         covariances=covariances,
-        log_shares=np.log(shares.ravel()),
-        scatters_s=known_s,
-        unheard_rad=np.zeros(every),
+        log_weights=np.log(weights.ravel()),
+        path_since_update_rad=np.zeros(every),
     )
 
 
 def scatter_interval_s(bank: Bank, share: float = 0.9) -> tuple[float, float, float]:
     """Median and both ends of the interval that holds so much of what is believed of the scatter.
 
-    The shares are densities on a logarithmic scale: a parabola through the three likeliest,
+    The weights are densities on a logarithmic scale: a parabola through the three likeliest,
     straight lines where the likeliest is at an end.
     """
-    log_s, each = np.log(bank.scatters_s), bank.scatter_shares
+    log_s, each = np.log(SCATTERS_S), bank.scatter_probabilities
     fine = np.linspace(log_s[0], log_s[-1], 40 * (SCATTERS - 1) + 1)
     logs, best = np.log(np.maximum(each, 1e-30)), int(np.argmax(each))
     told = np.interp(fine, log_s, logs)

@@ -30,8 +30,8 @@ from rsoconsole.tracking.association import (
     LENGTH_TOLERANCE,
     SHORTER_TOLERANCE,
     Motion,
+    agree,
     disagreement,
-    may_be_one,
     motion_between,
     pair_disagreement,
     pair_misfit_arcsec,
@@ -44,7 +44,7 @@ from rsoconsole.tracking.neighbours import (
     best_match,
     remembered,
 )
-from rsoconsole.tracking.rivals import SURE_ODDS, Rival, Ways, after_miss, odds
+from rsoconsole.tracking.rivals import SURE_ODDS, Rival, RivalFilter, after_miss, odds
 
 Choice = Literal["nearest", "most confident"]
 AS_GOOD_AS_CERTAIN = 0.9
@@ -252,7 +252,7 @@ def _follow_tracks(
         if step.reacquired is not None:
             last_track_id += 1
             causes += [_cause_of(step.reacquired)] * (number == 0)
-            step = _begun_anew(step, each.track.is_lead, last_track_id, seen, settings)
+            step = _initiated_again(step, each.track.is_lead, last_track_id, seen, settings)
         steps.append(step)
         told = (*step.records, *(_not_followed(m, REFUSED) for m in refused))
         records += _of_track(told, each.track.track_id)
@@ -452,14 +452,14 @@ def _with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
     unfit = tuple(m for m, why in reasons.items() if why.kind in {"NIS", "moves otherwise"})
     usable = tuple(m for m in unfit if not m.is_clipped and m.object_class in MAY_BE_FOLLOWED)
     t_utc_ns, frame_id = seen.t_mid_utc_ns, seen.frame_id
-    ways = Ways(
-        begin=lambda first, second: _begun(first, second, seen, settings),
-        ahead=lambda track: estimator.predict(track, t_utc_ns, settings.filter, frame_id),
-        take=lambda there, m: _gone_on(there, m, seen, settings),
+    rival_filter = RivalFilter(
+        start=lambda first, second: _rival_track(first, second, seen, settings),
+        predict=lambda track: estimator.predict(track, t_utc_ns, settings.filter, frame_id),
+        update=lambda there, m: _rival_updated(there, m, seen, settings),
     )
     # What the operator will not have is no rival either.
     known = () if seen.refused else before.rivals
-    rivals = after_miss(known, usable[:_MOST_UNFIT], t_utc_ns, ways)
+    rivals = after_miss(known, usable[:_MOST_UNFIT], t_utc_ns, rival_filter)
     unexplained = before.unexplained + is_absent
     assert step.after is not None
     after = replace(step.after, rivals=rivals, unexplained=unexplained)
@@ -489,16 +489,16 @@ def _with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
     return replace(step, after=after)
 
 
-def _begun(
+def _rival_track(
     first: Measurement, second: Measurement, seen: Seen, settings: FollowSettings
 ) -> TrackState | None:
     """A track through two measurements of different frames; None where they disagree."""
-    if not may_be_one(first, second, seen.exposure_s):
+    if not agree(first, second, seen.exposure_s):
         return None
     return estimator.initialise(first, second, settings.filter)
 
 
-def _gone_on(
+def _rival_updated(
     predicted: TrackState, m: Measurement, seen: Seen, settings: FollowSettings
 ) -> TrackState | None:
     """A track that was predicted to a measurement after it; None where it does not fit."""
@@ -530,7 +530,7 @@ def _is_neighbour(m: Measurement, predicted: TrackState, neighbours: tuple[Neigh
     )
 
 
-def _begun_anew(
+def _initiated_again(
     step: _Step, is_lead: bool, track_id: int, seen: Seen, settings: FollowSettings
 ) -> _Step:
     """A new track takes the place of one that had gone astray."""
@@ -560,7 +560,7 @@ def _cause_of(found: _Reacquired) -> Cause:
 def _predicted(before: Tracked, seen: Seen, settings: FollowSettings) -> TrackState:
     """Where the track is at a frame: after a while unseen, by the orbit of all that was seen.
 
-    No motion without an orbit foretells a long coast; preset ``tuned`` asks the orbit only where
+    No motion without an orbit predicts a long coast; preset ``tuned`` asks the orbit only where
     its own prediction fits nothing.
     """
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)

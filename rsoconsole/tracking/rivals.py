@@ -1,11 +1,11 @@
-"""Whether what is followed is where its prediction says, or is what does not fit it. Pure.
+"""Whether a track is where its prediction says, or is what does not fit the prediction. Pure.
 
-A track may be wrong from its first pair on, or its satellite has burnt its engine: then streaks
+A track may be wrong from its first pair on, or its satellite has made a manoeuvre: then streaks
 that fit nothing agree with one another, frame after frame. They may as well be another satellite,
-while what is followed is hidden. Both are weighed: that the prediction broke and it reappears so
-far away, against another object that comes by and so many frames in which what is followed was not
-detected although nothing hid it. From ``SURE_ODDS`` on the track is begun anew with them. What is
-known as a neighbour of what is followed is never taken for it.
+while the tracked one is hidden. Both hypotheses are weighed: that the prediction is wrong and the
+object reappears at this distance, against another object that comes by and the frames in which the
+tracked one was not detected although nothing hid it. From ``SURE_ODDS`` on the track is initiated
+again with them. A known neighbour never takes over.
 """
 
 import math
@@ -21,7 +21,7 @@ SURE_ODDS = 100.0
 LEAST = 3
 """So many frames it must have been seen in."""
 BREAKS = 0.002
-"""Chance that a prediction breaks, of one frame: a wrong first pair, a burn."""
+"""Chance that a prediction breaks, of one frame: a wrong first pair, a manoeuvre."""
 UNDETECTED = 0.1
 """Chance that what is in the field and hidden by nothing is not detected."""
 OTHERS_A_DEG2 = 0.04
@@ -45,24 +45,24 @@ class Rival:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ways:
+class RivalFilter:
     """How rivals are followed: the very functions that a track is followed with."""
 
-    begin: Callable[[Measurement, Measurement], TrackState | None]
+    start: Callable[[Measurement, Measurement], TrackState | None]
     """None where the two do not agree on one motion."""
-    ahead: Callable[[TrackState], TrackState]
+    predict: Callable[[TrackState], TrackState]
     """To the frame's instant."""
-    take: Callable[[TrackState, Measurement], TrackState | None]
+    update: Callable[[TrackState, Measurement], TrackState | None]
     """From there; None where the measurement does not fit."""
 
 
 def after_miss(
-    before: tuple[Rival, ...], unfit: tuple[Measurement, ...], t_utc_ns: int, ways: Ways
+    before: tuple[Rival, ...], unfit: tuple[Measurement, ...], t_utc_ns: int, by: RivalFilter
 ) -> tuple[Rival, ...]:
     """The rivals after a frame in which what is followed was not seen; the longest first."""
     left, found = list(unfit), list[Rival]()
     for rival in sorted(before, key=lambda each: -len(each.measurements)):
-        longer = _longer(rival, left, ways)
+        longer = _longer(rival, left, by)
         if longer is not None:
             left.remove(longer.measurements[-1])
             found.append(longer)
@@ -72,14 +72,14 @@ def after_miss(
     return tuple(sorted(found, key=lambda each: -len(each.measurements)))[:_MOST]
 
 
-def _longer(rival: Rival, left: list[Measurement], ways: Ways) -> Rival | None:
+def _longer(rival: Rival, left: list[Measurement], by: RivalFilter) -> Rival | None:
     fits: list[tuple[float, Measurement, TrackState]] = []
-    predicted = None if rival.track is None or not left else ways.ahead(rival.track)
+    predicted = None if rival.track is None or not left else by.predict(rival.track)
     for each in left:
         if predicted is None:
-            track = ways.begin(rival.measurements[-1], each)
+            track = by.start(rival.measurements[-1], each)
         else:
-            track = ways.take(predicted, each)
+            track = by.update(predicted, each)
         if track is not None:
             fits.append((track.nis or 0.0, each, track))
     if not fits:

@@ -17,7 +17,7 @@ from rsoconsole.records import FloatArray
 from rsoconsole.sky.angles import direction_to_unit, unit_to_direction
 
 ARCSEC_RAD = math.radians(1.0 / 3600.0)
-X, Y, VX, VY, GAIN, TURN = range(6)
+X, Y, VX, VY, ACCELERATION, TURN = range(6)
 """Of a motion: place (arcsec), rate (arcsec/s), change of speed (arcsec/s^2), turn."""
 _LEAST_DEPTH = 0.05
 _SLOWEST_ARCSEC_S = 1e-6
@@ -100,7 +100,7 @@ def carried(plane: Plane, motion: FloatArray, dt_s: float) -> tuple[FloatArray, 
     unit, rate = plane._placed(motion)
     speed = np.maximum(np.linalg.norm(rate, axis=-1, keepdims=True), _SLOWEST_ARCSEC_S * ARCSEC_RAD)
     ahead = rate / speed
-    gain, turn = motion[..., GAIN : GAIN + 1] * ARCSEC_RAD, motion[..., TURN:]
+    gain, turn = motion[..., ACCELERATION : ACCELERATION + 1] * ARCSEC_RAD, motion[..., TURN:]
     length = speed * dt_s + 0.5 * gain * dt_s**2
     axis = np.cross(unit, ahead) + turn * unit
     size = np.sqrt(1.0 + turn**2)
