@@ -129,6 +129,13 @@ class ExposureConfig(_Section):
     timing_sigma_s: float = Field(
         0.015, ge=0, le=10, description="how well the shutter's opening is known"
     )
+    line_time_us: float = Field(
+        0.0,
+        ge=-1000,
+        le=1000,
+        description="rolling shutter: each row of the frame begins so much after the row above;"
+        " below 0 where the frame stands on its head",
+    )
     readout_s: float = Field(1.0, ge=0, le=60, description="shutter to the end of the read-out")
     frame_timeout_s: float = Field(
         30.0, gt=0, le=600, description="wall clock, beyond the exposure"

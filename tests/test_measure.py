@@ -70,6 +70,15 @@ def test_the_cameras_latency_is_added():
     assert found.t_mid_utc_ns == T0_UTC_NS + 5_250_000_000
 
 
+@pytest.mark.parametrize("line_time_us", [25.0, -10.0])
+def test_with_a_rolling_shutter_a_streak_has_the_instant_of_its_row(line_time_us):
+    rolling = ExposureConfig(line_time_us=line_time_us)
+    found = measure(straight_detection(), solution(), frame(), rolling, measurement_id="1-0")
+    assert found is not None
+    late_ns = found.t_mid_utc_ns - (T0_UTC_NS + 5_000_000_000)
+    assert late_ns == round(found.y_px * line_time_us * 1000.0)
+
+
 @pytest.mark.parametrize("angle_deg", [0.0, 30.0, 90.0, 135.0])
 @pytest.mark.parametrize("rotation_deg", [0.0, 200.0])
 def test_the_covariance_is_long_along_the_streak_on_the_sky(angle_deg, rotation_deg):

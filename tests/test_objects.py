@@ -1,6 +1,6 @@
 """The summary object by object: told apart by true streaks, judged by a truth made up here."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pytest
@@ -166,7 +166,48 @@ def test_a_target_that_never_came_is_listed_with_nothing():
         "prediction_rms_arcsec": None,
         "identified": None,
         "false_measurements": 0,
+        "detected_after_lock": 0,
+        "tracked_after_lock": 0,
+        "inside_3sigma": None,
+        "nis_mean": None,
+        "whiteness": None,
+        "longest_wrong": 0,
     }
+
+
+def test_a_track_that_goes_over_to_a_neighbour_is_counted_in_frames():
+    views = followed_for(6)
+    for frame, _ in views[2:5]:
+        frame.updated = replace(frame.updated, measurement_id=frame.measurements[1].measurement_id)
+    alpha, _ = objects_figures(views, {ALPHA: "ALPHA"})
+    assert alpha["longest_wrong"] == 3
+    assert (alpha["detected_after_lock"], alpha["tracked_after_lock"]) == (5, 2)
+    assert alpha["false_measurements"] == 3
+
+
+@pytest.mark.parametrize(("sigma_arcsec", "inside"), [(1.0, 0.0), (1.5, 1.0)])
+def test_a_prediction_four_arcsec_off_is_inside_three_sigmas_or_not(sigma_arcsec, inside):
+    views = followed_for(3)
+    variance = (sigma_arcsec / 3600.0) ** 2
+    for frame, _ in views[1:]:
+        P = tuple(tuple(variance * (i == j) for j in range(4)) for i in range(4))
+        frame.predicted = replace(frame.predicted, P=P)
+    alpha, _ = objects_figures(views, {ALPHA: "ALPHA"})
+    assert alpha["inside_3sigma"] == inside
+
+
+def test_truth_is_that_of_each_streaks_own_instant():
+    """A shutter that rolls: the streak of a later row is where the satellite was a little later."""
+    (frame, truth), *_ = followed_for(1)
+    rate_deg_s = 15.0 / 3600.0
+    for each in truth["satellites"]:
+        each |= {"t_utc_ns": 0, "ra_rate_deg_s": 0.0, "dec_rate_deg_s": rate_deg_s}
+    moved = replace(frame.measurements[0], t_mid_utc_ns=40_000_000)
+    moved = replace(moved, dec_icrs_deg=moved.dec_icrs_deg + 0.04 * rate_deg_s)
+    frame.measurements[0] = moved
+    frame.measurements[1:] = []
+    alpha, _ = objects_figures([(frame, truth)], {ALPHA: "ALPHA"})
+    assert alpha["measured_rms_arcsec"] == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -195,6 +195,8 @@ def config_in(world: "World", config: Config) -> Config:
     exposure: dict[str, float] = {}
     if world.known_latency_s:
         exposure["header_latency_s"] = world.known_latency_s
+    if world.shutter.line_time_us:
+        exposure["line_time_us"] = round(world.shutter.line_time_us)
     if world.frames.dropped_rate:
         exposure["frame_timeout_s"] = DROPPED_TIMEOUT_S
     return config.model_copy(

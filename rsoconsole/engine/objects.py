@@ -11,8 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+import numpy as np
+
 from rsoconsole.records import Detection, Identified, Measurement, TrackState
 from rsoconsole.sky.angles import wrap_180
+from rsoconsole.tracking.lqe import sky_covariance_arcsec2
 
 VISIBLE_SNR = 20.0
 """Integrated SNR from which a satellite in the field counts as visible."""
@@ -42,6 +45,14 @@ class _Tally:
     predicted_arcsec: list[float] = field(default_factory=list)
     identified: bool | None = None
     false_measurements: int = 0
+    detected_after_lock: int = 0
+    tracked_after_lock: int = 0
+    inside_3sigma: list[bool] = field(default_factory=list)
+    nis: list[float] = field(default_factory=list)
+    innovations: list[tuple[float, float]] = field(default_factory=list)
+    """Each in its own sigmas, east and north."""
+    wrong_in_a_row: int = 0
+    longest_wrong: int = 0
 
 
 def objects_figures(
@@ -55,43 +66,86 @@ def objects_figures(
     ``measured_rms_arcsec``: of all its measurements, those of clipped streaks across them alone.
     ``prediction_rms_arcsec``: one step ahead, of the track that followed it. ``identified``:
     whether the last name given to that track is right; None where none was given.
-    ``false_measurements``: what that track took that was not of it.
+    ``false_measurements``: what that track took that was not of it. ``detected_after_lock`` and
+    ``tracked_after_lock``: frames after its track's first one in which it was detected, and those
+    of them in which a track took it. ``inside_3sigma``: share of the visible frames in which the
+    truth lay inside the 3-sigma ellipse of the prediction. ``nis_mean`` and ``whiteness`` (lag-one
+    correlation of the innovations in their sigmas; sound within 2 / sqrt(n)). ``longest_wrong``:
+    visible frames in a row in which the track took something else than what was locked first.
     """
-    tallies = {number: _Tally(name) for number, name in targets.items()}
-    followed: int | None = None
+    judge = _Judge({number: _Tally(name) for number, name in targets.items()})
     for frame, truth in views:
+        judge.take(frame, truth)
+    return [_figures(number, each) for number, each in judge.tallies.items()]
+
+
+@dataclass(slots=True)
+class _Judge:
+    """Which object each frame's streaks are of, and what the track made of them."""
+
+    tallies: dict[int, _Tally]
+    followed: int | None = None
+    """Catalogue number of what the track is on."""
+    first: int | None = None
+    """Of what was locked first."""
+
+    def take(self, frame: JudgedFrame, truth: Mapping[str, Any]) -> None:
+        """One frame with its exposure's truth."""
         there = {each["norad_id"]: each for each in truth.get("satellites", ()) if _is_told(each)}
         width_px = BESIDE_FWHM * float(truth.get("fwhm_px", 0.0))
+        seen = self._count(frame, there, width_px)
+        followed = self.followed
+        if followed is not None:
+            tally = self._of(followed, there) if followed in there else None
+            _judge_prediction(tally, frame, there, followed)
+        is_tracked = self._judge_taken(frame, there, width_px)
+        if followed is not None and followed in seen:
+            self.tallies[followed].detected_after_lock += 1
+            self.tallies[followed].tracked_after_lock += is_tracked
+        followed = self.followed
+        if frame.identified is not None and followed is not None and followed in self.tallies:
+            self.tallies[followed].identified = _is_right(frame.identified, followed)
 
-        def of(number: int, there: Mapping[int, Mapping[str, Any]] = there) -> _Tally:
-            return tallies.setdefault(number, _Tally(str(there[number]["name"])))
+    def _of(self, number: int, there: Mapping[int, Mapping[str, Any]]) -> _Tally:
+        return self.tallies.setdefault(number, _Tally(str(there[number]["name"])))
 
+    def _count(
+        self, frame: JudgedFrame, there: Mapping[int, Mapping[str, Any]], width_px: float
+    ) -> set[int]:
+        """Visible, detected, measured; returns the objects that were detected."""
         for number, each in there.items():
             if each["is_in_frame"] and each["snr_integrated"] >= VISIBLE_SNR:
-                of(number).visible_frames += 1
-        seen = {_object_at(d.x_px, d.y_px, there, width_px) for d in frame.detections}
-        for number in seen - {None}:
-            assert number is not None
-            of(number).detections += 1
+                self._of(number, there).visible_frames += 1
+        found = (_object_at(d.x_px, d.y_px, there, width_px) for d in frame.detections)
+        seen = {number for number in found if number is not None}
+        for number in seen:
+            self._of(number, there).detections += 1
         for measurement in frame.measurements:
-            number = _object_at(measurement.x_px, measurement.y_px, there, width_px)
-            error = None if number is None else _error_arcsec(measurement, there[number])
-            if number is not None and error is not None:
-                of(number).measured_arcsec.append(error)
-        if followed is not None:
-            _judge_prediction(of(followed) if followed in there else None, frame, there, followed)
-        taken = taken_of(frame)
+            at = _object_at(measurement.x_px, measurement.y_px, there, width_px)
+            error = None if at is None else _error_arcsec(measurement, there[at])
+            if at is not None and error is not None:
+                self._of(at, there).measured_arcsec.append(error)
+        return seen
+
+    def _judge_taken(
+        self, frame: JudgedFrame, there: Mapping[int, Mapping[str, Any]], width_px: float
+    ) -> bool:
+        """Whether the track took what it is on."""
+        taken, number, is_tracked = taken_of(frame), None, False
         if frame.updated is not None and taken is not None:
             number = _object_at(taken.x_px, taken.y_px, there, width_px)
-            if frame.updated.kind == "initial" or followed is None:
-                followed = number
-            if number is not None and number == followed:
-                of(number).track_frames += 1
-            elif followed is not None:
-                tallies[followed].false_measurements += 1
-        if frame.identified is not None and followed is not None and followed in tallies:
-            tallies[followed].identified = _is_right(frame.identified, followed)
-    return [_figures(number, each) for number, each in tallies.items()]
+            if frame.updated.kind == "initial" or self.followed is None:
+                self.followed = number
+            is_tracked = number is not None and number == self.followed
+            if is_tracked and number is not None:
+                self._of(number, there).track_frames += 1
+            elif self.followed is not None:
+                self.tallies[self.followed].false_measurements += 1
+            self.first = self.followed if self.first is None else self.first
+        if self.first is not None and self.first in there and there[self.first]["is_in_frame"]:
+            is_wrong = taken is not None and number != self.first
+            _judge_theft(self._of(self.first, there), is_wrong)
+        return is_tracked
 
 
 def _is_told(satellite: Mapping[str, Any]) -> bool:
@@ -130,16 +184,37 @@ def _beside_px(
     return math.hypot(offset[0] - share * along[0], offset[1] - share * along[1])
 
 
+def offset_arcsec(
+    true: Mapping[str, Any], ra_deg: float, dec_deg: float, t_utc_ns: int
+) -> tuple[float, float]:
+    """(east, north) of a direction from where a satellite truly was at its instant.
+
+    Streaks of one frame are of different instants where its shutter rolls.
+    """
+    later_s = (t_utc_ns - true.get("t_utc_ns", t_utc_ns)) / 1e9
+    true_ra_deg, true_dec_deg = float(true["ra_icrs_deg"]), float(true["dec_icrs_deg"])
+    if later_s:
+        true_ra_deg += true["ra_rate_deg_s"] * later_s
+        true_dec_deg += true["dec_rate_deg_s"] * later_s
+    cos_dec = math.cos(math.radians(true_dec_deg))
+    return wrap_180(ra_deg - true_ra_deg) * cos_dec * 3600.0, (dec_deg - true_dec_deg) * 3600.0
+
+
+def offset_of(measurement: Measurement, true: Mapping[str, Any]) -> tuple[float, float]:
+    """(east, north) of a measurement from the truth, arcsec."""
+    at = (measurement.ra_icrs_deg, measurement.dec_icrs_deg)
+    return offset_arcsec(true, *at, measurement.t_mid_utc_ns)
+
+
 def _error_arcsec(measurement: Measurement, true: Mapping[str, Any]) -> float | None:
     """Distance from the truth; of a clipped streak across it, where its direction is known."""
-    cos_dec = math.cos(math.radians(true["dec_icrs_deg"]))
-    east = wrap_180(measurement.ra_icrs_deg - true["ra_icrs_deg"]) * cos_dec * 3600.0
-    north = (measurement.dec_icrs_deg - true["dec_icrs_deg"]) * 3600.0
+    east, north = offset_of(measurement, true)
     if not measurement.is_clipped:
         return math.hypot(east, north)
     if measurement.ends_icrs_deg is None:
         return None
     (ra_a, dec_a), (ra_b, dec_b) = measurement.ends_icrs_deg
+    cos_dec = math.cos(math.radians(measurement.dec_icrs_deg))
     along_east, along_north = wrap_180(ra_b - ra_a) * cos_dec, dec_b - dec_a
     length = math.hypot(along_east, along_north)
     return abs(east * along_north - north * along_east) / length if length > 0.0 else None
@@ -153,14 +228,44 @@ def _judge_prediction(
 ) -> None:
     """One step ahead, where the object was in the frame."""
     predicted = frame.predicted
-    if tally is None or predicted is None or predicted.misses > 1:
+    if tally is None or predicted is None or not there[followed]["is_in_frame"]:
         return
     true = there[followed]
-    if true["is_in_frame"]:
-        cos_dec = math.cos(math.radians(true["dec_icrs_deg"]))
-        east = wrap_180(predicted.x[0] - true["ra_icrs_deg"]) * cos_dec
-        north = predicted.x[2] - true["dec_icrs_deg"]
-        tally.predicted_arcsec.append(math.hypot(east, north) * 3600.0)
+    if true["snr_integrated"] >= VISIBLE_SNR:
+        _judge_bounds(tally, predicted, true)
+    updated = frame.updated
+    if updated is not None and updated.nis is not None and updated.sigma_innovation_arcsec:
+        tally.nis.append(updated.nis)
+        east, north = updated.innovation_arcsec or (0.0, 0.0)
+        sigmas = updated.sigma_innovation_arcsec
+        tally.innovations.append((east / sigmas[0], north / sigmas[1]))
+    if predicted.misses <= 1:
+        off = offset_arcsec(true, predicted.x[0], predicted.x[2], predicted.t_utc_ns)
+        tally.predicted_arcsec.append(math.hypot(*off))
+
+
+def _judge_bounds(tally: _Tally, predicted: TrackState, true: Mapping[str, Any]) -> None:
+    """Whether the truth lies inside the 3-sigma ellipse of the prediction."""
+    off = np.array(offset_arcsec(true, predicted.x[0], predicted.x[2], predicted.t_utc_ns))
+    spread = sky_covariance_arcsec2(predicted)
+    if np.linalg.det(spread) > 0.0:
+        tally.inside_3sigma.append(float(off @ np.linalg.solve(spread, off)) <= 9.0)
+
+
+def _judge_theft(tally: _Tally, is_wrong: bool) -> None:
+    """How many frames in a row the track was on something else."""
+    tally.wrong_in_a_row = tally.wrong_in_a_row + 1 if is_wrong else 0
+    tally.longest_wrong = max(tally.longest_wrong, tally.wrong_in_a_row)
+
+
+def _lag_one(innovations: Sequence[tuple[float, float]]) -> float | None:
+    """Correlation of each innovation with the next, both axes together."""
+    if len(innovations) < 3:
+        return None
+    values = np.array(innovations)
+    total = float(np.sum(values**2))
+    share = len(values) / (len(values) - 1)
+    return float(np.sum(values[1:] * values[:-1])) * share / total if total > 0.0 else None
 
 
 def taken_of(frame: JudgedFrame) -> Measurement | None:
@@ -186,6 +291,12 @@ def _figures(number: int, tally: _Tally) -> dict[str, Any]:
         "prediction_rms_arcsec": _rms(tally.predicted_arcsec),
         "identified": tally.identified,
         "false_measurements": tally.false_measurements,
+        "detected_after_lock": tally.detected_after_lock,
+        "tracked_after_lock": tally.tracked_after_lock,
+        "inside_3sigma": statistics.fmean(tally.inside_3sigma) if tally.inside_3sigma else None,
+        "nis_mean": statistics.fmean(tally.nis) if tally.nis else None,
+        "whiteness": _lag_one(tally.innovations),
+        "longest_wrong": tally.longest_wrong,
     }
 
 

@@ -9,7 +9,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, assert_never
 
-from rsoconsole.engine.objects import is_on_a_streak, objects_figures, taken_of
+from rsoconsole.engine.objects import (
+    is_on_a_streak,
+    objects_figures,
+    offset_arcsec,
+    offset_of,
+    taken_of,
+)
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -33,7 +39,6 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.sky.angles import wrap_180
 
 SAME_OBJECT_ARCSEC = 60.0
 SAME_FRAME_NS = 1_000_000_000
@@ -54,13 +59,6 @@ class _Frame:
     predicted: TrackState | None = None
     updated: TrackState | None = None
     refused_nis: list[tuple[Measurement, float]] = field(default_factory=list)
-
-    @property
-    def t_named_utc_ns(self) -> int:
-        """Mid-exposure as the engine has it, which knows more of the shutter than the header."""
-        if self.measurements:
-            return self.measurements[0].t_mid_utc_ns
-        return self.t_mid_utc_ns if self.predicted is None else self.predicted.t_utc_ns
 
 
 class _Tally:
@@ -227,26 +225,16 @@ def _with_exposures(
 
 
 def _exposure(truth: Sequence[Mapping[str, Any]], frame: _Frame) -> Mapping[str, Any]:
-    """The truth of a frame, each satellite where it truly was at the instant the engine names."""
+    """The truth of a frame, each satellite with the instant for which its place is told."""
     for exposure in truth:
         t_true_mid_ns = exposure["t_start_utc_ns"] + round(exposure["exposure_s"] * 5e8)
         if abs(t_true_mid_ns - frame.t_mid_utc_ns) < SAME_FRAME_NS:
-            t_place_ns = exposure.get("t_place_utc_ns", frame.t_named_utc_ns)
-            later_s = (frame.t_named_utc_ns - t_place_ns) / 1e9
-            moved = [_moved(each, later_s) for each in exposure["satellites"]]
-            return {**exposure, "satellites": moved}
+            if "t_place_utc_ns" not in exposure:
+                return exposure
+            t_utc_ns = exposure["t_place_utc_ns"]
+            timed = [{**each, "t_utc_ns": t_utc_ns} for each in exposure["satellites"]]
+            return {**exposure, "satellites": timed}
     return {"satellites": ()}
-
-
-def _moved(satellite: Mapping[str, Any], later_s: float) -> Mapping[str, Any]:
-    """The satellite so much later; itself where the truth is told for the very instant."""
-    if later_s == 0.0:
-        return satellite
-    return {
-        **satellite,
-        "ra_icrs_deg": satellite["ra_icrs_deg"] + satellite["ra_rate_deg_s"] * later_s,
-        "dec_icrs_deg": satellite["dec_icrs_deg"] + satellite["dec_rate_deg_s"] * later_s,
-    }
 
 
 def _against_truth(
@@ -284,9 +272,8 @@ def _measured_figures(
     false_measurements = 0
     for frame, exposure in views:
         for measurement in frame.measurements:
-            place = _place(measurement)
             offsets = [
-                (*_offset_arcsec(each, *place), each["name"]) for each in exposure["satellites"]
+                (*offset_of(measurement, each), each["name"]) for each in exposure["satellites"]
             ]
             nowhere = (math.inf, 0.0, None)
             east, north, name = min(offsets, key=lambda o: math.hypot(o[0], o[1]), default=nowhere)
@@ -335,8 +322,8 @@ def _followed(views: Sequence[tuple[_Frame, list[Mapping[str, Any]]]]) -> tuple[
     for frame, satellites in views:
         if frame.updated is None:
             continue
-        at = frame.updated.x[0], frame.updated.x[2]
-        near = [(math.hypot(*_offset_arcsec(s, *at)), str(s["name"])) for s in satellites]
+        at = frame.updated.x[0], frame.updated.x[2], frame.updated.t_utc_ns
+        near = [(math.hypot(*offset_arcsec(s, *at)), str(s["name"])) for s in satellites]
         off, name = min(near, default=(math.inf, ""))
         names[name if off <= SAME_OBJECT_ARCSEC else "nothing real"] += 1
     if not names:
@@ -362,7 +349,8 @@ def _track_figures(
         if true is None or predicted is None:
             continue
         if predicted.misses <= 1:
-            errors.append(math.hypot(*_offset_arcsec(true, predicted.x[0], predicted.x[2])))
+            at = predicted.x[0], predicted.x[2], predicted.t_utc_ns
+            errors.append(math.hypot(*offset_arcsec(true, *at)))
         if updated is not None and updated.nis is not None:
             nis.append(updated.nis)
             innovation = updated.innovation_arcsec or (0.0, 0.0)
@@ -371,30 +359,10 @@ def _track_figures(
             outside.append(any(abs(value) > 3.0 * bound for value, bound in pairs))
             continue
         for measurement, value in frame.refused_nis:
-            if math.hypot(*_offset_arcsec(true, *_place(measurement))) <= SAME_OBJECT_ARCSEC:
+            if math.hypot(*offset_of(measurement, true)) <= SAME_OBJECT_ARCSEC:
                 nis.append(value)
                 outside.append(True)
     return errors, outside, nis
-
-
-def _place(measurement: Measurement) -> tuple[float, float]:
-    return measurement.ra_icrs_deg, measurement.dec_icrs_deg
-
-
-def _offset_arcsec(
-    satellite: Mapping[str, Any], ra_deg: float, dec_deg: float
-) -> tuple[float, float]:
-    """(east, north) of a direction from a satellite's true place."""
-    at = float(satellite["ra_icrs_deg"]), float(satellite["dec_icrs_deg"])
-    return _apart_arcsec(ra_deg, dec_deg, *at)
-
-
-def _apart_arcsec(
-    ra_deg: float, dec_deg: float, from_ra_deg: float, from_dec_deg: float
-) -> tuple[float, float]:
-    """(east, north) of one direction from another, small angles."""
-    cos_dec = math.cos(math.radians(from_dec_deg))
-    return wrap_180(ra_deg - from_ra_deg) * cos_dec * 3600.0, (dec_deg - from_dec_deg) * 3600.0
 
 
 def _chi2(measurement: Measurement, east: float, north: float) -> float:

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from rsoconsole.config import Config
 from rsoconsole.errors import FrameError
@@ -11,7 +11,7 @@ from rsoconsole.orbit.known import known
 from rsoconsole.orbit.prediction import predict_motion
 from rsoconsole.pipeline.absence import StarHistory, counted, explain_absence, stars_of
 from rsoconsole.pipeline.foretelling import may_guide
-from rsoconsole.pipeline.measure import shutter_mid_utc_ns
+from rsoconsole.pipeline.measure import at_its_row, shutter_mid_utc_ns
 from rsoconsole.pipeline.reduce import plain_absence
 from rsoconsole.reasons import Missed
 from rsoconsole.records import (
@@ -88,8 +88,8 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         blocked=taken.blocked,
     )
     ruling = shown.ruling or Ruling(frame_id=taken.frame_id)
-    refused = tuple(replace(m, t_mid_utc_ns=t_mid_ns) for m in ruling.refused)
-    chosen = None if ruling.taken is None else replace(ruling.taken, t_mid_utc_ns=t_mid_ns)
+    refused = tuple(at_its_row(m, t_mid_ns, config.exposure) for m in ruling.refused)
+    chosen = ruling.taken and at_its_row(ruling.taken, t_mid_ns, config.exposure)
     # The ruling's own instant is the recorded one: another where its latency is tried.
     measurements = tuple(m for m in shown.measurements if m not in refused)
     if chosen is not None and chosen not in measurements:

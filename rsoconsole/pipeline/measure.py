@@ -28,10 +28,31 @@ AIR_ARCSEC_ROOT_S = 0.40
 
 
 def shutter_mid_utc_ns(frame: Frame | FrameTaken, exposure: ExposureConfig) -> int | None:
-    """Middle of the exposure by the shutter: the header's plus the camera's known latency."""
+    """Middle of the exposure by the shutter: the header's plus the camera's known latency.
+
+    With a rolling shutter that of the first row.
+    """
     if frame.t_mid_utc_ns is None:
         return None
     return frame.t_mid_utc_ns + round(exposure.header_latency_s * 1e9)
+
+
+def at_its_row(
+    measurement: Measurement, t_mid_utc_ns: int, exposure: ExposureConfig
+) -> Measurement:
+    """A measurement of the frame whose first row has this mid-exposure, at that of its own row."""
+    t_row_ns = _row_mid_utc_ns(t_mid_utc_ns, measurement.y_px, exposure)
+    if t_row_ns == measurement.t_mid_utc_ns:
+        return measurement
+    return replace(measurement, t_mid_utc_ns=t_row_ns)
+
+
+def _row_mid_utc_ns(t_mid_utc_ns: int, y_px: float, exposure: ExposureConfig) -> int:
+    """Mid-exposure of a row: with a rolling shutter later than the first row's.
+
+    A streak over several rows has the mid-exposure of its middle one, as its motion is even.
+    """
+    return t_mid_utc_ns + round(y_px * exposure.line_time_us * 1e3)
 
 
 def measure(
@@ -65,7 +86,7 @@ def measure(
     return Measurement(
         measurement_id=measurement_id,
         frame_id=frame.frame_id,
-        t_mid_utc_ns=t_mid_ns,
+        t_mid_utc_ns=_row_mid_utc_ns(t_mid_ns, y, exposure),
         ra_icrs_deg=float(ra),
         dec_icrs_deg=float(dec),
         cov_sky_arcsec2=_covariance(detection, solution, frame.exposure_s, exposure),

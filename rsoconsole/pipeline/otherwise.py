@@ -2,19 +2,17 @@
 
 from dataclasses import replace
 
-from rsoconsole.config import Config
+from rsoconsole.config import Config, ExposureConfig
 from rsoconsole.pipeline.fold import Shown
-from rsoconsole.pipeline.measure import measure
+from rsoconsole.pipeline.measure import at_its_row, measure
 from rsoconsole.reasons import BelowTau
 from rsoconsole.records import Rejection, Solution, measurement_id_of
 
 
-def at_instant(shown: Shown, t_mid_utc_ns: int) -> Shown:
+def at_instant(shown: Shown, t_mid_utc_ns: int, exposure: ExposureConfig) -> Shown:
     """The same measurements at the frame's mid-exposure: another where its latency is tried."""
-    if all(m.t_mid_utc_ns == t_mid_utc_ns for m in shown.measurements):
-        return shown
-    moved = (replace(m, t_mid_utc_ns=t_mid_utc_ns) for m in shown.measurements)
-    return replace(shown, measurements=tuple(moved))
+    moved = tuple(at_its_row(m, t_mid_utc_ns, exposure) for m in shown.measurements)
+    return shown if moved == shown.measurements else replace(shown, measurements=moved)
 
 
 def at_tau(shown: Shown, config: Config) -> Shown:

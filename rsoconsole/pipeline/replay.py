@@ -268,7 +268,7 @@ class Walk:
             shown = self.reduce_again(shown, self.config)
         t_mid_ns = shutter_mid_utc_ns(shown.taken, self.config.exposure)
         if t_mid_ns is not None:
-            shown = at_instant(shown, t_mid_ns)
+            shown = at_instant(shown, t_mid_ns, self.config.exposure)
         if self.following.state not in FOLDED or t_mid_ns is None:
             self.stars = looked_at(self.stars, shown)
             yield LookedAt(shown=shown)

@@ -12,7 +12,7 @@ from typing import assert_never
 from rsoconsole.config import Config
 from rsoconsole.pipeline.alike import are_alike
 from rsoconsole.pipeline.fold import Shown
-from rsoconsole.pipeline.measure import shutter_mid_utc_ns
+from rsoconsole.pipeline.measure import at_its_row, shutter_mid_utc_ns
 from rsoconsole.pipeline.replay import (
     FOLDED,
     LookedAt,
@@ -191,9 +191,9 @@ class _Telling:
         if again is None:
             return measurement
         t_mid_ns = shutter_mid_utc_ns(again.shown.taken, again.config.exposure)
-        if t_mid_ns is None or t_mid_ns == measurement.t_mid_utc_ns:
+        if t_mid_ns is None:
             return measurement
-        return replace(measurement, t_mid_utc_ns=t_mid_ns)
+        return at_its_row(measurement, t_mid_ns, again.config.exposure)
 
     def _tell_frame(self, closed: ReplayedFrame | LookedAt) -> None:
         """A complete frame: its inputs, what the fold makes of them, and what came beside."""

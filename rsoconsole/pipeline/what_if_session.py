@@ -19,6 +19,7 @@ OF_THE_FOLD = (
     "detector.tau",
     "exposure.header_latency_s",
     "exposure.timing_sigma_s",
+    "exposure.line_time_us",
     "optics.focal_length_mm",
     "optics.pixel_um",
     "site.",

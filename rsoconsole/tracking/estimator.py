@@ -4,6 +4,8 @@ Nights are replayed by the preset that they were recorded with, so no preset eve
 makes of given measurements.
 """
 
+from dataclasses import replace
+
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.tracking import adaptive, lqe
@@ -36,10 +38,23 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
 
 
 def update(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:
-    """The track after a measurement. Raises ValueError for one of another instant."""
+    """The track after a measurement.
+
+    With a rolling shutter that may be of a little later than the frame: the prediction is carried
+    there.
+    """
+    predicted = _at(predicted, measurement, settings)
     if settings.preset == "adaptive":
         return adaptive.update(predicted, measurement, settings)
     return lqe.update(predicted, measurement, settings)
+
+
+def _at(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:
+    t_utc_ns = measurement.t_mid_utc_ns
+    if t_utc_ns == predicted.t_utc_ns:
+        return predicted
+    carried = predict(predicted, t_utc_ns, settings, predicted.frame_id)
+    return replace(carried, misses=predicted.misses, foretold_by=predicted.foretold_by)
 
 
 def begun_from(  # noqa: PLR0917 -- a direction, its motion and how well both are known
@@ -64,6 +79,7 @@ def log_det_innovation(
     predicted: TrackState, measurement: Measurement, settings: FilterConfig
 ) -> float:
     """Logarithm of the determinant of the innovation's covariance on the sky, arcsec^2 squared."""
+    predicted = _at(predicted, measurement, settings)
     if settings.preset == "adaptive":
         return adaptive.log_det_innovation(predicted, measurement, settings)
     return lqe.log_det_innovation(predicted, measurement, settings)
