@@ -310,6 +310,8 @@ class Mixture:
     scatter_high_s: float
     variance_scale: float = 1.0
     """Of the variances that measurements claim: how much larger they are taken to be."""
+    along_arcsec: float = 0.0
+    """Sigma along the motion that the length of the streak taken last adds to its own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

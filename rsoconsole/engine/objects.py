@@ -69,7 +69,8 @@ def objects_figures(
     ``false_measurements``: what that track took that was not of it. ``detected_after_lock`` and
     ``tracked_after_lock``: frames after its track's first one in which it was detected, and those
     of them in which a track took it. ``inside_3sigma``: share of the visible frames in which the
-    truth lay inside the 3-sigma ellipse of the prediction. ``nis_mean`` and ``whiteness`` (lag-one
+    truth, by a clock that is always late by as much as this one, lay inside the 3-sigma ellipse of
+    the prediction. ``nis_mean`` and ``whiteness`` (lag-one
     correlation of the innovations in their sigmas; sound within 2 / sqrt(n)). ``longest_wrong``:
     visible frames in a row in which the track took something else than what was locked first.
     """
@@ -97,7 +98,7 @@ class _Judge:
         followed = self.followed
         if followed is not None:
             tally = self._of(followed, there) if followed in there else None
-            _judge_prediction(tally, frame, there, followed)
+            _judge_prediction(tally, frame, there, followed, truth.get("always_late_ns", 0))
         is_tracked = self._judge_taken(frame, there, width_px)
         if followed is not None and followed in seen:
             self.tallies[followed].detected_after_lock += 1
@@ -225,6 +226,7 @@ def _judge_prediction(
     frame: JudgedFrame,
     there: Mapping[int, Mapping[str, Any]],
     followed: int,
+    always_late_ns: int,
 ) -> None:
     """One step ahead, where the object was in the frame."""
     predicted = frame.predicted
@@ -232,7 +234,7 @@ def _judge_prediction(
         return
     true = there[followed]
     if true["snr_integrated"] >= VISIBLE_SNR:
-        _judge_bounds(tally, predicted, true)
+        _judge_bounds(tally, predicted, true, always_late_ns)
     updated = frame.updated
     if updated is not None and updated.nis is not None and updated.sigma_innovation_arcsec:
         tally.nis.append(updated.nis)
@@ -244,9 +246,15 @@ def _judge_prediction(
         tally.predicted_arcsec.append(math.hypot(*off))
 
 
-def _judge_bounds(tally: _Tally, predicted: TrackState, true: Mapping[str, Any]) -> None:
-    """Whether the truth lies inside the 3-sigma ellipse of the prediction."""
-    off = np.array(offset_arcsec(true, predicted.x[0], predicted.x[2], predicted.t_utc_ns))
+def _judge_bounds(
+    tally: _Tally, predicted: TrackState, true: Mapping[str, Any], always_late_ns: int
+) -> None:
+    """Whether the truth lies inside the 3-sigma ellipse of the prediction.
+
+    What the clock is always late by, which no measurement shows, is taken out.
+    """
+    t_utc_ns = predicted.t_utc_ns + always_late_ns
+    off = np.array(offset_arcsec(true, predicted.x[0], predicted.x[2], t_utc_ns))
     spread = sky_covariance_arcsec2(predicted)
     if np.linalg.det(spread) > 0.0:
         tally.inside_3sigma.append(float(off @ np.linalg.solve(spread, off)) <= 9.0)

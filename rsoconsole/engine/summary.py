@@ -220,8 +220,17 @@ def read_truth(path: Path) -> list[dict[str, Any]]:
 def _with_exposures(
     frames: Mapping[int, _Frame], truth: Sequence[Mapping[str, Any]]
 ) -> list[tuple[_Frame, Mapping[str, Any]]]:
-    """Every frame with the truth of its exposure; with an empty one where none is near in time."""
-    return [(frame, _exposure(truth, frame)) for frame in frames.values()]
+    """Every frame with the truth of its exposure; with an empty one where none is near in time.
+
+    Each tells, too, how late all exposures were by the clock that named them: no frame shows that.
+    """
+    late_ns = [
+        exposure["t_open_utc_ns"] + round(exposure["exposure_s"] * 5e8) - exposure["t_place_utc_ns"]
+        for exposure in truth
+        if "t_open_utc_ns" in exposure and "t_place_utc_ns" in exposure
+    ]
+    always = {"always_late_ns": round(statistics.median(late_ns)) if late_ns else 0}
+    return [(frame, {**_exposure(truth, frame), **always}) for frame in frames.values()]
 
 
 def _exposure(truth: Sequence[Mapping[str, Any]], frame: _Frame) -> Mapping[str, Any]:

@@ -31,22 +31,26 @@ def initialise(
     *,
     track_id: int = 1,
     bend: Bend | None = None,
+    along_arcsec: tuple[float, float] = (0.0, 0.0),
 ) -> TrackState:
     """Track at the second of two measurements.
 
-    ``bend``: what an orbit through the first may do. Raises ValueError when the second is not the
+    ``bend``: what an orbit through the first may do; ``along_arcsec``: sigma along the motion that
+    the length of each streak adds. Raises ValueError when the second is not the
     later one.
     """
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
     if dt_s <= 0.0:
         raise ValueError(f"a track needs its second measurement after the first, not {dt_s:+.3f} s")
-    one, two = _position(first, settings), _position(second, settings)
+    one = _position(first, settings, along_arcsec[0])
+    two = _position(second, settings, along_arcsec[1])
     way = Plane.at(one.ra_icrs_deg, one.dec_icrs_deg).place_of(two.ra_icrs_deg, two.dec_icrs_deg)
     rate = (float(way[0]) / dt_s, float(way[1]) / dt_s)
     bank = banks.initiate(one, rate, bend)
     bank = banks.update(banks.predict(bank, two.t_utc_ns, _roots(settings)), two).after
     return _state(
         bank,
+        along_arcsec[1],
         kind="initial",
         frame_id=second.frame_id,
         track_id=track_id,
@@ -68,18 +72,25 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
     )
 
 
-def update(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:
+def update(
+    predicted: TrackState,
+    measurement: Measurement,
+    settings: FilterConfig,
+    along_arcsec: float = 0.0,
+) -> TrackState:
     """The track after a measurement at the predicted instant, with what the innovation says.
 
-    Raises ValueError when the measurement belongs to another instant: predict to it first.
+    ``along_arcsec``: sigma along the motion that the length of its streak adds. Raises ValueError
+    when the measurement belongs to another instant: predict to it first.
     """
     if measurement.t_mid_utc_ns != predicted.t_utc_ns:
         raise ValueError("the measurement and the prediction are of different instants")
-    said = banks.update(_bank_of(predicted), _position(measurement, settings))
+    said = banks.update(_bank_of(predicted), _position(measurement, settings, along_arcsec))
     east, north = said.innovation.tolist()
     sigma = np.sqrt(np.diag(said.covariance)).tolist()
     return _state(
         said.after,
+        along_arcsec,
         kind="updated",
         frame_id=measurement.frame_id,
         track_id=predicted.track_id,
@@ -128,7 +139,9 @@ def log_det_innovation(
     return float(np.linalg.slogdet(said.covariance)[1])
 
 
-def _position(measurement: Measurement, settings: FilterConfig) -> Position:
+def _position(
+    measurement: Measurement, settings: FilterConfig, along_arcsec: float = 0.0
+) -> Position:
     noise = lqe.measurement_noise(measurement, settings) * lqe.ARCSEC_PER_DEG**2
     # An ellipse whatever a file may claim: what is more than correlated has no density.
     most = _MOST_CORRELATED * math.sqrt(noise[0, 0] * noise[1, 1])
@@ -140,6 +153,7 @@ def _position(measurement: Measurement, settings: FilterConfig) -> Position:
         ra_icrs_deg=measurement.ra_icrs_deg,
         dec_icrs_deg=measurement.dec_icrs_deg,
         covariance=noise * np.outer(to_sky, to_sky),
+        along_arcsec=along_arcsec,
     )
 
 
@@ -197,7 +211,7 @@ def _from_record(state: TrackState) -> Bank:
     )
 
 
-def _state(bank: Bank, **told: object) -> TrackState:
+def _state(bank: Bank, along_arcsec: float = 0.0, **told: object) -> TrackState:
     mean, covariance = bank.moments()
     ra, dec = bank.plane.direction_of(float(mean[0]), float(mean[1]))
     cos_dec = max(math.cos(math.radians(dec)), 1e-3)
@@ -224,6 +238,7 @@ def _state(bank: Bank, **told: object) -> TrackState:
             scatter_low_s=low,
             scatter_high_s=high,
             variance_scale=float(bank.variance_scale_probabilities @ banks.VARIANCE_SCALES),
+            along_arcsec=along_arcsec,
         ),
         memory=_Memory(bank, x),
         **told,  # type: ignore[arg-type]

@@ -21,8 +21,9 @@ from rsoconsole.sky.angles import wrap_180
 DIRECTION_TOLERANCE_DEG = 12.0
 LENGTH_TOLERANCE = 0.25
 SHORTEST_WITH_DIRECTION_ARCSEC = 20.0
-SHORTER_TOLERANCE = 0.4
-"""With preset ``adaptive`` a streak may have lost so much of itself."""
+SHORTER_TOLERANCE, LONGER_TOLERANCE = 0.4, 0.5
+"""With preset ``adaptive`` a streak may have lost, and once it is followed gained, so much of its
+length: that then says how badly its place along the motion is known (``streak_length``)."""
 ACROSS_ARCSEC, ACROSS_SHARE, LENGTH_SHARE = 3.0, 0.02, 0.15
 """Sigma of a streak's direction, as displacement across it, and of its length."""
 
@@ -68,12 +69,15 @@ def axis_difference_deg(a_deg: float, b_deg: float) -> float:
 
 
 def disagreement(
-    measurement: Measurement, expected: Motion, shorter: float = LENGTH_TOLERANCE
+    measurement: Measurement,
+    expected: Motion,
+    shorter: float = LENGTH_TOLERANCE,
+    longer: float = LENGTH_TOLERANCE,
 ) -> MotionMismatch | None:
     """Why the streak cannot be this motion during the exposure; None when it can.
 
-    ``expected`` is the motion over one exposure; ``shorter``: the share of it that a streak may
-    have lost. A clipped streak has no length to compare, and a short one no direction.
+    ``expected`` is the motion over one exposure; ``shorter`` and ``longer``: by which share of
+    it a streak may be so. A clipped streak has no length to compare, and a short one no direction.
     """
     streak = streak_motion(measurement)
     if streak is None:
@@ -84,7 +88,7 @@ def disagreement(
             return MotionMismatch.of_direction(off_deg)
     if measurement.is_clipped:
         return None
-    share = shorter if streak.length_arcsec < expected.length_arcsec else LENGTH_TOLERANCE
+    share = shorter if streak.length_arcsec < expected.length_arcsec else longer
     allowed_arcsec = max(share * expected.length_arcsec, 10.0)
     if abs(streak.length_arcsec - expected.length_arcsec) > allowed_arcsec:
         return MotionMismatch.of_length(streak.length_arcsec, expected.length_arcsec)

@@ -118,6 +118,8 @@ class Position:
     dec_icrs_deg: float
     covariance: FloatArray
     """(2, 2) arcsec^2, without the shutter's scatter."""
+    along_arcsec: float = 0.0
+    """Sigma along the motion beyond that, from the length of its streak."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -155,7 +157,8 @@ def initiate(
     covariances = np.zeros((len(MOTIONS), len(VARIANCE_SCALES), SCATTERS, 6, 6))
     along = np.outer(ahead, ahead) * speed**2
     covariances[..., :2, :2] = VARIANCE_SCALES[:, None, None, None] * first.covariance
-    covariances[..., :2, :2] += SCATTERS_S[:, None, None] ** 2 * along
+    late_s2 = SCATTERS_S**2 + (first.along_arcsec / speed) ** 2
+    covariances[..., :2, :2] += late_s2[:, None, None] * along
     covariances[..., 2, 2] = covariances[..., 3, 3] = (_OF_RATE * speed) ** 2
     covariances[ANY_ORBIT:, ..., ACCELERATION:, ACCELERATION:] = _WIDENED * spread
     likely = SCATTERS_S**-_SCATTER_FALLS
@@ -232,7 +235,7 @@ def update(bank: Bank, seen: Position) -> Update:
     """What a measurement at the bank's instant says, and the bank that has taken it."""
     place = bank.plane.place_of(seen.ra_icrs_deg, seen.dec_icrs_deg)
     off = place - bank.means[:, :2]
-    noise = _measured_noise(bank, seen.covariance)
+    noise = _measured_noise(bank, seen)
     s = bank.covariances[:, :2, :2] + noise
     inverse = np.linalg.inv(s)
     nis = np.einsum("ni,nij,nj->n", off, inverse, off)
@@ -284,12 +287,13 @@ def _nis_of(weights: FloatArray, nis: FloatArray) -> float:
     return max(-2.0 * (most + math.log(float(np.exp(terms - most).sum()))), 0.0)
 
 
-def _measured_noise(bank: Bank, covariance: FloatArray) -> FloatArray:
+def _measured_noise(bank: Bank, seen: Position) -> FloatArray:
     """(N, 2, 2): the measurement's own, as much wider as each filter has it, and its scatter."""
     late_s = np.tile(SCATTERS_S, len(bank.means) // SCATTERS)
     widened = np.tile(np.repeat(VARIANCE_SCALES, SCATTERS), len(MOTIONS))
-    shift = bank.means[:, 2:4] * late_s[:, None]
-    own = widened[:, None, None] * covariance
+    speed = np.maximum(np.hypot(bank.means[:, 2], bank.means[:, 3]), 1e-3)
+    shift = bank.means[:, 2:4] * np.hypot(late_s, seen.along_arcsec / speed)[:, None]
+    own = widened[:, None, None] * seen.covariance
     return np.asarray(own + shift[:, :, None] * shift[:, None, :])
 
 

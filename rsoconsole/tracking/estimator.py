@@ -19,14 +19,18 @@ def initialise(
     *,
     track_id: int = 1,
     bend: Bend | None = None,
+    along_arcsec: tuple[float, float] = (0.0, 0.0),
 ) -> TrackState:
     """Track at the second of two measurements.
 
-    ``bend``: how an orbit's path may bend there, for the preset that asks. Raises ValueError when
-    the second is not the later one.
+    For the preset that asks: ``bend``, how an orbit's path may bend there, and ``along_arcsec``,
+    sigma along the motion that the length of each streak adds. Raises ValueError when the second
+    is not the later one.
     """
     if settings.preset == "adaptive":
-        return adaptive.initialise(first, second, settings, track_id=track_id, bend=bend)
+        return adaptive.initialise(
+            first, second, settings, track_id=track_id, bend=bend, along_arcsec=along_arcsec
+        )
     return lqe.initialise(first, second, settings, track_id=track_id)
 
 
@@ -37,15 +41,21 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
     return lqe.predict(state, t_utc_ns, settings, frame_id)
 
 
-def update(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:
+def update(
+    predicted: TrackState,
+    measurement: Measurement,
+    settings: FilterConfig,
+    along_arcsec: float = 0.0,
+) -> TrackState:
     """The track after a measurement.
 
-    With a rolling shutter that may be of a little later than the frame: the prediction is carried
-    there.
+    ``along_arcsec``: sigma that the length of its streak adds, for the preset that asks. With a
+    rolling shutter the measurement may be of a little later than the frame: the prediction is
+    carried there.
     """
     predicted = _at(predicted, measurement, settings)
     if settings.preset == "adaptive":
-        return adaptive.update(predicted, measurement, settings)
+        return adaptive.update(predicted, measurement, settings, along_arcsec)
     return lqe.update(predicted, measurement, settings)
 
 

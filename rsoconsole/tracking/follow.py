@@ -28,6 +28,7 @@ from rsoconsole.tracking import estimator, lqe
 from rsoconsole.tracking.adaptive import Bend
 from rsoconsole.tracking.association import (
     LENGTH_TOLERANCE,
+    LONGER_TOLERANCE,
     SHORTER_TOLERANCE,
     Motion,
     agree,
@@ -45,6 +46,7 @@ from rsoconsole.tracking.neighbours import (
     remembered,
 )
 from rsoconsole.tracking.rivals import SURE_ODDS, Rival, RivalFilter, after_miss, odds
+from rsoconsole.tracking.streak_length import along_error_arcsec, remembered_with
 
 Choice = Literal["nearest", "most confident"]
 AS_GOOD_AS_CERTAIN = 0.9
@@ -119,6 +121,8 @@ class Tracked:
     """What has fitted nothing since, but each other; preset ``adaptive`` only."""
     unexplained: int = 0
     """Frames since then in which nothing hid it, and it was not there."""
+    excesses_arcsec: tuple[float, ...] = ()
+    """By how much its last streaks were longer than it moves in one exposure."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -355,21 +359,58 @@ def _acquire(
                 m for m in (*before.candidates, *usable) if m is not first and m is not second
             )
             track_id = before.last_track_id + 1
-            bend = _bend_of(first, second, settings)
-            track = estimator.initialise(
-                first, second, settings.filter, track_id=track_id, bend=bend
-            )
+            track = _initiated(first, second, track_id, seen, settings)
             told = (_not_followed(m, NotTaken(kind="another leads")) for m in others)
             beside = _beside((), track, second, seen)
             after = Following(
                 state="TRACK",
-                tracks=(Tracked(track=track, taken=second, neighbours=beside),),
+                tracks=(
+                    Tracked(
+                        track=track,
+                        taken=second,
+                        neighbours=beside,
+                        excesses_arcsec=_excesses((), track, second, seen),
+                    ),
+                ),
                 last_track_id=track_id,
             )
             return after, _of_track((track, *told, *aside, *refused), track_id)
     alone = tuple(_not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
     return before.without_track(state, usable), (*alone, *aside, *refused)
+
+
+def _initiated(
+    first: Measurement, second: Measurement, track_id: int, seen: Seen, settings: FollowSettings
+) -> TrackState:
+    """A track through two measurements."""
+    here, there = (first.ra_icrs_deg, first.dec_icrs_deg), (second.ra_icrs_deg, second.dec_icrs_deg)
+    way = motion_between(*here, *there)
+    share = seen.exposure_s * 1e9 / max(second.t_mid_utc_ns - first.t_mid_utc_ns, 1)
+    moved = Motion(way.east_arcsec * share, way.north_arcsec * share)
+    return estimator.initialise(
+        first,
+        second,
+        settings.filter,
+        track_id=track_id,
+        bend=_bend_of(first, second, settings),
+        along_arcsec=(along_error_arcsec(first, moved), along_error_arcsec(second, moved)),
+    )
+
+
+def _updated(
+    predicted: TrackState, m: Measurement, before: Tracked, seen: Seen, settings: FollowSettings
+) -> TrackState:
+    """A track after a measurement, whose error its streak's length tells too."""
+    expected = expected_motion(predicted, seen.exposure_s)
+    along = along_error_arcsec(m, expected, before.excesses_arcsec)
+    return estimator.update(predicted, m, settings.filter, along)
+
+
+def _excesses(
+    before: tuple[float, ...], track: TrackState, taken: Measurement, seen: Seen
+) -> tuple[float, ...]:
+    return remembered_with(before, taken, expected_motion(track, seen.exposure_s))
 
 
 def _bend_of(first: Measurement, second: Measurement, settings: FollowSettings) -> Bend | None:
@@ -429,7 +470,7 @@ def _follow_track(before: Tracked, seen: Seen, settings: FollowSettings) -> _Ste
     is_nothing_fitting = isinstance(reason, Missed) and reason.kind == "nothing fits"
     if isinstance(reason, Missed) and is_nothing_fitting and CANNOT_TELL in reasons.values():
         reason = replace(reason, kind="cannot be told apart")
-    updated = {m: estimator.update(predicted, m, settings.filter) for m in seen.measurements}
+    updated = {m: _updated(predicted, m, before, seen, settings) for m in seen.measurements}
     refused = _verdicts(reasons, updated)
     step = _coast(before, predicted, seen, settings, (predicted, *refused), reason)
     if settings.filter.preset != "adaptive" or step.after is None:
@@ -495,7 +536,7 @@ def _rival_track(
     """A track through two measurements of different frames; None where they disagree."""
     if not agree(first, second, seen.exposure_s):
         return None
-    return estimator.initialise(first, second, settings.filter)
+    return _initiated(first, second, 0, seen, settings)
 
 
 def _rival_updated(
@@ -505,7 +546,7 @@ def _rival_updated(
     expected = expected_motion(predicted, seen.exposure_s)
     if disagreement(m, expected, SHORTER_TOLERANCE) is not None:
         return None
-    updated = estimator.update(predicted, m, settings.filter)
+    updated = estimator.update(predicted, m, settings.filter, along_error_arcsec(m, expected))
     return None if lqe.is_gated_out(_nis(updated), settings.filter) else updated
 
 
@@ -536,13 +577,13 @@ def _initiated_again(
     """A new track takes the place of one that had gone astray."""
     found = step.reacquired
     assert found is not None
-    bend = _bend_of(found.first, found.second, settings)
-    track = estimator.initialise(
-        found.first, found.second, settings.filter, track_id=track_id, bend=bend
-    )
+    track = _initiated(found.first, found.second, track_id, seen, settings)
     track = replace(track, is_lead=is_lead)
     fresh = Tracked(
-        track=track, taken=found.second, neighbours=_beside((), track, found.second, seen)
+        track=track,
+        taken=found.second,
+        neighbours=_beside((), track, found.second, seen),
+        excesses_arcsec=_excesses((), track, found.second, seen),
     )
     return _Step(records=(*step.records, track), after=fresh, is_measured=True)
 
@@ -580,7 +621,7 @@ def _taken_by(
     With why the others do not fit.
     """
     expected = expected_motion(predicted, seen.exposure_s)
-    updated = {m: estimator.update(predicted, m, settings.filter) for m in seen.measurements}
+    updated = {m: _updated(predicted, m, before, seen, settings) for m in seen.measurements}
     reasons: dict[Measurement, NotTaken] = {}
     if settings.choice == "nearest":  # the paper's rule asks for nothing but confidence
         reasons = _refusals(predicted, expected, updated, before.neighbours, seen, settings)
@@ -604,7 +645,8 @@ def _measured(
 ) -> _Step:
     """A track that has taken a measurement."""
     beside = _beside(before.neighbours, track, taken, seen)
-    after = Tracked(track=track, taken=taken, neighbours=beside)
+    excesses = _excesses(before.excesses_arcsec, track, taken, seen)
+    after = Tracked(track=track, taken=taken, neighbours=beside, excesses_arcsec=excesses)
     return _Step(records=records, after=after, is_measured=True)
 
 
@@ -614,7 +656,7 @@ def _follow_chosen(
     """What the operator wants followed is taken whatever the gates say, or begins a new track."""
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(_not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
-    updated = estimator.update(predicted, chosen, settings.filter)
+    updated = _updated(predicted, chosen, before, seen, settings)
     if _nis(updated) > ANOTHER_OBJECT_NIS:
         return _Step(records=(predicted, *others), after=None, begins_with=chosen)
     return _measured(updated, before, chosen, seen, (predicted, updated, *others))
@@ -631,9 +673,11 @@ def _refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     """Which measurements do not belong to the track, and why: motion, position, neighbours."""
     reasons: dict[Measurement, NotTaken] = {}
     is_adaptive = settings.filter.preset == "adaptive"
-    shorter = SHORTER_TOLERANCE if is_adaptive else LENGTH_TOLERANCE
+    shares = (LENGTH_TOLERANCE, LENGTH_TOLERANCE)
+    if is_adaptive:
+        shares = (SHORTER_TOLERANCE, LONGER_TOLERANCE)
     for measurement in updated:
-        mismatch = disagreement(measurement, expected, shorter)
+        mismatch = disagreement(measurement, expected, *shares)
         reason = None if mismatch is None else NotTaken(kind="moves otherwise", mismatch=mismatch)
         if reason is None and measurement.is_clipped:
             reason = _too_far_for_clipped(measurement, predicted, expected)

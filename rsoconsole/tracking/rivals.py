@@ -21,7 +21,9 @@ SURE_ODDS = 100.0
 LEAST = 3
 """So many frames it must have been seen in."""
 BREAKS = 0.002
-"""Chance that a prediction breaks, of one frame: a wrong first pair, a manoeuvre."""
+"""Chance that a prediction breaks, of one frame: a manoeuvre."""
+WRONG_PAIR = 0.05
+"""Chance that the two streaks that began a track are not one object, while nothing has met it."""
 UNDETECTED = 0.1
 """Chance that what is in the field and hidden by nothing is not detected."""
 OTHERS_A_DEG2 = 0.04
@@ -106,4 +108,5 @@ def odds(rival: Rival, predicted: TrackState, unexplained: int) -> float:
     reappears = (1.0 + away**2 / scale2) ** -1.5 / (2.0 * math.pi * scale2)
     another = OTHERS_A_DEG2 / 3600.0**2
     missed = min(unexplained, _MOST_MISSED)
-    return float(BREAKS * reappears / another * UNDETECTED**-missed)
+    breaks = WRONG_PAIR if predicted.innovations == 0 else BREAKS
+    return float(breaks * reappears / another * UNDETECTED**-missed)
