@@ -21,7 +21,7 @@ from rsoconsole.sky.angles import wrap_180
 DIRECTION_TOLERANCE_DEG = 12.0
 LENGTH_TOLERANCE = 0.25
 SHORTEST_WITH_DIRECTION_ARCSEC = 20.0
-SHORTER_TOLERANCE, LONGER_TOLERANCE = 0.4, 0.5
+SHORTER_TOLERANCE, LONGER_TOLERANCE = 0.4, 1.0
 """With preset ``adaptive`` a streak may have lost, and once it is followed gained, so much of its
 length: that then says how badly its place along the motion is known (``streak_length``)."""
 ACROSS_ARCSEC, ACROSS_SHARE, LENGTH_SHARE = 3.0, 0.02, 0.15

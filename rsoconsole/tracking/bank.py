@@ -46,6 +46,9 @@ _SCATTER_FALLS = 0.4
 MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
 _VARIANCE_SCALE_PRIORS = (0.85, 0.12, 0.03)
 _LEAST_WEIGHT = 1e-12
+RARE, _RARE_SCATTER_S = 0.01, 0.8
+"""One measurement in a hundred is late or wrong by far more than the night's scatter: what a filter
+has learnt must neither shut it out for ever nor be upset by it (a mixture of two noises)."""
 _TEMPERED = 0.65
 """The likelihood is too sharp, as no motion is quite what is followed: power that makes intervals
 hold as often as they say (measured on SGP4's orbits)."""
@@ -235,24 +238,24 @@ def update(bank: Bank, seen: Position) -> Update:
     """What a measurement at the bank's instant says, and the bank that has taken it."""
     place = bank.plane.place_of(seen.ra_icrs_deg, seen.dec_icrs_deg)
     off = place - bank.means[:, :2]
-    noise = _measured_noise(bank, seen)
-    s = bank.covariances[:, :2, :2] + noise
-    inverse = np.linalg.inv(s)
-    nis = np.einsum("ni,nij,nj->n", off, inverse, off)
-    log_likelihoods = -0.5 * (nis + np.log(np.linalg.det(s))) - math.log(2.0 * math.pi)
-    gain = bank.covariances[:, :, :2] @ inverse
-    means = bank.means + np.einsum("nij,nj->ni", gain, off)
-    # Joseph's form keeps it positive.
-    left = np.eye(6) - np.concatenate([gain, np.zeros((len(gain), 6, 4))], axis=2)
-    covariances = left @ bank.covariances @ np.swapaxes(left, -1, -2)
-    covariances += gain @ noise @ np.swapaxes(gain, -1, -2)
+    plain = _answer(bank, off, _measured_noise(bank, seen))
+    rare = _answer(bank, off, _rare_noise(bank, seen))
+    log_plain = math.log(1.0 - RARE) + plain.log_likelihoods
+    log_rare = math.log(RARE) + rare.log_likelihoods
+    log_likelihoods = np.logaddexp(log_plain, log_rare)
+    share = np.exp(log_rare - log_likelihoods)[:, None]
+    means = bank.means + (1.0 - share) * plain.steps + share * rare.steps
+    apart = np.sqrt(share * (1.0 - share)) * (plain.steps - rare.steps)
+    share = share[:, :, None]
+    covariances = (1.0 - share) * plain.covariances + share * rare.covariances
+    covariances += apart[:, :, None] * apart[:, None, :]
     weights, log_weights = bank.weights, np.log(np.maximum(bank.weights, _LEAST_WEIGHT))
     total = log_weights + log_likelihoods
     most = float(total.max())
     log_likelihood = most + math.log(float(np.exp(total - most).sum()))
     mean = weights @ bank.means[:, :2]
     apart = bank.means[:, :2] - mean
-    covariance = np.einsum("n,nij->ij", weights, s) + (apart * weights[:, None]).T @ apart
+    covariance = np.einsum("n,nij->ij", weights, plain.s) + (apart * weights[:, None]).T @ apart
     taken = replace(
         bank,
         means=means,
@@ -265,9 +268,43 @@ def update(bank: Bank, seen: Position) -> Update:
     taken.means[GREAT_CIRCLE * PER_MOTION : ANY_ORBIT * PER_MOTION, ACCELERATION:] = 0.0
     return Update(
         after=_centred(taken),
-        nis=_nis_of(weights, nis),
+        nis=_nis_of(
+            np.concatenate([(1.0 - RARE) * weights, RARE * weights]),
+            np.concatenate([plain.nis, rare.nis]),
+        ),
         innovation=place - mean,
         covariance=covariance,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Answer:
+    """What each filter makes of a measurement with a given noise."""
+
+    s: FloatArray
+    """(N, 2, 2) covariance of the innovation."""
+    nis: FloatArray
+    log_likelihoods: FloatArray
+    steps: FloatArray
+    """(N, 6) by which the mean moves."""
+    covariances: FloatArray
+
+
+def _answer(bank: Bank, off: FloatArray, noise: FloatArray) -> _Answer:
+    s = bank.covariances[:, :2, :2] + noise
+    inverse = np.linalg.inv(s)
+    nis = np.einsum("ni,nij,nj->n", off, inverse, off)
+    gain = bank.covariances[:, :, :2] @ inverse
+    # Joseph's form keeps it positive.
+    left = np.eye(6) - np.concatenate([gain, np.zeros((len(gain), 6, 4))], axis=2)
+    covariances = left @ bank.covariances @ np.swapaxes(left, -1, -2)
+    covariances += gain @ noise @ np.swapaxes(gain, -1, -2)
+    return _Answer(
+        s=s,
+        nis=nis,
+        log_likelihoods=-0.5 * (nis + np.log(np.linalg.det(s))) - math.log(2.0 * math.pi),
+        steps=np.einsum("nij,nj->ni", gain, off),
+        covariances=covariances,
     )
 
 
@@ -295,6 +332,13 @@ def _measured_noise(bank: Bank, seen: Position) -> FloatArray:
     shift = bank.means[:, 2:4] * np.hypot(late_s, seen.along_arcsec / speed)[:, None]
     own = widened[:, None, None] * seen.covariance
     return np.asarray(own + shift[:, :, None] * shift[:, None, :])
+
+
+def _rare_noise(bank: Bank, seen: Position) -> FloatArray:
+    """(N, 2, 2) of a measurement that has gone wrong."""
+    speed = np.maximum(np.hypot(bank.means[:, 2], bank.means[:, 3]), 1e-3)
+    shift = bank.means[:, 2:4] * np.hypot(_RARE_SCATTER_S, seen.along_arcsec / speed)[:, None]
+    return np.asarray(VARIANCE_SCALES[-1] * seen.covariance + shift[:, :, None] * shift[:, None, :])
 
 
 def unknown_bend(speed_arcsec_s: float) -> tuple[FloatArray, FloatArray]:

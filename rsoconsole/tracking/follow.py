@@ -491,7 +491,8 @@ def _with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
 ) -> _Step:
     """A step that coasts, with what fits nothing but each other, and whether that takes over."""
     unfit = tuple(m for m, why in reasons.items() if why.kind in {"NIS", "moves otherwise"})
-    usable = tuple(m for m in unfit if not m.is_clipped and m.object_class in MAY_BE_FOLLOWED)
+    # Of whatever class: what flashes looks like a chain of stars now and then.
+    usable = tuple(m for m in unfit if not m.is_clipped)
     t_utc_ns, frame_id = seen.t_mid_utc_ns, seen.frame_id
     rival_filter = RivalFilter(
         start=lambda first, second: _rival_track(first, second, seen, settings),
@@ -508,6 +509,7 @@ def _with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
         (odds(rival, predicted, unexplained), rival)
         for rival in rivals
         if rival.measurements[-1].frame_id == seen.frame_id
+        and any(m.object_class in MAY_BE_FOLLOWED for m in rival.measurements)
         and not _is_neighbour(rival.measurements[-1], predicted, before.neighbours)
     ]
     if likely:

@@ -6,7 +6,8 @@ motion has in one exposure, their difference shifts the middle by half of it. In
 both as large, so the scatter of the excess from frame to frame tells the error along the motion,
 whatever the fit claims (half of it; Bar-Shalom, Li & Kirubarajan 2001, 3.4: sums and differences of
 independent errors). An excess that is the same in every frame (blur, a drift of the stars) moves no
-middle.
+middle; but what is always too short, as of a satellite that flashes, may lie anywhere in what it
+should fill.
 """
 
 import math
@@ -56,7 +57,8 @@ def along_error_arcsec(
     away = abs(excess - centre)
     if away <= _OFF_SIGMAS * max(scatter, 2.0 * math.sqrt(own2)):
         away = scatter
-    return math.sqrt(max(away**2 / 4.0 - own2, 0.0))
+    slack = max(-centre, 0.0)
+    return math.sqrt(max(away**2 / 4.0 + slack**2 / 12.0 - own2, 0.0))
 
 
 def remembered_with(
