@@ -20,6 +20,9 @@ from rsoconsole.tracking.sky_path import ACCELERATION, TURN, VX, VY, Plane
 _WORTH_TELLING = 1.5
 _MOST_CORRELATED = 0.99999
 
+COMMON_ARCSEC = 0.2
+"""Sigma on each axis of what all directions of a night share (the catalogue's frame, the lens) and
+no innovation shows: part of a state's covariance, not of the filters'."""
 Bend = tuple[FloatArray, FloatArray]
 """Mean (2,) and covariance (2, 2) of change of speed (arcsec/s^2) and turn."""
 
@@ -193,6 +196,9 @@ def _from_record(state: TrackState) -> Bank:
     motion[VX], motion[VY] = state.x[1] * to_sky[2], state.x[3] * to_sky[3]
     covariance = np.zeros((6, 6))
     covariance[:4, :4] = np.array(state.P)[order] * np.outer(to_sky, to_sky)
+    own = covariance[:4, :4] - np.diag([COMMON_ARCSEC**2, COMMON_ARCSEC**2, 0.0, 0.0])
+    if np.all(np.linalg.eigvalsh(own) > 0.0):  # another preset's knows nothing of what is common
+        covariance[:4, :4] = own
     weights, scatter_s, variance_scale = list(banks.MOTION_PRIORS), 0.0, 1.0
     if said is None:
         covariance[ACCELERATION:, ACCELERATION:] = banks.unknown_bend(
@@ -217,7 +223,10 @@ def _state(bank: Bank, along_arcsec: float = 0.0, **told: object) -> TrackState:
     cos_dec = max(math.cos(math.radians(dec)), 1e-3)
     to_deg = np.array([1.0 / cos_dec, 1.0 / cos_dec, 1.0, 1.0]) / lqe.ARCSEC_PER_DEG
     order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
-    P = covariance[:4, :4][order] * np.outer(to_deg, to_deg)
+    on_sky = covariance[:4, :4].copy()
+    on_sky[0, 0] += COMMON_ARCSEC**2
+    on_sky[1, 1] += COMMON_ARCSEC**2
+    P = on_sky[order] * np.outer(to_deg, to_deg)
     median, low, high = banks.scatter_interval_s(bank)
     x = (ra, float(mean[VX] * to_deg[0]), dec, float(mean[VY] * to_deg[2]))
     return TrackState(

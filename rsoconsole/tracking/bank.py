@@ -41,7 +41,7 @@ MOST_SCATTER_S = 3.0
 _LEAST_SCATTER_S = 0.005
 SCATTERS_S = np.geomspace(_LEAST_SCATTER_S, MOST_SCATTER_S, SCATTERS)
 """Timing scatter beyond what the measurements' covariances contain."""
-_SCATTER_FALLS = 0.4
+_SCATTER_FALLS = 0.2
 """Before anything is measured a scatter is as likely as it is small, to this power."""
 MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
 _VARIANCE_SCALE_PRIORS = (0.85, 0.12, 0.03)
