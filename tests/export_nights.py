@@ -11,7 +11,8 @@ from rsoconsole.export import ExportedNight, MeasuredRow
 from rsoconsole.records import FrameTaken, Measurement, ObjectClass, Solution, Wcs
 from rsoconsole.session.writer import SessionWriter
 from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.tracking.follow import Following, FollowSettings, Seen, follow
+from rsoconsole.tracking.follow import follow
+from rsoconsole.tracking.following import Following, FollowSettings, Seen
 
 NS = 1_000_000_000
 T0 = iso_to_utc_ns("2023-06-23T05:30:00Z") + 123_456_789

@@ -22,7 +22,7 @@ from rsoconsole.records import (
 from rsoconsole.session.writer import SessionWriter
 from rsoconsole.sky import times
 from rsoconsole.sky.wcs import tan_wcs
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 from tests.makers import straight_detection
 from tests.test_lqe_satellites import DAYTONA, geo
 

@@ -33,7 +33,7 @@ from rsoconsole.records import (
 from rsoconsole.sky.belt import slot_direction
 from rsoconsole.sky.frames import icrs_of_hour_angle
 from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.tracking.follow import Following, Tracked
+from rsoconsole.tracking.following import Following, Tracked
 
 NS = 1_000_000_000
 MINUTE_NS = 60 * NS

@@ -16,7 +16,8 @@ from rsoconsole.notebook.figures import write_figures
 from rsoconsole.notebook.night import read_night, read_truth
 from rsoconsole.records import FrameTaken, Measurement
 from rsoconsole.session.recording import BatchRecording
-from rsoconsole.tracking.follow import Following, FollowSettings, Seen, follow
+from rsoconsole.tracking.follow import follow
+from rsoconsole.tracking.following import Following, FollowSettings, Seen
 from tests.test_cli_frames import rsoconsole
 
 NS = 1_000_000_000

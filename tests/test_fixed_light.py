@@ -16,7 +16,7 @@ from rsoconsole.reasons import BelowTau, NotAStreak
 from rsoconsole.records import Detections, Frame, Solution, Wcs
 from rsoconsole.session.codec import decode, encode
 from rsoconsole.sky.star_catalogue import StarCatalogue, Stars
-from rsoconsole.tracking.follow import MAY_BE_FOLLOWED
+from rsoconsole.tracking.following import MAY_BE_FOLLOWED
 from rsoconsole.vision.confidence import FEATURES, ConfidenceCurve
 from rsoconsole.vision.maps import FrameMap
 from rsoconsole.vision.network import NetworkBox

@@ -10,7 +10,8 @@ from rsoconsole.config import FilterConfig
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import HiddenBy, Missed
 from rsoconsole.records import Measurement, Miss, NotFollowed, StateChange
-from rsoconsole.tracking.follow import Following, FollowSettings, Seen, follow
+from rsoconsole.tracking.follow import follow
+from rsoconsole.tracking.following import Following, FollowSettings, Seen
 from tests.makers import GEO_RATE_DEG_S, NS, T0_UTC_NS, geo_measurement
 
 SETTINGS = FollowSettings(filter=FilterConfig(), half_field_deg=0.62)

@@ -10,7 +10,9 @@ from rsoconsole.reason_text import text
 from rsoconsole.reasons import HiddenBy, Missed
 from rsoconsole.records import Miss, NotFollowed, TrackState
 from rsoconsole.sky.wcs import tan_wcs
-from rsoconsole.tracking.follow import CANNOT_TELL, Following, FollowSettings, follow
+from rsoconsole.tracking.follow import follow
+from rsoconsole.tracking.following import Following, FollowSettings
+from rsoconsole.tracking.gates import CANNOT_TELL
 from rsoconsole.tracking.lqe import sky_covariance_arcsec2
 from rsoconsole.tracking.neighbours import (
     LEAST_MARGIN,
@@ -109,7 +111,7 @@ def test_after_a_long_coast_one_streak_alone_is_nobodys(monkeypatch, shift_deg, 
     after, told, missed = after_a_coast(shift_deg, **shown)
     assert (after.state, told, missed) == ("COAST", text(CANNOT_TELL), text(CANNOT_TELL))
 
-    monkeypatch.setattr("rsoconsole.tracking.follow.LEAST_MARGIN", 0.0)
+    monkeypatch.setattr("rsoconsole.tracking.gates.LEAST_MARGIN", 0.0)
     before, _, _ = after_a_coast(shift_deg, **shown)
     taken = {"target": "taken back", "neighbour": SWAPPED}[who]
     assert by_position == ("left alone" if before.state == "COAST" else taken)

@@ -24,7 +24,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 from tests.engine_rig import Rig, rig
 from tests.makers import NS, T0_UTC_NS, geo_measurement
 from tests.orbit_truth import Flight

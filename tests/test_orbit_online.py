@@ -35,7 +35,7 @@ from rsoconsole.records import (
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.times import iso_to_utc_ns
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 from tests.orbit_cases import state_of
 from tests.orbit_truth import DAYTONA, Flight
 

@@ -13,7 +13,7 @@ from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Frame, SlewCommand
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 from tests.engine_rig import solution_at
 from tests.makers import NS, T0_UTC_NS
 from tests.test_follow import locked

@@ -8,7 +8,8 @@ from rsoconsole.console.night import Night
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.tracks_taken import TracksTaken
 from rsoconsole.records import Measurement, Ruling, SlewCommand, TrackState
-from rsoconsole.tracking.follow import Following, follow
+from rsoconsole.tracking.follow import follow
+from rsoconsole.tracking.following import Following
 from tests.made_up_night import state_of, taken
 from tests.makers import geo_measurement
 from tests.test_follow import SETTINGS, seen

@@ -30,7 +30,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.session.codec import decode, encode
 from rsoconsole.session.reader import SessionReader
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 from tests.engine_rig import Rig, ScriptedReducer, asked, desk_of, rig, solution_at
 from tests.makers import NS, geo_measurement, straight_detection
 from tests.test_demo import night

@@ -17,7 +17,8 @@ from rsoconsole.pipeline.tracks_taken import TracksTaken
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import HiddenBy, Missed
 from rsoconsole.records import FloatArray, FrameTaken, Measurement, StateChange
-from rsoconsole.tracking.follow import Following, FollowSettings, Seen, follow
+from rsoconsole.tracking.follow import follow
+from rsoconsole.tracking.following import Following, FollowSettings, Seen
 from rsoconsole.tracking.rivals import Rival, odds
 from rsoconsole.tracking.sky_path import Plane
 from tests.seen_satellites import DAYTONA, T0_UTC_NS

@@ -26,7 +26,7 @@ from rsoconsole.engine.states import (
 )
 from rsoconsole.reason_text import text
 from rsoconsole.records import LoopState
-from rsoconsole.tracking.follow import Following, Tracked
+from rsoconsole.tracking.following import Following, Tracked
 from rsoconsole.tracking.lqe import initialise
 from tests.makers import geo_measurement
 

@@ -19,7 +19,7 @@ from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.session.frame_files import compress_frame, write_durably
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.cores import threads_for
 from rsoconsole.vision.network import Network

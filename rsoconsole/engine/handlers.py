@@ -13,7 +13,7 @@ from rsoconsole.control import Command
 from rsoconsole.engine.states import Charge, Happening, Step
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import TrackState
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 
 SOON = "in force from the next cycle"
 

@@ -65,7 +65,7 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.tracking import lqe
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 
 log = logging.getLogger(__name__)
 

@@ -19,7 +19,7 @@ from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Frame, SlewCommand, Solution
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.sky.frames import hour_angle_jnow_deg, icrs_to_jnow
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 from rsoconsole.tracking.pointing import PointingModel, PointingOffset, command_for, observed
 
 IsRefused = Callable[[SlewCommand, int], SlewRefusal | None]

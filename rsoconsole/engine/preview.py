@@ -6,7 +6,7 @@ import numpy.typing as npt
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.records import PixelArray, Solution
 from rsoconsole.sky.wcs import sky_to_pixel
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 
 LONG_SIDE_PX = 466
 STEPS = 0xF8

@@ -14,7 +14,7 @@ from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import SlewCommand
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.limits import LimitName, Pose
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 
 
 class NowhereError(RsoconsoleError):

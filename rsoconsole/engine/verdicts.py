@@ -29,7 +29,7 @@ from rsoconsole.records import (
     mark_id_of,
     measurement_id_of,
 )
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 
 NEAR_PX = 25.0
 """A candidate so far from where the operator points is not meant."""

@@ -13,7 +13,7 @@ from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.orbits import Orbits
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.records import Frame, Record
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

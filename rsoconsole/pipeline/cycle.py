@@ -14,7 +14,7 @@ from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.rulings import Fold, Folds, on_record_again
 from rsoconsole.reasons import HiddenBy, SlewRefusal
 from rsoconsole.records import Event, Frame, FrameTaken, OrbitEstimate, Record, Ruling
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

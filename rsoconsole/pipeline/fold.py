@@ -29,14 +29,8 @@ from rsoconsole.records import (
 )
 from rsoconsole.tracking import estimator
 from rsoconsole.tracking.adaptive import Bend
-from rsoconsole.tracking.follow import (
-    CROSSED,
-    Following,
-    FollowSettings,
-    Seen,
-    follow,
-    three_sigma_deg,
-)
+from rsoconsole.tracking.follow import follow
+from rsoconsole.tracking.following import CROSSED, Following, FollowSettings, Seen, three_sigma_deg
 from rsoconsole.tracking.neighbours import Field
 
 

@@ -44,7 +44,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 
 TAU = "detector.tau"
 FOLDED: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))

@@ -23,7 +23,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.sky.times import utc_ns_to_iso
 from rsoconsole.sky.wcs import wcs_cards
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 
 
 def detection_report(detection: Detection) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from rsoconsole.config import Config
 from rsoconsole.pipeline.absence import StarHistory
 from rsoconsole.pipeline.fold import Folded, Shown, fold
 from rsoconsole.records import FollowedAgain, Measurement, Record, Ruling
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 
 KEPT = 12
 """Frames that a word may still be said on: some minutes."""

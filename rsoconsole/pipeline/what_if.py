@@ -11,7 +11,7 @@ from rsoconsole.pipeline.recorded_frames import recorded_frames
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.records import FrameTaken, LoopState, Miss, Record, StateChange, TrackState
 from rsoconsole.tracking.consistency import mean_band
-from rsoconsole.tracking.follow import three_sigma_deg
+from rsoconsole.tracking.following import three_sigma_deg
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -94,6 +94,7 @@ def update(
     return _state(
         said.after,
         along_arcsec,
+        said.covariance,
         kind="updated",
         frame_id=measurement.frame_id,
         track_id=predicted.track_id,
@@ -184,6 +185,8 @@ class _Memory:
 
     bank: Bank
     x: tuple[float, float, float, float]
+    innovation_covariance: FloatArray | None = None
+    """(2, 2) of the update that made it, arcsec^2."""
 
 
 def _from_record(state: TrackState) -> Bank:
@@ -217,7 +220,23 @@ def _from_record(state: TrackState) -> Bank:
     )
 
 
-def _state(bank: Bank, along_arcsec: float = 0.0, **told: object) -> TrackState:
+def innovation_covariance(updated: TrackState) -> FloatArray:
+    """Covariance (2, 2) of the innovation on the sky, arcsec^2, of the update that made a state.
+
+    Raises ValueError for any other state: it is in memory only.
+    """
+    memory = updated.memory
+    if not isinstance(memory, _Memory) or memory.innovation_covariance is None:
+        raise ValueError("only a state that an update of preset adaptive has just made tells that")
+    return memory.innovation_covariance
+
+
+def _state(
+    bank: Bank,
+    along_arcsec: float = 0.0,
+    innovation_covariance: FloatArray | None = None,
+    **told: object,
+) -> TrackState:
     mean, covariance = bank.moments()
     ra, dec = bank.plane.direction_of(float(mean[0]), float(mean[1]))
     cos_dec = max(math.cos(math.radians(dec)), 1e-3)
@@ -249,7 +268,7 @@ def _state(bank: Bank, along_arcsec: float = 0.0, **told: object) -> TrackState:
             variance_scale=float(bank.variance_scale_probabilities @ banks.VARIANCE_SCALES),
             along_arcsec=along_arcsec,
         ),
-        memory=_Memory(bank, x),
+        memory=_Memory(bank, x, innovation_covariance),
         **told,  # type: ignore[arg-type]
     )
 
@@ -326,6 +345,7 @@ __all__ = [
     "Bend",
     "begun_from",
     "initialise",
+    "innovation_covariance",
     "log_det_innovation",
     "predict",
     "scatter_words",

@@ -21,7 +21,7 @@ from rsoconsole.records import Frame
 from rsoconsole.simulator.scenarios import scenario_named
 from rsoconsole.simulator.scene import Scene
 from rsoconsole.sky.frames import icrs_of_hour_angle
-from rsoconsole.tracking.follow import Following
+from rsoconsole.tracking.following import Following
 
 NS = 1_000_000_000
 TARGET_HOUR_ANGLE_DEG = -41.0

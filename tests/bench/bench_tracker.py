@@ -13,7 +13,8 @@ import time
 import numpy as np
 
 from rsoconsole.records import Measurement
-from rsoconsole.tracking.follow import Following, FollowSettings, follow
+from rsoconsole.tracking.follow import follow
+from rsoconsole.tracking.following import Following, FollowSettings
 from tests.test_rivals import FRAMES, config, every_day, seen, streak, truth
 
 NIGHTS = 5

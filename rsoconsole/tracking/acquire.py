@@ -1,0 +1,175 @@
+"""How two successive frames that agree on one motion begin a track. Pure."""
+
+from rsoconsole.reasons import NotTaken
+from rsoconsole.records import (
+    FoldRecord,
+    LoopState,
+    Measurement,
+    NotFollowed,
+    TrackState,
+)
+from rsoconsole.tracking import estimator
+from rsoconsole.tracking.adaptive import Bend
+from rsoconsole.tracking.association import (
+    Motion,
+    disagreement,
+    motion_between,
+    pair_disagreement,
+    pair_misfit_arcsec,
+    paired,
+)
+from rsoconsole.tracking.following import (
+    MAY_BE_FOLLOWED,
+    Following,
+    FollowSettings,
+    Seen,
+    Tracked,
+    expected_motion,
+    not_followed,
+    of_track,
+)
+from rsoconsole.tracking.neighbours import (
+    Neighbour,
+    remembered,
+)
+from rsoconsole.tracking.streak_length import along_error_arcsec, remembered_with
+
+AS_GOOD_AS_CERTAIN = 0.9
+"""Confidence from which on how well its place is known says which of two to follow."""
+
+
+REFUSED, NOT_CHOSEN = NotTaken(kind="refused"), NotTaken(kind="not chosen")
+
+
+def acquire(
+    before: Following, seen: Seen, settings: FollowSettings
+) -> tuple[Following, tuple[FoldRecord, ...]]:
+    """Two successive frames whose measurements agree on one motion start a track.
+
+    The most confident one that has a partner leads; of those as good as certain, the one whose
+    place is known best, which is the brightest as a rule. What the frame cuts, and what is surely
+    no satellite, starts none unless the operator chose it. Every measurement hears its verdict
+    once: a candidate that waits for a second frame hears it with that frame.
+    """
+    whole = tuple(m for m in seen.measurements if not m.is_clipped)
+    usable = tuple(m for m in whole if m.object_class in MAY_BE_FOLLOWED)
+    told_of_choice: tuple[NotFollowed, ...] = ()
+    if seen.chosen is not None:
+        told_of_choice = tuple(not_followed(m, NOT_CHOSEN) for m in usable if m != seen.chosen)
+        usable = (seen.chosen,)
+    if settings.choice == "nearest":
+        usable = tuple(sorted(usable, key=_rank))
+    aside = tuple(
+        not_followed(m, NotTaken(kind="clipped at start"))
+        for m in seen.measurements
+        if m.is_clipped and m != seen.chosen
+    )
+    aside += tuple(
+        not_followed(m, NotTaken(kind="class", object_class=m.object_class))
+        for m in whole
+        if m.object_class not in MAY_BE_FOLLOWED and m != seen.chosen
+    )
+    aside += told_of_choice
+    refused = tuple(not_followed(m, REFUSED) for m in seen.refused)
+    pairs: dict[Measurement, Measurement] = {}
+    if settings.filter.preset == "adaptive":
+        pairs = paired(before.candidates, usable, seen.exposure_s)
+    for second in usable:
+        if settings.filter.preset == "adaptive":
+            partners = [pairs[second]] if second in pairs else []
+        else:
+            partners = [
+                first
+                for first in before.candidates
+                if pair_disagreement(first, second, seen.exposure_s) is None
+            ]
+        if partners:
+            first = min(partners, key=lambda m: pair_misfit_arcsec(m, second, seen.exposure_s))
+            others = tuple(
+                m for m in (*before.candidates, *usable) if m is not first and m is not second
+            )
+            track_id = before.last_track_id + 1
+            track = initiated(first, second, track_id, seen, settings)
+            told = (not_followed(m, NotTaken(kind="another leads")) for m in others)
+            neighbours = beside((), track, second, seen)
+            after = Following(
+                state="TRACK",
+                tracks=(
+                    Tracked(
+                        track=track,
+                        taken=second,
+                        neighbours=neighbours,
+                        excesses_arcsec=excesses_with((), track, second, seen),
+                    ),
+                ),
+                last_track_id=track_id,
+            )
+            return after, of_track((track, *told, *aside, *refused), track_id)
+    alone = tuple(not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
+    state: LoopState = "ACQUIRE" if usable else "SEARCH"
+    return before.without_track(state, usable), (*alone, *aside, *refused)
+
+
+def initiated(
+    first: Measurement, second: Measurement, track_id: int, seen: Seen, settings: FollowSettings
+) -> TrackState:
+    """A track through two measurements."""
+    here, there = (first.ra_icrs_deg, first.dec_icrs_deg), (second.ra_icrs_deg, second.dec_icrs_deg)
+    way = motion_between(*here, *there)
+    share = seen.exposure_s * 1e9 / max(second.t_mid_utc_ns - first.t_mid_utc_ns, 1)
+    moved = Motion(way.east_arcsec * share, way.north_arcsec * share)
+    return estimator.initialise(
+        first,
+        second,
+        settings.filter,
+        track_id=track_id,
+        bend=_bend_of(first, second, settings),
+        along_arcsec=(along_error_arcsec(first, moved), along_error_arcsec(second, moved)),
+    )
+
+
+def excesses_with(
+    before: tuple[float, ...], track: TrackState, taken: Measurement, seen: Seen
+) -> tuple[float, ...]:
+    return remembered_with(before, taken, expected_motion(track, seen.exposure_s))
+
+
+def _bend_of(first: Measurement, second: Measurement, settings: FollowSettings) -> Bend | None:
+    """What an orbit through the first of two measurements may do."""
+    if settings.bend is None or settings.filter.preset != "adaptive":
+        return None
+    here, there = (first.ra_icrs_deg, first.dec_icrs_deg), (second.ra_icrs_deg, second.dec_icrs_deg)
+    way = motion_between(*here, *there)
+    dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
+    return settings.bend(
+        first.t_mid_utc_ns, here, (way.east_arcsec / dt_s, way.north_arcsec / dt_s)
+    )
+
+
+def _rank(m: Measurement) -> tuple[float, float]:
+    """Lowest first: by confidence as far as it tells them apart, then by variance."""
+    east, _, north = m.cov_sky_arcsec2
+    return -min(m.confidence, AS_GOOD_AS_CERTAIN), east + north
+
+
+def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: Seen) -> NotTaken:
+    """Why a candidate came to nothing, by what came nearest to being its second."""
+    if not usable:
+        return NotTaken(kind="no second frame", missed=seen.why_absent)
+    nearest = min(usable, key=lambda m: pair_misfit_arcsec(first, m, seen.exposure_s))
+    mismatch = pair_disagreement(first, nearest, seen.exposure_s)
+    return NotTaken(kind="no second frame", mismatch=mismatch)
+
+
+def beside(
+    before: tuple[Neighbour, ...], track: TrackState, taken: Measurement, seen: Seen
+) -> tuple[Neighbour, ...]:
+    if taken.is_clipped:
+        return before  # where it was taken is not where it is
+    expected = expected_motion(track, seen.exposure_s)
+    others = tuple(
+        m
+        for m in seen.measurements
+        if m != taken and not m.is_clipped and disagreement(m, expected) is None
+    )
+    return remembered(before, taken, others)

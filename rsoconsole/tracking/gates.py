@@ -1,0 +1,126 @@
+"""Which measurements may belong to a track, and why the others do not. Pure."""
+
+from rsoconsole.reasons import NotTaken
+from rsoconsole.records import (
+    Measurement,
+    NotFollowed,
+    TrackState,
+)
+from rsoconsole.tracking import estimator, lqe
+from rsoconsole.tracking.association import (
+    LENGTH_TOLERANCE,
+    LONGER_TOLERANCE,
+    SHORTER_TOLERANCE,
+    Motion,
+    disagreement,
+    motion_between,
+)
+from rsoconsole.tracking.following import (
+    FollowSettings,
+    Seen,
+    Tracked,
+    expected_motion,
+    not_followed,
+    three_sigma_deg,
+)
+from rsoconsole.tracking.neighbours import (
+    LEAST_MARGIN,
+    Neighbour,
+    best_match,
+)
+from rsoconsole.tracking.streak_length import along_error_arcsec
+
+CANNOT_TELL = NotTaken(kind="cannot be told apart")
+
+
+def updated_with(
+    predicted: TrackState, m: Measurement, before: Tracked, seen: Seen, settings: FollowSettings
+) -> TrackState:
+    """A track after a measurement, whose error its streak's length tells too."""
+    expected = expected_motion(predicted, seen.exposure_s)
+    along = along_error_arcsec(m, expected, before.excesses_arcsec)
+    return estimator.update(predicted, m, settings.filter, along)
+
+
+def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
+    predicted: TrackState,
+    expected: Motion,
+    updated: dict[Measurement, TrackState],
+    neighbours: tuple[Neighbour, ...],
+    seen: Seen,
+    settings: FollowSettings,
+) -> dict[Measurement, NotTaken]:
+    """Which measurements do not belong to the track, and why: motion, position, neighbours."""
+    reasons: dict[Measurement, NotTaken] = {}
+    is_adaptive = settings.filter.preset == "adaptive"
+    shares = (LENGTH_TOLERANCE, LENGTH_TOLERANCE)
+    if is_adaptive:
+        shares = (SHORTER_TOLERANCE, LONGER_TOLERANCE)
+    for measurement in updated:
+        mismatch = disagreement(measurement, expected, *shares)
+        reason = None if mismatch is None else NotTaken(kind="moves otherwise", mismatch=mismatch)
+        if reason is None and measurement.is_clipped:
+            reason = _too_far_for_clipped(measurement, predicted, expected)
+        if reason is not None:
+            reasons[measurement] = reason
+    alike = tuple(m for m in updated if m not in reasons and not m.is_clipped)
+    strangers = _strangers(alike, predicted, expected, neighbours, seen, settings)
+    for measurement, state in updated.items():
+        if measurement in reasons:
+            continue
+        if lqe.is_gated_out(nis_of(state), settings.filter):
+            reasons[measurement] = NotTaken.by_gate(nis_of(state), settings.filter.gate_nis)
+        elif measurement in strangers:
+            reasons[measurement] = strangers[measurement]
+    return reasons
+
+
+def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
+    alike: tuple[Measurement, ...],
+    predicted: TrackState,
+    expected: Motion,
+    neighbours: tuple[Neighbour, ...],
+    seen: Seen,
+    settings: FollowSettings,
+) -> dict[Measurement, NotTaken]:
+    """Which of those that move alike are not what is followed, or may not be, and why."""
+    if not neighbours or not alike:
+        return {}
+    match = best_match(
+        alike,
+        predicted,
+        neighbours,
+        streak_arcsec=expected.length_arcsec,
+        field=seen.field,
+    )
+    # The paper's bounds are wider than any slot: no position could ever meet a margin in them.
+    if settings.filter.preset != "paper" and match.margin < LEAST_MARGIN:
+        return dict.fromkeys(alike, CANNOT_TELL)
+    others = (m for m in alike if m is not match.measurement)
+    return dict.fromkeys(others, NotTaken(kind="neighbour"))
+
+
+def _too_far_for_clipped(
+    measurement: Measurement, predicted: TrackState, expected: Motion
+) -> NotTaken | None:
+    """Why the visible part of a streak cannot be the track's; None when it can.
+
+    Its own covariance says little along the streak, but its midpoint lies within half a streak
+    of the whole one's.
+    """
+    to = (measurement.ra_icrs_deg, measurement.dec_icrs_deg)
+    away = motion_between(*lqe.direction_icrs_deg(predicted), *to).length_arcsec
+    allowed = expected.length_arcsec / 2.0 + three_sigma_deg(predicted) * 3600.0
+    if away <= allowed:
+        return None
+    return NotTaken.clipped_and_far(away, allowed)
+
+
+def verdicts(
+    reasons: dict[Measurement, NotTaken], updated: dict[Measurement, TrackState]
+) -> tuple[NotFollowed, ...]:
+    return tuple(not_followed(m, reason, updated[m].nis) for m, reason in reasons.items())
+
+
+def nis_of(state: TrackState) -> float:
+    return state.nis or 0.0
