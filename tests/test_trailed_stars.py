@@ -51,6 +51,21 @@ def plain() -> np.ndarray:
 
 @needs_data
 @pytest.mark.shared_data
+def test_a_warm_sensors_hot_pixels_do_not_hide_them(plain):
+    """One pixel in two thousand at three quarters of full well: ten for each star."""
+    frame = drawn_out(plain, 14.0, 90.0, 3)
+    cold = find_stars(frame)
+    random = np.random.default_rng(8)
+    hot = random.random(frame.shape) < 5e-4
+    frame[hot] = random.integers(40_000, 50_000, np.count_nonzero(hot))
+    warm = find_stars(frame)
+    assert warm.trail is not None
+    assert warm.trail.length_px == pytest.approx(14.0, rel=0.12)
+    assert len(warm) > 0.8 * len(cold)
+
+
+@needs_data
+@pytest.mark.shared_data
 @pytest.mark.parametrize(("length_px", "angle_deg"), [(9.0, 40.0), (14.0, 90.0), (30.0, 172.0)])
 def test_trailed_stars_are_where_the_points_were(plain, length_px, angle_deg):
     points = find_stars(plain)

@@ -99,7 +99,7 @@ def assigned(tracks: Sequence[Weighed]) -> Assignment:
     for row, column in enumerate(best.chosen):
         is_seen = column < len(pairs.columns)
         unsure = False
-        if is_seen:
+        if is_seen and len(tracks) > 1:  # one alone knows its neighbours by their pattern
             same = _same(pairs.columns, column)
             others = [e.cost for e in found if e.chosen[row] not in same]
             others.append(_explained(_without(cost, row, same)).cost)

@@ -45,6 +45,10 @@ STAR_BLOCK_PX = 8
 _LARGE_PX = 1024
 _CANDIDATE_SIGMA = 5.0
 _TILES = (8, 6)
+_ASKED = 4
+"""Places looked at for each candidate: a warm sensor's hot pixels are many more than its stars."""
+_LONE_SIGMA = 2.5
+"""The three brightest beside a lone pixel are noise: 1.6 sigma of 24."""
 _PROBE_STARS = 150
 _PROBE_HALF_PX = 10
 _PROBE_SIGMA_PX = 2.0
@@ -219,8 +223,33 @@ def _candidates(
     row, column = np.divmod(np.flatnonzero(is_peak), columns)
     order = np.argsort(-excess[row, column], kind="stable")
     row, column = row[order], column[order]
-    chosen = _spread(column * block_px, row * block_px, sky, count)
-    return _brightest_pixels(pixels, row[chosen], column[chosen], binning, block_px)
+    chosen = _spread(column * block_px, row * block_px, sky, _ASKED * count)
+    x_px, y_px = _brightest_pixels(pixels, row[chosen], column[chosen], binning, block_px)
+    is_light = ~_is_lone_pixel(pixels, sky, x_px, y_px)
+    x_px, y_px = x_px[is_light], y_px[is_light]
+    chosen = _spread(x_px, y_px, sky, count)
+    return x_px[chosen], y_px[chosen]
+
+
+def _is_lone_pixel(
+    pixels: PixelArray, sky: Background, x_px: IntArray, y_px: IntArray
+) -> npt.NDArray[np.bool_]:
+    """Which of the brightest places are one pixel alone, as hot ones are."""
+    height, width = pixels.shape
+    inside = (x_px >= 2) & (x_px < width - 2) & (y_px >= 2) & (y_px < height - 2)
+    x, y = np.clip(x_px, 2, width - 3), np.clip(y_px, 2, height - 3)
+    around = np.arange(-2, 3)
+    windows = pixels[
+        y[:, None, None] + around[None, :, None], x[:, None, None] + around[None, None, :]
+    ].astype(np.float32)
+    row, column = y // sky.cell_px, x // sky.cell_px
+    rows, columns = sky.level.shape
+    level = sky.level[np.minimum(row, rows - 1), np.minimum(column, columns - 1)]
+    noise = sky.noise[np.minimum(row, rows - 1), np.minimum(column, columns - 1)]
+    excess = (windows - level[:, None, None]).reshape(len(x), 25)
+    excess.sort(axis=1)
+    next_ones = excess[:, -4:-1].mean(axis=1)
+    return np.asarray(inside & (next_ones < _LONE_SIGMA * noise))
 
 
 def _brightest_pixels(
