@@ -45,8 +45,8 @@ STAR_BLOCK_PX = 8
 _LARGE_PX = 1024
 _CANDIDATE_SIGMA = 5.0
 _TILES = (8, 6)
-_ASKED = 4
-"""Places looked at for each candidate: a warm sensor's hot pixels are many more than its stars."""
+_MOST_ASKED = 16_000
+"""Places looked at for candidates: a warm sensor's hot pixels are many more than its stars."""
 _LONE_SIGMA = 2.5
 """The three brightest beside a lone pixel are noise: 1.6 sigma of 24."""
 _PROBE_STARS = 150
@@ -223,7 +223,7 @@ def _candidates(
     row, column = np.divmod(np.flatnonzero(is_peak), columns)
     order = np.argsort(-excess[row, column], kind="stable")
     row, column = row[order], column[order]
-    chosen = _spread(column * block_px, row * block_px, sky, _ASKED * count)
+    chosen = _spread(column * block_px, row * block_px, sky, _MOST_ASKED)
     x_px, y_px = _brightest_pixels(pixels, row[chosen], column[chosen], binning, block_px)
     is_light = ~_is_lone_pixel(pixels, sky, x_px, y_px)
     x_px, y_px = x_px[is_light], y_px[is_light]
