@@ -122,6 +122,13 @@ class ExposureConfig(_Section):
 
     exposure_s: float = Field(10.0, ge=0.001, le=600)
     cadence_s: float = Field(30.0, ge=0.1, le=3600, description="start to start, at least")
+    automatic: bool = Field(
+        True,
+        description="both follow the rate of the track where its streak would be too short to have"
+        " a direction, too long for the frame, or out of the field at the next exposure",
+    )
+    shortest_s: float = Field(0.5, ge=0.001, le=600, description="of automatic exposures")
+    longest_s: float = Field(30.0, ge=0.001, le=600, description="of automatic exposures")
     start_latency_s: float = Field(0.3, ge=0, le=10, description="command to shutter")
     header_latency_s: float = Field(
         0.0, ge=-10, le=10, description="true shutter opening minus DATE-OBS"
@@ -140,6 +147,12 @@ class ExposureConfig(_Section):
     frame_timeout_s: float = Field(
         30.0, gt=0, le=600, description="wall clock, beyond the exposure"
     )
+
+    @model_validator(mode="after")
+    def _bounds_are_in_order(self) -> Self:
+        if self.shortest_s > self.longest_s:
+            raise ValueError("shortest_s is above longest_s: give the shorter exposure first")
+        return self
 
 
 class MountConfig(_Section):

@@ -23,6 +23,7 @@ from rsoconsole.engine.guide import Guide
 from rsoconsole.engine.handlers import joined
 from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
 from rsoconsole.engine.modes import Modes
+from rsoconsole.engine.pace import Pace
 from rsoconsole.engine.parking import Parking
 from rsoconsole.engine.plan import Plan, Planner
 from rsoconsole.engine.preview import place_of_interest
@@ -119,6 +120,7 @@ class Engine:
         """What was followed last this night."""
         self.temporary = Temporary()
         """Settings that hold for some frames only."""
+        self._pace = Pace()
         parts = Parts(
             hands=hands,
             planner=self.planner,
@@ -355,9 +357,10 @@ class Engine:
     def _count_frame(self) -> None:
         """One frame is done: what holds for some frames, or until the sky clears, may be over."""
         config, changes = self.temporary.count(self.config)
-        for change in changes:
+        config, more = self._pace.after(config, self.following.track)
+        for change in (*changes, *more):
             self.chronicle.append(change)
-        if changes:
+        if changes or more:
             self.configure(config)
         if self.following.track is not None:
             self.last_track = self.following.track
