@@ -55,10 +55,10 @@ def test_steps_stay_within_what_the_configuration_takes(tunable, by):
 def test_a_step_there_and_back_is_no_trial():
     tuning = Tuning()
     tuning.see(PRESENT)
-    for row in range(len(TUNABLES)):
+    for row, tunable in enumerate(tuning.tunables):
         tuning.row = row
         tuning.step(-1)
-        assert set(tuning.tried) == {TUNABLES[row].name}
+        assert set(tuning.tried) == {tunable.name}
         tuning.step(1)
         assert tuning.tried == {}
 
@@ -188,22 +188,46 @@ def test_the_pane_says_what_is_in_force_and_what_is_tried():
     assert "▸ τ" in text
     assert "→ 0.125" in text
     assert "1 tried" in text
-    for tunable in TUNABLES:
+    for tunable in tuning.tunables:
         assert tunable.label in text
+
+
+@pytest.mark.parametrize(
+    ("preset", "own"), [("adaptive", set()), ("tuned", {"q"}), ("paper", {"σ"})]
+)
+def test_only_what_has_a_part_with_the_preset_is_offered(preset: str, own: set[str]):
+    tuning = Tuning()
+    tuning.see(PRESENT | {"filter.preset": preset})
+    assert {t.label for t in tuning.tunables} & {"σ", "q"} == own
+    assert {t.name for t in TUNABLES if t.preset is None} <= {t.name for t in tuning.tunables}
+
+
+def test_what_a_tried_preset_does_not_ask_for_is_tried_no_longer():
+    tuning = Tuning()
+    tuning.see(PRESENT | {"filter.preset": "tuned"})
+    names = [t.name for t in tuning.tunables]
+    tuning.row = names.index("filter.q_arcsec2_s3")
+    tuning.step(1)
+    tuning.row = names.index("filter.preset")
+    tuning.step(1)
+    assert tuning.tried == {"filter.preset": "paper"}
 
 
 @pytest.mark.parametrize("height", [12, 17, 21])
 def test_in_a_lower_pane_the_settings_move_so_that_the_chosen_one_is_seen(height: int):
     tuning = Tuning()
     tuning.see(PRESENT)
-    for row, tunable in enumerate(TUNABLES):
+    for row, tunable in enumerate(tuning.tunables):
         tuning.row = row
         lines = tune_lines(tuning, None, None)(41, height)
         texts = ["".join(part for part, _ in line) for line in lines]
         assert len(texts) == height
         assert [text for text in texts if "▸" in text and tunable.label in text]
-        assert any(text.startswith(" ▲") for text in texts) or row < height // 2
-        assert any(text.startswith(" ▼") for text in texts) or row > 2
+        is_whole = sum(any(t.label in x for x in texts) for t in tuning.tunables) == len(
+            tuning.tunables
+        )
+        assert any(text.startswith(" ▲") for text in texts) or row < height // 2 or is_whole
+        assert any(text.startswith(" ▼") for text in texts) or row > 2 or is_whole
         assert "state" in texts[-2]
 
 

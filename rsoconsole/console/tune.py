@@ -33,6 +33,8 @@ class Tunable:
     low: float = 0.0
     high: float = math.inf
     choices: tuple[str, ...] = ()
+    preset: str | None = None
+    """Of the filter, which alone asks for it; None: every one does."""
 
     def stepped(self, value: Value, by: int) -> Value:
         """So many steps from a value, in figures that a person would type."""
@@ -57,8 +59,16 @@ def _multiplier(of: str, label: str) -> Tunable:
 TUNABLES = (
     Tunable(name="detector.tau", label="τ", low=0.01, high=0.99),
     Tunable(name="filter.preset", label="preset", choices=("adaptive", "tuned", "paper")),
-    Tunable(name="filter.sigma_arcsec", label="σ", unit="″", low=0.05, high=600.0),
-    Tunable(name="filter.q_arcsec2_s3", label="q", unit=" ″²/s³", factor=2.0, low=1e-9, high=1e3),
+    Tunable(name="filter.sigma_arcsec", label="σ", unit="″", low=0.05, high=600.0, preset="paper"),
+    Tunable(
+        name="filter.q_arcsec2_s3",
+        label="q",
+        unit=" ″²/s³",
+        factor=2.0,
+        low=1e-9,
+        high=1e3,
+        preset="tuned",
+    ),
     _multiplier("q", "Q ×"),
     _multiplier("q_ra", "Q α ×"),
     _multiplier("q_ra_rate", "Q α rate ×"),
@@ -72,6 +82,7 @@ TUNABLES = (
     Tunable(name="filter.max_3sigma_arcmin", label="lost at 3σ", unit="′", low=0.1, high=600.0),
 )
 NAMES = tuple(tunable.name for tunable in TUNABLES)
+PRESET = "filter.preset"
 
 
 @dataclass(slots=True)
@@ -88,16 +99,23 @@ class Tuning:
     """What a loaded preset said."""
     row: int = 0
 
+    @property
+    def tunables(self) -> tuple[Tunable, ...]:
+        """Those that have a part with the preset that is tried, or in force."""
+        preset = self.tried.get(PRESET, self.present.get(PRESET))
+        return tuple(t for t in TUNABLES if t.preset is None or preset in (None, t.preset))
+
     def see(self, present: Mapping[str, Value | None]) -> None:
         """What is in force now; what is tried and has become so is no trial any more."""
         self.present = dict(present)
+        self.row = min(self.row, len(self.tunables) - 1)
         self.tried = {n: v for n, v in self.tried.items() if self.present.get(n) != v}
         self.steps = {n: k for n, k in self.steps.items() if n in self.tried}
         self.loaded = {n: v for n, v in self.loaded.items() if n in self.tried}
 
     def step(self, by: int) -> None:
         """Change the chosen one."""
-        tunable = TUNABLES[self.row]
+        tunable = self.tunables[self.row]
         present = self.present.get(tunable.name)
         if present is None:
             return
@@ -112,6 +130,9 @@ class Tuning:
             self.steps.pop(tunable.name, None)
         else:
             self.tried[tunable.name], self.steps[tunable.name] = stepped, steps
+        if tunable.name == PRESET:
+            names = {each.name for each in self.tunables}
+            self.tried = {n: v for n, v in self.tried.items() if n in names}
 
     def load(self, preset: Mapping[str, Value]) -> None:
         """Try what a preset says."""
@@ -165,7 +186,7 @@ class TunePane(LinesPane, can_focus=False):
     def action_row(self, by: int) -> None:
         """Another setting."""
         if self.tuning is not None:
-            self.tuning.row = (self.tuning.row + by) % len(TUNABLES)
+            self.tuning.row = (self.tuning.row + by) % len(self.tuning.tunables)
             self.post_message(self.Wanted("try"))
 
     def action_step(self, by: int) -> None:
@@ -213,12 +234,13 @@ def tune_lines(
 
 def _settings(tuning: Tuning, room: int) -> list[Line]:
     """As many as there is room for, the chosen one among them; a sign where there are more."""
-    first = min(max(tuning.row - room // 2, 0), max(len(TUNABLES) - room, 0))
-    shown = range(first, min(first + room, len(TUNABLES)))
-    lines = [_setting(tuning, number, TUNABLES[number]) for number in shown]
+    every = tuning.tunables
+    first = min(max(tuning.row - room // 2, 0), max(len(every) - room, 0))
+    shown = range(first, min(first + room, len(every)))
+    lines = [_setting(tuning, number, every[number]) for number in shown]
     if lines and first > 0:
         lines[0] = _with_sign("▲", lines[0])
-    if lines and shown.stop < len(TUNABLES):
+    if lines and shown.stop < len(every):
         lines[-1] = _with_sign("▼", lines[-1])
     return lines
 
