@@ -41,10 +41,10 @@ MOST_SCATTER_S = 3.0
 _LEAST_SCATTER_S = 0.005
 SCATTERS_S = np.geomspace(_LEAST_SCATTER_S, MOST_SCATTER_S, SCATTERS)
 """Timing scatter beyond what the measurements' covariances contain."""
-_SCATTER_FALLS = 0.2
+_SCATTER_FALLS = 0.1
 """Before anything is measured a scatter is as likely as it is small, to this power."""
 MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
-_VARIANCE_SCALE_PRIORS = (0.1, 0.5, 0.22, 0.13, 0.05)
+_VARIANCE_SCALE_PRIORS = (0.06, 0.4, 0.24, 0.18, 0.12)
 _LEAST_WEIGHT = 1e-12
 RARE, _RARE_SCATTER_S = 0.01, 0.8
 """One measurement in a hundred is late or wrong by far more than the night's scatter: what a filter
