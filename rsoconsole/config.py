@@ -430,6 +430,11 @@ def data_dir() -> Path:
     return platformdirs.user_data_path(APP)
 
 
+def state_dir() -> Path:
+    """The user's state folder, which outlives logins: who drives which mount."""
+    return platformdirs.user_state_path(APP)
+
+
 def runtime_dir() -> Path:
     """A folder that only its owner can enter, made if need be: the control socket lies there.
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rsoconsole.control.command import Command
+from rsoconsole.control.mount_lock import engine_behind, running_engines
 from rsoconsole.control.place import address_of, default_socket_path, engine_pid
 from rsoconsole.control.sender import Sender
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, read_outcome, receive_line
@@ -16,6 +17,8 @@ from rsoconsole.errors import ControlError
 CROWDED_S = 0.01
 """So long a crowded engine is left alone before it is asked again."""
 GRACE_S = 0.5
+MADE_ANEW_S = 2.0
+"""So long an engine is waited for whose socket somebody has removed."""
 OPERATOR = Sender()
 
 
@@ -61,7 +64,7 @@ class ControlClient:
         deadline = time.monotonic() + timeout_s + GRACE_S
         try:
             with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as wire:
-                _connect(wire, str(address_of(self._path)), deadline - GRACE_S)
+                self._connect_patiently(wire, deadline - GRACE_S)
                 message["timeout_s"] = max(deadline - GRACE_S - time.monotonic(), CROWDED_S)
                 line = json.dumps(message).encode() + b"\n"
                 wire.settimeout(deadline - time.monotonic())
@@ -76,7 +79,7 @@ class ControlClient:
                     f"the engine is starting (process {pid}) and does not listen yet: try again "
                     "in a moment; 'rsoconsole stop' works without it"
                 ) from error
-            raise ControlError("no engine is running: 'rsoconsole engine' starts one") from error
+            raise ControlError(_no_engine(self._path)) from error
         except TimeoutError as error:
             raise ControlError(
                 f"the engine did not answer {verb!r} within {timeout_s:g} s: it may hang, or "
@@ -85,6 +88,34 @@ class ControlClient:
         except OSError as error:
             raise ControlError(f"the engine cannot be reached: {error}") from error
         return read_outcome(reply)
+
+    def _connect_patiently(self, wire: socket.socket, deadline: float) -> None:
+        """Connect; an engine that starts, or whose socket was just removed, soon has one."""
+        address = str(address_of(self._path))
+        until = min(deadline, time.monotonic() + MADE_ANEW_S)
+        while True:
+            try:
+                _connect(wire, address, deadline)
+                return
+            except (FileNotFoundError, ConnectionRefusedError):
+                if time.monotonic() > until or engine_behind(self._path) is None:
+                    raise
+                time.sleep(0.1)
+
+
+def _no_engine(path: Path) -> str:
+    """That none listens there, and where one does."""
+    behind = engine_behind(path)
+    if behind is not None:
+        return (
+            f"the engine (process {behind.pid}) runs and its socket is gone; it makes a new one"
+            " within a second: try again; 'rsoconsole stop' works without it"
+        )
+    others = running_engines()
+    if not others:
+        return "no engine is running: 'rsoconsole engine' starts one"
+    told = ", ".join(f"process {each.pid} at {each.socket}" for each in others)
+    return f"no engine listens at {path}; one is running as {told}: '--socket' reaches it"
 
 
 def _connect(wire: socket.socket, address: str, deadline: float) -> None:

@@ -10,11 +10,13 @@ import queue
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from rsoconsole.control.place import EngineLock, address_of, remove_socket
+from rsoconsole.control.record_lock import RecordLock
 from rsoconsole.control.wire import (
     Connection,
     NotACommand,
@@ -26,6 +28,8 @@ from rsoconsole.control.wire import (
 )
 from rsoconsole.errors import ControlError
 
+KEEP_S = 0.5
+"""How often socket and locks are looked after."""
 MAX_CONNECTIONS = 32
 MAX_WAITING = 64
 BACKLOG = 128
@@ -50,17 +54,26 @@ class ControlServer:
         *,
         lock: EngineLock | None = None,
         stamp: Callable[[], int] | None = None,
+        locks: Sequence[RecordLock] = (),
+        on_found: Callable[[str], None] = lambda _words: None,
     ) -> None:
-        """``stamp``: how many STOPs there have been; each request carries it from its reading."""
+        """``stamp``: how many STOPs there have been; each request carries it from its reading.
+
+        ``locks``: what is kept beside the socket where somebody removes it; ``on_found`` is told.
+        """
         self._handler = handler
         self._stamp = stamp
         self._address = address_of(path)
         self._own_lock = EngineLock(path) if lock is None else None
+        self._locks = (lock or self._own_lock, *locks)
+        self._on_found = on_found
+        self._closing = threading.Event()
         self._waiting: queue.Queue[WaitingRequest | None] = queue.Queue(MAX_WAITING)
         self._connections: set[Connection] = set()
         self._guard = threading.Lock()
         self._is_closing = False
         self._listener: socket.socket | None = None
+        self._inode = 0
         self._threads: list[threading.Thread] = []
 
     def start(self) -> None:
@@ -70,24 +83,78 @@ class ControlServer:
         """
         if self._own_lock is not None:
             self._own_lock.acquire()
-        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
-            remove_socket(self._address)
-            listener.bind(str(self._address))
-            self._address.chmod(0o600)
-            listener.listen(BACKLOG)
+            listener = self._listening()
         except (OSError, ControlError) as error:
-            listener.close()
             if self._own_lock is not None:
                 self._own_lock.release()
             raise ControlError(
                 f"the engine cannot listen at {self._address}: {error}; remove what lies there"
             ) from error
         self._listener = listener
-        for name, target in (("control-accept", self._accept), ("control-work", self._work)):
+        for name, target in (
+            ("control-accept", partial(self._accept, listener)),
+            ("control-work", self._work),
+            ("control-keep", self._keep),
+        ):
             thread = threading.Thread(target=target, name=name, daemon=True)
             thread.start()
             self._threads.append(thread)
+
+    def _listening(self) -> socket.socket:
+        """A new socket at the engine's place. Raises OSError or ControlError."""
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            self._address.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            remove_socket(self._address)
+            listener.bind(str(self._address))
+            self._address.chmod(0o600)
+            listener.listen(BACKLOG)
+        except (OSError, ControlError):
+            listener.close()
+            raise
+        self._inode = self._address.lstat().st_ino
+        return listener
+
+    def _keep(self) -> None:
+        """Make socket and locks anew where somebody removes them: a logout, a cleaning job.
+
+        Without its socket the engine is deaf to all but its signals, without its lock a second
+        one starts on the same mount.
+        """
+        said = ""
+        while not self._closing.wait(KEEP_S):
+            try:
+                words = self._kept()
+            except (OSError, ControlError) as error:
+                words = f"the engine's socket or lock was removed and cannot be made anew: {error}"
+            if words and words != said:
+                self._on_found(words)
+            said = words if "cannot" in words else ""
+
+    def _kept(self) -> str:
+        """What was put back, in words; empty where nothing was missing."""
+        again = [lock.keep() for lock in self._locks if lock is not None]
+        if not self._is_reachable():
+            with self._guard:
+                if self._is_closing:
+                    return ""
+                old, self._listener = self._listener, self._listening()
+                thread = threading.Thread(
+                    target=self._accept, args=(self._listener,), name="control-accept", daemon=True
+                )
+                thread.start()
+                self._threads.append(thread)
+            if old is not None:
+                _shut(old)
+            return f"the engine's socket was removed: it listens at {self._address} again"
+        return "the engine's lock was removed: it holds a new one" if any(again) else ""
+
+    def _is_reachable(self) -> bool:
+        try:
+            return self._address.lstat().st_ino == self._inode
+        except OSError:
+            return False
 
     def close(self, timeout_s: float = 2.0) -> None:
         """Stop listening, drop the connections and remove the socket."""
@@ -96,9 +163,8 @@ class ControlServer:
                 return
             self._is_closing = True
             connections = list(self._connections)
-        with contextlib.suppress(OSError):
-            self._listener.shutdown(socket.SHUT_RDWR)
-        self._listener.close()
+        self._closing.set()
+        _shut(self._listener)
         for connection in connections:
             connection.close()
         with contextlib.suppress(queue.Full):
@@ -117,13 +183,12 @@ class ControlServer:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
-    def _accept(self) -> None:
-        assert self._listener is not None
+    def _accept(self, listener: socket.socket) -> None:
         while True:
             try:
-                peer, _ = self._listener.accept()
+                peer, _ = listener.accept()
             except OSError:
-                if self._is_closing:
+                if self._is_closing or listener is not self._listener:
                     return
                 time.sleep(0.1)  # out of file handles: some come back when a console leaves
                 continue
@@ -193,3 +258,9 @@ class ControlServer:
         except Exception as error:  # whatever one command breaks, the wire stays
             words = f"{request.command.verb}: {error or type(error).__name__}"
             return Outcome(ok=False, message=words)
+
+
+def _shut(listener: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        listener.shutdown(socket.SHUT_RDWR)
+    listener.close()

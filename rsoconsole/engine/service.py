@@ -16,6 +16,7 @@ from typing import Any
 
 from rsoconsole.config import Config
 from rsoconsole.control import ControlServer, default_socket_path
+from rsoconsole.control.mount_lock import MountLock
 from rsoconsole.control.place import EngineLock
 from rsoconsole.engine.arming import CHECKS, arming_checks, gather_facts, refusal_text
 from rsoconsole.engine.chronicle import warnings_on_record
@@ -85,6 +86,7 @@ def run_engine(
         if settings.listens:
             # Before anything else: two engines must never speak to one mount.
             lock = stack.enter_context(EngineLock(path))
+        mount_lock = stack.enter_context(MountLock(config.indi, path))
         reducer, model_sha256 = stack.enter_context(open_reducer(config))
         reducer.make_ready()
         instruments = stack.enter_context(connect_instruments(config))
@@ -135,7 +137,14 @@ def run_engine(
                 machine=lambda: machine.state,
             )
             stack.enter_context(
-                ControlServer(path, desk.handle, lock=lock, stamp=lambda: queue.stops)
+                ControlServer(
+                    path,
+                    desk.handle,
+                    lock=lock,
+                    stamp=lambda: queue.stops,
+                    locks=(mount_lock,),
+                    on_found=partial(engine.chronicle.say, "warning"),
+                )
             )
         heed_signals()
         starting.close()
