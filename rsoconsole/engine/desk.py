@@ -40,7 +40,8 @@ from rsoconsole.records import OperatorAction
 from rsoconsole.sky.frames import icrs_to_altaz
 
 LONGEST_NOTE = 2000
-FLUSH_S = 0.5
+FLUSH_S = 3.0
+"""So long an answer waits for the disk, which takes milliseconds where all is well."""
 
 
 class Desk:
@@ -123,13 +124,20 @@ class Desk:
         except OvertakenError:
             append(action_record(request, OVERTAKEN))
             raise
-        # What has been acknowledged is on record, unless the disk does not take it.
-        self._flush(FLUSH_S)
-        if isinstance(command, Shutdown):
-            self._queue.request_shutdown()
+        # The loop has it already: nothing waits for a disk that fails.
         if command.wakes_loop:
             self._engine.wake()
+        is_kept = self._flush(FLUSH_S)
+        if isinstance(command, Shutdown):
+            self._queue.request_shutdown()
+        if not is_kept:
+            return self._not_on_record("it is carried out", dict(accepted.data))
         return Outcome(ok=True, message=accepted.message, data=dict(accepted.data))
+
+    def _not_on_record(self, what: str, data: Mapping[str, Any] | None = None) -> Outcome:
+        """An answer for what no disk has taken: it is no acknowledgement."""
+        why = "; ".join(self._record_faults()) or "the disk has not taken it"
+        return Outcome(ok=False, message=f"{what}, but not on record: {why}", data=data or {})
 
     def _check_arming(self, command: Arm, _by: str) -> Accepted:
         """The checklist is gone through at once, so that the answer says what is missing."""
@@ -215,5 +223,6 @@ class Desk:
         self._engine.chronicle.append(
             action_record(Request(command=said, sender=sender), done("noted"))
         )
-        self._flush(FLUSH_S)
+        if not self._flush(FLUSH_S):
+            return self._not_on_record("noted in memory")
         return Outcome(ok=True, message="noted")

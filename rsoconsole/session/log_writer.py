@@ -5,16 +5,22 @@ import sqlite3
 import threading
 from collections import deque
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from rsoconsole.records import Event, Record
 from rsoconsole.session.codec import encode
+from rsoconsole.session.database import connect_to_read
 from rsoconsole.session.faults import Faults
+from rsoconsole.session.log_place import LogPlace
+from rsoconsole.session.rescue import Rescue, Statement
+from rsoconsole.session.schema import DATABASE
 
 COMMIT_S = 0.25
 RETRY_S = 1.0
 MAX_BATCH = 2000
+_MOST_RECENT = 2000
 MAX_WAITING = 500_000
 """Records kept in memory while the disk refuses them: many nights' worth."""
 
@@ -42,11 +48,14 @@ class KeptFile:
 
 
 _Entry = tuple[int, int, Record] | KeptFile
-_Statement = tuple[str, tuple[object, ...]]
 
 
 class LogWriter:
-    """Takes entries at once and commits them in batches; keeps them while the disk refuses."""
+    """Takes entries at once and commits them in batches.
+
+    While the disk refuses them it keeps them, in memory and in a rescue session elsewhere; where
+    somebody has removed or damaged the log it goes on in that one.
+    """
 
     def __init__(
         self,
@@ -54,13 +63,23 @@ class LogWriter:
         faults: Faults,
         connect: Callable[[Path], sqlite3.Connection],
         commit_s: float = COMMIT_S,
+        *,
+        rescue: Rescue | None = None,
     ) -> None:
         self._path = path
+        self._place = LogPlace(path)
+        self._rescue = rescue
+        self._rescued = 0
+        """Of the unwritten ones, the oldest: in the rescue session already."""
+        self._is_lost = False
+        """The log's own place is given up."""
+        self._recent: deque[Statement] = deque(maxlen=_MOST_RECENT)
+        """What was committed last: some of it may be lost with the log."""
         self._faults = faults
         self._connect = connect
         self._commit_s = commit_s
         self._waiting: deque[_Entry] = deque()
-        self._unwritten: deque[_Statement] = deque()
+        self._unwritten: deque[Statement] = deque()
         self._lock = threading.Lock()
         self._next_seq = 1
         self._taken = 0
@@ -71,6 +90,12 @@ class LogWriter:
         self._connection: sqlite3.Connection | None = None
         self._thread = threading.Thread(target=self._run, name="session-log", daemon=True)
         self._thread.start()
+
+    @property
+    def path(self) -> Path:
+        """The database that has the whole night: the rescue session's where the own one is lost."""
+        folder = None if self._rescue is None else self._rescue.folder
+        return folder / DATABASE if self._is_lost and folder is not None else self._path
 
     def put(self, record: Record, t_utc_ns: int) -> int:
         """Take a record; returns its place in the order of the log."""
@@ -95,7 +120,18 @@ class LogWriter:
             self._taken += 1
 
     def flush(self, timeout_s: float) -> bool:
-        """Commit all that was taken so far; False when the disk does not let it."""
+        """Commit all that was taken so far; False when this session's log has not all of it.
+
+        What the rescue session has is on a disk, but whoever reads this one does not find it.
+        """
+        if not self._is_durable(timeout_s) or self._is_lost:
+            return False
+        with self._progress:
+            # The disk may take it again with the next try.
+            return self._progress.wait_for(lambda: not self._rescued, min(timeout_s, 1.5 * RETRY_S))
+
+    def _is_durable(self, timeout_s: float) -> bool:
+        """Whether all that was taken so far is on some disk within that time."""
         with self._lock:
             goal = self._taken
         self._wake.set()
@@ -104,7 +140,7 @@ class LogWriter:
 
     def close(self, timeout_s: float) -> bool:
         """Commit the rest and let go of the database; False when that did not succeed."""
-        is_flushed = self.flush(timeout_s)
+        is_flushed = self._is_durable(timeout_s)
         with self._lock:
             self._is_closing = True
         self._wake.set()
@@ -123,7 +159,9 @@ class LogWriter:
             is_written = self._write()
             if is_last_round:
                 self._disconnect()
-                if not is_written:
+                if self._rescue is not None:
+                    self._rescue.close()
+                if not is_written and len(self._unwritten) > self._rescued:
                     lost = f"the session is closed without its last {len(self._unwritten)} records"
                     self._faults.report("close", lost)
                 return
@@ -133,6 +171,10 @@ class LogWriter:
 
     def _write(self) -> bool:
         """Commit what is unwritten, oldest first; False as soon as the disk refuses."""
+        if not self._is_lost and self._connection is not None:
+            self._look()
+        if self._is_lost:
+            return self._write_elsewhere()
         while self._unwritten:
             batch = list(itertools.islice(self._unwritten, MAX_BATCH))
             try:
@@ -145,18 +187,78 @@ class LogWriter:
             except (sqlite3.Error, OSError) as error:
                 waiting = f"{len(self._unwritten)} records wait in memory"
                 text = f"the session's log cannot be written ({error}): free space; {waiting}"
-                self._faults.report("log", text)
                 self._disconnect()
+                if self._write_elsewhere() and self._rescue is not None:
+                    text += f" and in the rescue session {self._rescue.folder}"
+                self._faults.report("log", text)
                 return False
             self._faults.clear("log")
             for _ in batch:
-                self._unwritten.popleft()
-            with self._progress:
-                self._committed += len(batch)
-                self._progress.notify_all()
+                self._recent.append(self._unwritten.popleft())
+            again = min(self._rescued, len(batch))
+            # Acknowledged is what a reader finds.
+            is_there = self._look()
+            is_elsewhere = self._rescue is not None and self._rescue.folder is not None
+            if not is_there and not is_elsewhere:
+                return False
+            self._rescued -= again
+            if is_there and self._rescue is not None and not self._rescued:
+                self._rescue.discard()
+            self._advance(len(batch) - again)
+            if self._is_lost:
+                return self._write_elsewhere()
         return True
 
-    def _statement(self, entry: _Entry) -> _Statement:
+    def _advance(self, count: int) -> None:
+        """So many more are on a disk."""
+        with self._progress:
+            self._committed += count
+            self._progress.notify_all()
+
+    def _write_elsewhere(self) -> bool:
+        """Put into the rescue session what is unwritten; False where that cannot be."""
+        rescue = self._rescue
+        if rescue is None or not rescue.begin():
+            return False
+        fresh = list(itertools.islice(self._unwritten, self._rescued, None))
+        if fresh and not rescue.write(fresh):
+            return False
+        if self._is_lost:
+            self._unwritten.clear()
+            self._rescued = 0
+        else:
+            self._rescued += len(fresh)
+        self._advance(len(fresh))
+        return True
+
+    def _look(self) -> bool:
+        """Whether the log is still where it was; SQLite does not notice when it is not."""
+        damage = self._place.damage(self._has_all)
+        if damage is None:
+            return True
+        self._is_lost = True
+        is_begun = self._rescue is not None and self._rescue.begin(self._connection)
+        self._disconnect()
+        kept = ""
+        if is_begun and self._rescue is not None:
+            self._rescue.write(list(self._recent))
+            kept = f": the night goes on in the rescue session {self._rescue.folder}"
+        self._faults.report("log", damage + (kept or ": what comes is not on any disk"))
+        return False
+
+    def _has_all(self) -> bool:
+        """Whether a reader finds the newest record that was committed."""
+        newest = next((v[0] for sql, v in reversed(self._recent) if sql == _INSERT_RECORD), None)
+        if newest is None:
+            return True
+        try:
+            with closing(connect_to_read(self._path)) as reader:
+                ((found,),) = reader.execute("SELECT max(seq) FROM log")
+        except (sqlite3.Error, OSError):
+            return False
+        return bool(found == newest)
+
+    def _statement(self, entry: _Entry) -> Statement:
         if isinstance(entry, KeptFile):
             return _INSERT_FILE, astuple(entry)
         seq, t_utc_ns, record = entry
@@ -179,3 +281,4 @@ class LogWriter:
             except sqlite3.Error as error:
                 self._faults.report("log", f"the session's log cannot be closed: {error}")
             self._connection = None
+            self._place.forget_wal()

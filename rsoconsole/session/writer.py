@@ -32,6 +32,7 @@ from rsoconsole.session.frame_files import (
 from rsoconsole.session.liveness import META_KEY as WRITER_KEY
 from rsoconsole.session.liveness import own_mark
 from rsoconsole.session.log_writer import KeptFile, LogWriter
+from rsoconsole.session.rescue import Rescue
 from rsoconsole.session.schema import (
     CONFIG,
     DATABASE,
@@ -88,16 +89,21 @@ class SessionWriter:
                 f"no session can be begun in {folder}: {error}; "
                 "free some disk or name another folder with --session"
             ) from error
-        return cls(folder, on_fault, reserve_bytes)
+        rescue = Rescue(folder, facts, config_to_toml(config).encode())
+        return cls(folder, on_fault, reserve_bytes, rescue)
 
     def __init__(
-        self, folder: Path, on_fault: Callable[[str], None] | None, reserve_bytes: int
+        self,
+        folder: Path,
+        on_fault: Callable[[str], None] | None,
+        reserve_bytes: int,
+        rescue: Rescue,
     ) -> None:
         self.folder = folder
         self._reserve_bytes = reserve_bytes
         self._faults = Faults(on_fault)
         self._is_closed = False
-        self._log = LogWriter(folder / DATABASE, self._faults, connect_to_write)
+        self._log = LogWriter(folder / DATABASE, self._faults, connect_to_write, rescue=rescue)
         self._frames = BoundedWorker("session-frames", MAX_FRAMES_WAITING)
         self._previews = BoundedWorker("session-previews", MAX_PREVIEWS_WAITING)
 
@@ -152,9 +158,9 @@ class SessionWriter:
         if not self._log.close(timeout_s):
             return
         try:
-            with closing(connect_to_write(self.folder / DATABASE)) as connection:
+            with closing(connect_to_write(self._log.path)) as connection:
                 mark_closed(connection)
-            leave_wal(self.folder / DATABASE, min(timeout_s, 3.0))
+            leave_wal(self._log.path, min(timeout_s, 3.0))
         except sqlite3.Error as error:
             self._faults.report("close", f"the session is complete but still in two files: {error}")
 

@@ -1,0 +1,125 @@
+"""Where a night's log goes when its own place fails: another session, on another disk if need be.
+
+A disk that is full or gone keeps the newest records out for a while; a log that somebody removed,
+cut or wrote over is lost for good. Either way what comes is written elsewhere at once, so that what
+is acknowledged is on a disk.
+"""
+
+import contextlib
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.config import state_dir
+from rsoconsole.errors import ConfigError
+from rsoconsole.session.database import connect_to_write, create_database
+from rsoconsole.session.frame_files import write_durably
+from rsoconsole.session.schema import CONFIG, DATABASE, FOLDERS
+
+Statement = tuple[str, tuple[object, ...]]
+LEAST_BYTES = 20_000_000
+"""Free on a disk that a rescue is begun on."""
+
+
+def _places() -> list[Path]:
+    """Folders to try, in order."""
+    found = []
+    with contextlib.suppress(ConfigError, OSError):
+        found.append(state_dir() / "rescue")
+    found.append(Path(tempfile.gettempdir()) / "rsoconsole-rescue")
+    found.append(Path.home() / "rsoconsole-rescue")
+    return found
+
+
+class Rescue:
+    """The session that takes over; nothing of it is made before it is needed."""
+
+    def __init__(
+        self,
+        session: Path,
+        facts: Mapping[str, Any],
+        config: bytes,
+        places: Callable[[], Sequence[Path]] = _places,
+    ) -> None:
+        """``session``: whose place may fail; ``facts`` and ``config`` are a copy's, too."""
+        self._session = session
+        self._facts = {**facts, "rescues": str(session.absolute())}
+        self._config = config
+        self._places = places
+        self._connection: sqlite3.Connection | None = None
+        self.folder: Path | None = None
+        """Where it is; None before it is begun."""
+
+    def begin(self, source: sqlite3.Connection | None = None) -> bool:
+        """Make it, with all that ``source`` can still read; False where no place can be had."""
+        if self._connection is not None:
+            return True
+        for place in self._places():
+            folder = place / self._session.name
+            try:
+                place.mkdir(mode=0o700, parents=True, exist_ok=True)
+                if shutil.disk_usage(place).free < LEAST_BYTES or folder.exists():
+                    continue
+                self._make(folder, source)
+            except (OSError, sqlite3.Error, ValueError):
+                shutil.rmtree(folder, ignore_errors=True)
+                continue
+            self.folder = folder
+            return True
+        return False
+
+    def _make(self, folder: Path, source: sqlite3.Connection | None) -> None:
+        folder.mkdir()
+        for name in FOLDERS.values():
+            (folder / name).mkdir()
+        write_durably(folder / CONFIG, self._config)
+        create_database(folder / DATABASE, self._facts)
+        if source is not None:
+            with contextlib.suppress(sqlite3.Error):
+                _copy(source, folder / DATABASE)
+        self._connection = connect_to_write(folder / DATABASE)
+
+    def write(self, statements: Sequence[Statement]) -> bool:
+        """Commit them; False where this disk does not take them either."""
+        if self._connection is None:
+            return False
+        try:
+            with self._connection:
+                self._connection.execute("BEGIN IMMEDIATE")
+                for sql, values in statements:
+                    self._connection.execute(sql, values)
+        except sqlite3.Error:
+            return False
+        return True
+
+    def discard(self) -> None:
+        """It is not needed any more: the session itself has everything."""
+        self.close()
+        if self.folder is not None:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            self.folder = None
+
+    def close(self) -> None:
+        """Let go of it."""
+        if self._connection is not None:
+            with contextlib.suppress(sqlite3.Error):
+                self._connection.close()
+            self._connection = None
+
+
+def _copy(source: sqlite3.Connection, path: Path) -> None:
+    """All of a database that its connection can still read, although its file has no name."""
+    with closing(sqlite3.connect(":memory:")) as whole:
+        source.backup(whole)
+        rows = whole.execute("SELECT seq, t_utc_ns, kind, frame_id, body FROM log").fetchall()
+        files = whole.execute(
+            "SELECT frame_id, role, path, bytes, ms, reason, sha256 FROM files"
+        ).fetchall()
+    with closing(connect_to_write(path)) as target, target:
+        target.execute("BEGIN IMMEDIATE")
+        target.executemany("INSERT OR IGNORE INTO log VALUES (?, ?, ?, ?, ?)", rows)
+        target.executemany("INSERT OR REPLACE INTO files VALUES (?, ?, ?, ?, ?, ?, ?)", files)

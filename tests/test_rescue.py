@@ -1,0 +1,144 @@
+"""A log whose place fails under a living engine: said at once, and what comes is on a disk."""
+
+import os
+import shutil
+import sqlite3
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from rsoconsole.config import Config
+from rsoconsole.records import Event
+from rsoconsole.session.reader import SessionReader
+from rsoconsole.session.verify import verify_session
+from rsoconsole.session.writer import SessionWriter
+
+T0_UTC_NS = 1_687_400_000_000_000_000
+
+
+def said(number: int) -> Event:
+    return Event(level="info", text=f"fact {number}")
+
+
+@pytest.fixture
+def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "sessions" / "night"
+
+
+def rescued(tmp_path: Path) -> Path:
+    return tmp_path / "state" / "rsoconsole" / "rescue" / "night"
+
+
+def texts(folder: Path) -> list[str]:
+    return [r.text for _, _, r in SessionReader(folder).records() if isinstance(r, Event)]
+
+
+def facts(first: int, last: int) -> list[str]:
+    return [f"fact {n}" for n in range(first, last + 1)]
+
+
+def unlink(folder: Path) -> None:
+    for path in folder.glob("session.db*"):
+        path.unlink()
+
+
+def overwrite(folder: Path) -> None:
+    with (folder / "session.db").open("r+b") as file:
+        file.write(os.urandom(20_000))
+
+
+def replace(folder: Path) -> None:
+    shutil.copy(folder / "config.toml", folder / "other")
+    (folder / "other").replace(folder / "session.db")
+
+
+DAMAGES: dict[str, tuple[Callable[[Path], None], str]] = {
+    "log removed": (lambda f: (f / "session.db").unlink(), "has been removed"),
+    "both removed": (unlink, "has been removed"),
+    "folder deleted": (shutil.rmtree, "has been removed"),
+    "cut short": (lambda f: os.truncate(f / "session.db", 4096), "cut short"),
+    "written over": (overwrite, "written over"),
+    "replaced": (replace, "has been replaced"),
+    "write-ahead log emptied": (lambda f: os.truncate(f / "session.db-wal", 0), "cut short"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGES)
+def test_a_lost_log_is_named_within_two_seconds_and_the_night_goes_on_elsewhere(
+    session, tmp_path, name
+):
+    damage, words = DAMAGES[name]
+    alarms: list[str] = []
+    writer = SessionWriter.create(session, Config(), {"title": "night"}, on_fault=alarms.append)
+    for n in range(1, 41):
+        writer.append(said(n), T0_UTC_NS + n)
+    assert writer.flush()
+    damage(session)
+    deadline = time.monotonic() + 2.0
+    while not any(words in fault for fault in writer.faults):
+        assert time.monotonic() < deadline, writer.faults
+        time.sleep(0.02)
+    assert any("rescue session" in fault for fault in writer.faults)
+    for n in range(41, 51):
+        writer.append(said(n), T0_UTC_NS + n)
+    # What is in the rescue session is no acknowledgement that this session has it.
+    assert not writer.flush()
+    writer.close()
+    assert texts(rescued(tmp_path)) == facts(1, 50)
+    assert verify_session(rescued(tmp_path)).is_sound
+    assert sum(words in each for each in alarms) == 1
+
+
+def test_what_a_full_disk_refuses_is_kept_elsewhere_until_it_takes_it(session, tmp_path):
+    writer = SessionWriter.create(session, Config(), {"title": "night"})
+    writer.append(said(1), T0_UTC_NS)
+    assert writer.flush()
+    # As full as can be without a file system of one's own: nobody else may write.
+    with closing(sqlite3.connect(session / "session.db", isolation_level=None)) as holder:
+        holder.execute("BEGIN EXCLUSIVE")
+        writer.append(said(2), T0_UTC_NS + 1)
+        assert not writer.flush(4.0)
+        assert any("rescue session" in fault for fault in writer.faults)
+        with closing(sqlite3.connect(rescued(tmp_path) / "session.db")) as kept:
+            ((body,),) = kept.execute("SELECT body FROM log")
+        assert "fact 2" in body
+        holder.execute("ROLLBACK")
+    assert writer.flush(5.0)
+    assert not writer.faults
+    assert not rescued(tmp_path).exists()
+    writer.append(said(3), T0_UTC_NS + 2)
+    writer.close()
+    assert texts(session) == facts(1, 3)
+    assert verify_session(session).is_sound
+
+
+def test_where_no_place_can_be_had_it_says_that_too(session, monkeypatch):
+    monkeypatch.setattr("rsoconsole.session.rescue.LEAST_BYTES", 10**18)
+    writer = SessionWriter.create(session, Config(), {"title": "night"})
+    writer.append(said(1), T0_UTC_NS)
+    assert writer.flush()
+    (session / "session.db").unlink()
+    writer.append(said(2), T0_UTC_NS + 1)
+    assert not writer.flush(1.0)
+    assert any("not on any disk" in fault for fault in writer.faults)
+    writer.close(1.0)
+
+
+def test_a_log_that_somebody_folded_is_no_damage(session):
+    writer = SessionWriter.create(session, Config(), {"title": "night"})
+    for n in range(1, 200):
+        writer.append(said(n), T0_UTC_NS + n)
+    assert writer.flush()
+    with closing(sqlite3.connect(session / "session.db")) as other:
+        ((busy, *_),) = other.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        assert busy == 0
+    for n in range(200, 210):
+        writer.append(said(n), T0_UTC_NS + n)
+        assert writer.flush()
+    assert not writer.faults
+    writer.close()
+    assert texts(session) == facts(1, 209)
