@@ -14,6 +14,7 @@ from typing import Any
 import numpy.typing as npt
 
 from rsoconsole.errors import FrameError
+from rsoconsole.instruments.fits_structure import structure_fault
 from rsoconsole.instruments.plain_fits import Content, read_plain
 
 ALL = "all"
@@ -62,19 +63,24 @@ def fits_image(
     """The image asked for; with None the file's first.
 
     ``extension`` is a number (0 is the primary unit), a name (EXTNAME) or ``NAME,VERSION``.
-    Images with a side below ``min_side_px`` count only where there are no others. Raises
-    FrameError.
+    Images with a side below ``min_side_px`` count only where there are no others. What is no
+    plain file is decoded in another process. Raises FrameError.
     """
+    from rsoconsole.instruments.frame_decoder import decoder
+
+    fault = structure_fault(content)
+    if fault is not None:
+        raise FrameError(f"{name} is damaged: {fault} cannot be; copy it again or leave it out")
     plain = read_plain(content)
     if plain is not None and extension in (None, "0"):
         return FitsImage(raw=plain[0], header=plain[1])
-    return image_by_astropy(bytes(content), name, extension, min_side_px)
+    return decoder().decode(content, name, extension, min_side_px)
 
 
 def image_by_astropy(
     content: bytes, name: str, extension: str | None = None, min_side_px: int = 1
 ) -> FitsImage:
-    """The same as ``fits_image``, whatever the file."""
+    """The same as ``fits_image``, in this very process: a hostile file may hang or crash it."""
     from astropy.io import fits
 
     truncated = FrameError(f"{name} is truncated or damaged: copy it again or leave it out")

@@ -6,6 +6,10 @@ bytes and once as pixels, never a third time.
 
 import bz2
 import gzip
+import io
+import logging
+import os
+import stat
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +20,7 @@ import numpy.typing as npt
 
 from rsoconsole.errors import FrameError
 from rsoconsole.instruments.fits_images import ALL, FitsImage, fits_image
+from rsoconsole.instruments.fits_structure import MOST_PIXELS
 from rsoconsole.instruments.frame_header import (
     EXTENSION_KEY,
     NOTES_KEY,
@@ -36,11 +41,16 @@ from rsoconsole.instruments.plain_fits import Content
 from rsoconsole.records import Frame
 
 MIN_SIDE_PX = 64
+MOST_BYTES = 400_000_000
+"""Of a file, packed or not: 200 million pixels of 16 bits."""
 MAX_NONFINITE_FRACTION = 0.0
 """A camera gives numbers: a frame with anything else is not what it saw."""
 _IMAGE_MAGIC = (b"\x89PNG", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _FITS_MAGIC = b"SIMPLE  ="
 _MOST_NAMED = 8
+log = logging.getLogger(__name__)
+# OpenCV looks once, when it is loaded: a picture of more pixels is refused before it is unpacked.
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
 OTHERS_KEY = "OTHER_IMAGES"
 """Key under which a frame's header names the other images of its file, a tuple of labels."""
 EIGHT_BIT = "8 bits a pixel: faint streaks are lost in its steps; give the camera's 16-bit frames"
@@ -128,7 +138,41 @@ def frame_from_bytes(
     ``room`` may give an array (height, width) into which pixels of 16 bits are written; else, and
     for all other pixels, a fresh one is made. ``is_alone``: note that there are other images.
     """
-    content = _decompress(content, name)
+    try:
+        return _frame(
+            _decompress(content, name),
+            frame_id,
+            name,
+            extension,
+            allow_8bit=allow_8bit,
+            expected_size=expected_size,
+            max_nonfinite_fraction=max_nonfinite_fraction,
+            room=room,
+            is_alone=is_alone,
+        )
+    except FrameError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, MemoryError, TypeError, ValueError) as e:
+        # A header may say anything; whatever stumbles over it, the frame is what is wrong.
+        log.warning("%s cannot be understood", name, exc_info=True)
+        raise FrameError(
+            f"{name} is damaged: its header or pixels make no sense ({type(e).__name__}); copy it"
+            " again or leave it out"
+        ) from e
+
+
+def _frame(
+    content: Content,
+    frame_id: int,
+    name: str,
+    extension: str | None,
+    *,
+    allow_8bit: bool,
+    expected_size: tuple[int, int] | None,
+    max_nonfinite_fraction: float,
+    room: Room,
+    is_alone: bool,
+) -> Frame:
     full_adu: float | None = None
     notes: list[str] = []
     if content[: len(_FITS_MAGIC)] == _FITS_MAGIC:
@@ -191,6 +235,15 @@ def _read_bytes(path: Path) -> bytes:
     if path.is_dir():
         raise FrameError(f"{path} is a directory: name the frames in it, e.g. {path}/*.fits")
     try:
+        # A pipe or a device would be waited for, or never end.
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):
+            raise FrameError(f"{path} is no regular file: name a frame")
+        if found.st_size > MOST_BYTES:
+            raise FrameError(
+                f"{path} has {found.st_size / 1e9:.1f} GB, no frame more than"
+                f" {MOST_BYTES / 1e9:.1f}: give one frame a file"
+            )
         content = path.read_bytes()
     except FileNotFoundError as error:
         raise FrameError(f"{path} does not exist: check the name") from error
@@ -204,11 +257,20 @@ def _read_bytes(path: Path) -> bytes:
 def _decompress(content: Content, name: str) -> Content:
     try:
         if content[:3] == b"BZh":
-            return bz2.decompress(content)
+            return _unpacked(bz2.BZ2File(io.BytesIO(content)), name)
         if content[:2] == b"\x1f\x8b":
-            return gzip.decompress(content)
+            return _unpacked(gzip.GzipFile(fileobj=io.BytesIO(content)), name)
     except (OSError, ValueError, EOFError, zlib.error) as error:
         raise FrameError(f"{name} is truncated or damaged: {error}; copy it again") from error
+    return content
+
+
+def _unpacked(file: bz2.BZ2File | gzip.GzipFile, name: str) -> bytes:
+    """The whole of a compressed file, as long as it is no longer than any frame."""
+    with file:
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise FrameError(f"{name} unpacks to more than {MOST_BYTES / 1e9:.1f} GB: leave it out")
     return content
 
 
