@@ -41,7 +41,20 @@ def test_a_row_adds_up_over_objects_and_nights() -> None:
         {"error": "x"},
     ]
     cells = [cell.strip() for cell in row("title", found).split("|")[1:-1]]
-    assert cells == ["title", "3 (1 failed)", "20", "60 %", "50 %", "1 of 2", '0.50"', '1.00"', "2"]
+    assert cells[:5] == ["title", "3 (1 failed)", "20", "60 %", "50 %"]
+    # Older answers do not tell what came after lock.
+    assert cells[5:7] == ["-", "-"]
+    assert cells[7:] == ["1 of 2", '0.50"', '1.00"', "2"]
+
+
+def test_after_lock_only_what_was_detected_counts() -> None:
+    found = [
+        night(detected_after_lock=20, tracked_after_lock=19, inside_3sigma=1.0),
+        night(detected_after_lock=5, tracked_after_lock=5, inside_3sigma=0.9),
+        night(detected_after_lock=0, tracked_after_lock=0, inside_3sigma=None),
+    ]
+    cells = [cell.strip() for cell in row("title", found).split("|")[1:-1]]
+    assert cells[5:7] == ["96 %", "95 %"]
 
 
 def test_what_is_found_in_invisible_frames_does_not_make_up_for_what_is_missed() -> None:

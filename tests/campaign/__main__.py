@@ -5,7 +5,7 @@
     python -m tests.campaign gps molniya --jobs 1
     python -m tests.campaign table --write
 
-A full-size frame costs two to three seconds of a core: 100 worlds of 12 frames take an hour.
+A full-size frame costs two seconds of a core: 100 worlds of 40 frames take two hours of one.
 Stop it when you like; the same command goes on. Answers lie in ``--folder``; remove it to begin
 again.
 """

@@ -10,7 +10,7 @@ from tests import real_sky_night
 ELEMENTS = Path(__file__).resolve().parents[3] / "shared" / "data" / "tles"
 """Element files that the project did not make; groups that need them are left out without."""
 FRAMES = 24
-WORLD_FRAMES = 12
+WORLD_FRAMES = 40
 """Of a random world: a hundred of them take more than an hour of two cores."""
 SCATTERS_S = (0.015, 0.05, 0.1, 0.2, 0.5, 1.0)
 _MIX, _GEO = "mix_20230622.tle", "geo_all_20230622.tle"

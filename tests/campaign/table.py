@@ -7,8 +7,9 @@ from typing import Any
 from tests.campaign.cases import GROUPS
 
 HEADING = (
-    "| nights | n | visible frames | detected | in TRACK | identified | measured rms "
-    "| predicted rms | false |\n|---|---|---|---|---|---|---|---|---|\n"
+    "| nights | n | visible frames | detected | in TRACK | TRACK after lock | inside 3 sigma "
+    "| identified | measured rms | predicted rms | false |\n"
+    "|---|---|---|---|---|---|---|---|---|---|---|\n"
 )
 BY_SCATTER = {
     "shutter": "shutter scattered by",
@@ -29,6 +30,7 @@ def row(title: str, found: Sequence[Mapping[str, Any]]) -> str:
         str(visible),
         _share(_of_visible(objects, "detections"), visible),
         _share(_of_visible(objects, "track_frames"), visible),
+        *_after_lock(objects),
         f"{sum(map(bool, named))} of {len(objects)}",
         _median(each["measured_rms_arcsec"] for each in objects),
         _median(each["prediction_rms_arcsec"] for each in objects),
@@ -52,6 +54,18 @@ def table(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
             continue
         lines.append(row(group.title, list(answers.values())))
     return "".join(lines)
+
+
+def _after_lock(objects: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+    """Share of the frames with a detection in which the track took it; truth in the bounds."""
+    locked = [each for each in objects if each.get("detected_after_lock")]
+    detected = sum(each["detected_after_lock"] for each in locked)
+    inside = [each["inside_3sigma"] for each in locked if each["inside_3sigma"] is not None]
+    tracked = sum(each["tracked_after_lock"] for each in locked)
+    return (
+        _share(tracked, detected),
+        f"{100.0 * statistics.fmean(inside):.0f} %" if inside else "-",
+    )
 
 
 def _of_visible(objects: Sequence[Mapping[str, Any]], key: str) -> int:
