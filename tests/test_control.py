@@ -28,6 +28,7 @@ from rsoconsole.control import (
 from rsoconsole.control import wire as control_wire
 from rsoconsole.control.commands import Arm, AskStatus, Park, Set, Stop
 from rsoconsole.control.place import EngineLock, address_of
+from rsoconsole.control.server import MAX_CONNECTIONS
 from rsoconsole.errors import ControlError
 
 
@@ -349,3 +350,16 @@ def test_nothing_odd_about_a_stop_stands_in_its_way(path: Path, odd: dict[str, o
         wire.sendall(json.dumps({"id": 1, "verb": "stop", **odd}).encode() + b"\n")
         reply = one_reply(wire)
     assert (reply["ok"], reply["message"]) == (True, "stop")
+
+
+def test_half_open_connections_cannot_keep_a_stop_out(path: Path) -> None:
+    """Four times as many as there are places, none of which says a word."""
+    with ControlServer(path, echo), contextlib.ExitStack() as stack:
+        for _ in range(4 * MAX_CONNECTIONS):
+            stack.enter_context(raw_wire(path))
+        assert ControlClient(path).send(Stop()).ok
+        outcome = ControlClient(path).send(Set(name="detector.tau", value=0.2))
+        assert not outcome.ok
+        assert "close one" in outcome.message
+    with ControlServer(path, echo):
+        assert ControlClient(path).send(AskStatus()).ok

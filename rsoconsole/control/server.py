@@ -15,6 +15,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from rsoconsole.control.commands import Stop
 from rsoconsole.control.place import EngineLock, address_of, remove_socket
 from rsoconsole.control.record_lock import RecordLock
 from rsoconsole.control.wire import (
@@ -31,6 +32,8 @@ from rsoconsole.errors import ControlError
 KEEP_S = 0.5
 """How often socket and locks are looked after."""
 MAX_CONNECTIONS = 32
+SPARE = 8
+"""Places beside them in which only a STOP is heard: who holds the others cannot keep it out."""
 MAX_WAITING = 64
 BACKLOG = 128
 """So many may knock at once before the system turns one away."""
@@ -70,6 +73,8 @@ class ControlServer:
         self._closing = threading.Event()
         self._waiting: queue.Queue[WaitingRequest | None] = queue.Queue(MAX_WAITING)
         self._connections: set[Connection] = set()
+        self._spare: list[Connection] = []
+        """The oldest first."""
         self._guard = threading.Lock()
         self._is_closing = False
         self._listener: socket.socket | None = None
@@ -162,7 +167,7 @@ class ControlServer:
             if self._is_closing or self._listener is None:
                 return
             self._is_closing = True
-            connections = list(self._connections)
+            connections = [*self._connections, *self._spare]
         self._closing.set()
         _shut(self._listener)
         for connection in connections:
@@ -193,25 +198,31 @@ class ControlServer:
                 time.sleep(0.1)  # out of file handles: some come back when a console leaves
                 continue
             connection = Connection(peer)
-            with self._guard:
-                is_welcome = len(self._connections) < MAX_CONNECTIONS and not self._is_closing
-                if is_welcome:
-                    self._connections.add(connection)
             if not is_same_user(peer):
-                refusal = "this engine belongs to another user"
-            elif not is_welcome:
-                refusal = f"{MAX_CONNECTIONS} consoles are connected already: close one"
-            else:
-                threading.Thread(
-                    target=self._serve, args=(connection,), name="control-peer", daemon=True
-                ).start()
+                message = "this engine belongs to another user"
+                connection.answer(None, Outcome(ok=False, message=message))
+                connection.close()
                 continue
-            connection.answer(None, Outcome(ok=False, message=refusal))
-            self._drop(connection)
+            with self._guard:
+                if self._is_closing:
+                    connection.close()
+                    return
+                is_spare = len(self._connections) >= MAX_CONNECTIONS
+                # Who has said nothing yet makes room for who may want to say STOP.
+                crowded_out = self._spare.pop(0) if len(self._spare) >= SPARE else None
+                (self._spare.append if is_spare else self._connections.add)(connection)
+            if crowded_out is not None:
+                crowded_out.close()
+            serve = self._serve_spare if is_spare else self._serve
+            threading.Thread(
+                target=serve, args=(connection,), name="control-peer", daemon=True
+            ).start()
 
     def _drop(self, connection: "Connection") -> None:
         with self._guard:
             self._connections.discard(connection)
+            if connection in self._spare:
+                self._spare.remove(connection)
         connection.close()
 
     def _serve(self, connection: "Connection") -> None:
@@ -222,6 +233,27 @@ class ControlServer:
             pass  # the peer went away, or sent a line without end: it was told so
         finally:
             self._drop(connection)
+
+    def _serve_spare(self, connection: "Connection") -> None:
+        """One command of a peer for whom there is no place: STOP, or it is sent away."""
+        try:
+            line = next(iter(connection.lines()), None)
+            if line is not None and self._is_stop(connection, line):
+                self._take(connection, line)
+            elif line is not None:
+                crowded = f"{MAX_CONNECTIONS} consoles are connected already: close one"
+                connection.answer(None, Outcome(ok=False, message=crowded))
+        except (OSError, ValueError):
+            pass
+        finally:
+            self._drop(connection)
+
+    @staticmethod
+    def _is_stop(connection: "Connection", line: bytes) -> bool:
+        try:
+            return isinstance(read_request(connection, line).request.command, Stop)
+        except ControlError:
+            return False
 
     def _take(self, connection: "Connection", line: bytes) -> None:
         stamp = None if self._stamp is None else self._stamp()
