@@ -9,11 +9,13 @@ from rsoconsole.config import Config
 from rsoconsole.control import Request, Sender
 from rsoconsole.control.commands import Goto
 from rsoconsole.engine.hands import Interrupted
+from rsoconsole.engine.slews import Slews
 from rsoconsole.engine.states import LimitMet
 from rsoconsole.engine.watch import LOOP_SILENCE_S
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import MountReport, SkyReport, StopResult
 from rsoconsole.reason_text import text
+from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Event, FrameTaken, OperatorAction, SlewCommand, StateChange
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.frames import altaz_to_icrs, icrs_of_hour_angle
@@ -289,6 +291,39 @@ def test_dawn_ends_the_night():
     assert sun_altitude_deg(SITE, r.clock.t_utc_ns) > CONFIG.limits.twilight_deg
     assert r.mount.is_parked
     assert "Sun" in alarms(r)
+
+
+def test_a_run_of_so_many_frames_ends_well_at_dawn():
+    """A night of 2,000 exposures is over when the Sun is: no fault, and its summary comes."""
+    r = rig(set())
+    r.engine.arm()
+    after_frames(r, 2, lambda: setattr(r.clock, "t_utc_ns", T0_UTC_NS + 8 * 3600 * NS))
+    r.engine.run(frames=2000)
+    assert r.mount.is_parked
+    assert states(r) == ["SEARCH", "IDLE"]
+    assert len(r.memory.of(FrameTaken)) == 2
+
+
+def test_where_only_the_sun_is_in_the_searchs_way_the_night_has_ended(monkeypatch):
+    """The last exposures would end in twilight before the watch calls it dawn."""
+    r = rig(set())
+    r.engine.arm()
+    too_light = SlewRefusal.beyond("twilight", -11.9, -12.0)
+    after_frames(r, 2, lambda: monkeypatch.setattr(Slews, "_refusal_of", lambda *_: too_light))
+    r.engine.run(frames=2000)
+    assert r.mount.is_parked
+    assert states(r) == ["SEARCH", "IDLE"]
+    [ended] = [c for c in r.memory.of(StateChange) if c.after == "IDLE"]
+    assert ended.reason.kind == "night ended"
+
+
+def test_a_search_that_a_wall_surrounds_is_a_fault_all_the_same(monkeypatch):
+    r = rig(set())
+    r.engine.arm()
+    wall = SlewRefusal.beyond("altitude", 12.0, 25.0)
+    after_frames(r, 2, lambda: monkeypatch.setattr(Slews, "_refusal_of", lambda *_: wall))
+    with pytest.raises(InstrumentError, match="nowhere to search"):
+        r.engine.run(frames=2000)
 
 
 def test_arming_is_refused_with_the_check_that_failed_and_can_be_overridden_by_name():

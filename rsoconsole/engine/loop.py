@@ -115,6 +115,8 @@ class Engine:
         self._faults: list[str] = []
         self._gave_up: str | None = None
         """Why autonomy gave the mount back by itself: a run of so many frames ends there."""
+        self._has_dawned = False
+        """The night is over, and the mount has not been asked for since."""
         self._clear_frames = 0
         self.last_track: TrackState | None = None
         """What was followed last this night."""
@@ -201,13 +203,13 @@ class Engine:
             )
 
     def run(self, frames: int | None = None) -> None:
-        """Work until shutdown, or until ``frames`` exposures have been begun.
+        """Work until shutdown, or until ``frames`` exposures have been begun or dawn has come.
 
         Raises InstrumentError when a run of ``frames`` cannot be finished, or when a simulated
         observatory is gone: no time passes without it.
         """
         with self.watch.running():
-            while not self._queue.is_shutdown and (frames is None or self.frame_id < frames):
+            while not self._queue.is_shutdown and not self._is_over(frames):
                 try:
                     self._heed_alarms()
                     self._execute_commands()
@@ -221,6 +223,9 @@ class Engine:
                 except NowhereError as error:
                     if self.planner.leave_spiral():
                         self.chronicle.say("warning", f"nothing left to look at there: {error}")
+                    elif error.is_dawn:
+                        parks = self.config.mount.park_at_end
+                        self.happen(NightEnded(words=f"{error}", parks=parks, is_dawn=True))
                     else:
                         self._on_failure(f"nowhere to search: {error}", is_final=True)
                 except RsoconsoleError as error:
@@ -229,6 +234,12 @@ class Engine:
                     log.exception("the loop broke")
                     self._on_failure(f"the loop broke ({error}): see the log", is_final=True)
             self._end()
+
+    def _is_over(self, frames: int | None) -> bool:
+        """Whether a run of so many frames has come to its end."""
+        if frames is None:
+            return False
+        return self.frame_id >= frames or (self._has_dawned and not self._parking.is_wanted)
 
     def _one_turn(self, *, is_bounded: bool) -> None:
         if self.charge.is_autonomous:
@@ -300,7 +311,9 @@ class Engine:
 
     def _note_giving_up(self, happening: Happening) -> None:
         if self.charge.state != "IDLE":
-            self._gave_up = None
+            self._gave_up, self._has_dawned = None, False
+        elif isinstance(happening, NightEnded) and happening.is_dawn:
+            self._has_dawned = True
         elif isinstance(happening, NotPointing | NightEnded):
             self._gave_up = happening.words
 

@@ -20,6 +20,11 @@ from rsoconsole.tracking.following import Following
 class NowhereError(RsoconsoleError):
     """Every place of the search is refused."""
 
+    def __init__(self, words: str, *, is_dawn: bool) -> None:
+        super().__init__(words)
+        self.is_dawn = is_dawn
+        """Nothing but the Sun is in the way: until the end of an exposure it will be too high."""
+
 
 class Slews:
     """Knows the planner, the limits and the hands, so that the loop need not."""
@@ -42,7 +47,8 @@ class Slews:
             self._chronicle.say("warning", f"slew refused: {text(why)}")
         if plan.slew is None:
             if plan.refused and following.track is None:
-                raise NowhereError(text(plan.refused[0][1]))
+                is_dawn = all(why.kind == "twilight" for _, why in plan.refused)
+                raise NowhereError(text(plan.refused[0][1]), is_dawn=is_dawn)
             return plan
         if is_held:
             return replace(plan, slew=None)

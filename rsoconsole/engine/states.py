@@ -150,6 +150,8 @@ class NightEnded:
 
     words: str
     parks: bool
+    is_dawn: bool = False
+    """A night that has come to its end, and not one that was cut short."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -250,7 +250,11 @@ class Watch:
             self._told.pop("night", None)
         elif is_ours:
             self._queue.interrupt(
-                NightEnded(words=end.detail, parks=self._config.mount.park_at_end)
+                NightEnded(
+                    words=end.detail,
+                    parks=self._config.mount.park_at_end,
+                    is_dawn=end.cause == "dawn",
+                )
             )
         elif end.cause != "dawn":
             self._tell_once("night", "alarm", f"{end.detail}: the mount is not armed, look to it")
