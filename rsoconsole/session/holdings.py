@@ -3,6 +3,7 @@
 import hashlib
 import io
 import os
+import stat
 import tarfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -43,27 +44,28 @@ class FolderHoldings:
     place: Path
 
     def sizes(self) -> Mapping[str, int]:
-        """Bytes of every file by its path in the session; files that vanish meanwhile are not."""
+        """Bytes of every regular file by its path in the session.
+
+        What vanishes meanwhile is none, and what a link points at is not the session's: a
+        stranger's may point anywhere, and repairing or packing it would reach there.
+        """
         found: dict[str, int] = {}
-        seen: set[str] = set()
-        # Frames may lie on another disk, by a link to their folder; a link must not lead in a ring.
-        for top, folders, names in os.walk(self.place, onerror=_raise, followlinks=True):
-            real = os.path.realpath(top)
-            if real in seen:
-                folders.clear()
-                continue
-            seen.add(real)
+        for top, _, names in os.walk(self.place, onerror=_raise):
             for name in names:
                 path = Path(top) / name
                 try:
-                    found[path.relative_to(self.place).as_posix()] = path.stat().st_size
+                    status = path.lstat()
                 except FileNotFoundError:
                     continue
+                if stat.S_ISREG(status.st_mode):
+                    found[path.relative_to(self.place).as_posix()] = status.st_size
         return found
 
     def open(self, path: str) -> IO[bytes]:
         """The file's bytes. Raises OSError."""
-        return (self.place / path).open("rb")
+        # A pipe would be waited for, and what a link names is not the session's.
+        flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+        return os.fdopen(os.open(self.place / path, flags), "rb")
 
     def folder(self) -> Path:
         """The session's own folder."""

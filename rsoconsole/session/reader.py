@@ -56,6 +56,10 @@ MAX_BRANCH_DEPTH = 8
 _SELECT = "SELECT seq, t_utc_ns, kind, body FROM log WHERE seq > ?"
 
 
+_NO_TABLES = (
+    "SELECT name FROM sqlite_master"
+    " WHERE name IN ('log', 'meta', 'files') AND type IN ('view', 'trigger')"
+)
 _VIEWS_SQL = "SELECT name, sql FROM sqlite_master WHERE type = 'view'"
 
 
@@ -121,9 +125,17 @@ class SessionReader:
     def about(self) -> dict[str, Any]:
         """What the session said of itself when it began: config, model_sha256, versions and so on.
 
-        ``is_closed`` is False for a session that is live or was cut off.
+        ``is_closed`` is False for a session that is live or was cut off. Raises SessionError where
+        that cannot be read.
         """
-        return {key: json.loads(value) for key, value in self._fetch("SELECT key, value FROM meta")}
+        rows = self._fetch("SELECT key, value FROM meta")
+        try:
+            return {key: json.loads(value) for key, value in rows}
+        except (ValueError, TypeError, RecursionError) as error:
+            raise SessionError(
+                f"what {self.folder} says of itself is damaged (table meta: {error}): 'rsoconsole"
+                " sessions verify' says what else is"
+            ) from error
 
     def config(self) -> Config:
         """The configuration the session began with; settings of a later version are left out."""
@@ -308,6 +320,21 @@ class SessionReader:
                 raise self._damaged(error) from error
 
     def _open(self) -> sqlite3.Connection:
+        connection = self._opened()
+        try:
+            views = connection.execute(_NO_TABLES).fetchall()
+        except sqlite3.Error as error:
+            connection.close()
+            raise self._damaged(error) from error
+        if views:
+            # A view may have no end, and say whatever it likes.
+            connection.close()
+            raise SessionError(
+                f"{self.folder} is no session of this program: {views[0][0]} is no table in it"
+            )
+        return connection
+
+    def _opened(self) -> sqlite3.Connection:
         try:
             try:
                 return connect_to_read(self._database)
