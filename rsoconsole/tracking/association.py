@@ -21,9 +21,12 @@ from rsoconsole.sky.angles import wrap_180
 DIRECTION_TOLERANCE_DEG = 12.0
 LENGTH_TOLERANCE = 0.25
 SHORTEST_WITH_DIRECTION_ARCSEC = 20.0
-SHORTER_TOLERANCE, LONGER_TOLERANCE = 0.4, 1.0
-"""With preset ``adaptive`` a streak may have lost, and once it is followed gained, so much of its
-length: that then says how badly its place along the motion is known (``streak_length``)."""
+SHORTER_TOLERANCE = 0.4
+"""Of two streaks that begin a track each may have lost so much of its length, with preset
+``adaptive``."""
+PART_TOLERANCE, LONGER_TOLERANCE = 0.48, 1.0
+"""Once it is followed it may have lost, or gained, so much: that then says how badly its place
+along the motion is known (``streak_length``). Half as long is another object, half as fast."""
 ACROSS_ARCSEC, ACROSS_SHARE, LENGTH_SHARE = 3.0, 0.02, 0.15
 """Sigma of a streak's direction, as displacement across it, and of its length."""
 

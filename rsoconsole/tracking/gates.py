@@ -10,7 +10,7 @@ from rsoconsole.tracking import estimator, lqe
 from rsoconsole.tracking.association import (
     LENGTH_TOLERANCE,
     LONGER_TOLERANCE,
-    SHORTER_TOLERANCE,
+    PART_TOLERANCE,
     Motion,
     disagreement,
     motion_between,
@@ -55,7 +55,7 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     is_adaptive = settings.filter.preset == "adaptive"
     shares = (LENGTH_TOLERANCE, LENGTH_TOLERANCE)
     if is_adaptive:
-        shares = (SHORTER_TOLERANCE, LONGER_TOLERANCE)
+        shares = (PART_TOLERANCE, LONGER_TOLERANCE)
     for measurement in updated:
         mismatch = disagreement(measurement, expected, *shares)
         reason = None if mismatch is None else NotTaken(kind="moves otherwise", mismatch=mismatch)

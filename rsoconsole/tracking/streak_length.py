@@ -7,7 +7,7 @@ both as large, so the scatter of the excess from frame to frame tells the error 
 whatever the fit claims (half of it; Bar-Shalom, Li & Kirubarajan 2001, 3.4: sums and differences of
 independent errors). An excess that is the same in every frame (blur, a drift of the stars) moves no
 middle; but what is always too short, as of a satellite that flashes, may lie anywhere in what it
-should fill.
+should fill: half of that is believed.
 """
 
 import math
@@ -27,6 +27,8 @@ _FEWEST_FOR_SCATTER = 4
 _OFF_SIGMAS = 2.5
 """Beyond which an excess speaks for itself."""
 _MAD_TO_SIGMA = 1.4826
+_ALONE = 0.85
+"""Share of the excess's scatter that is of ends which err alone: haze moves both alike."""
 _HARMLESS_SHARE = 0.02
 """Of its length that every streak may lack at both ends alike, as its light fades into the sky."""
 
@@ -55,12 +57,12 @@ def along_error_arcsec(
     centre = statistics.median((*before, *_NONE_AT_FIRST))
     scatter = 0.0
     if len(before) >= _FEWEST_FOR_SCATTER:
-        scatter = _MAD_TO_SIGMA * statistics.median(abs(each - centre) for each in before)
+        scatter = _ALONE * _MAD_TO_SIGMA * statistics.median(abs(each - centre) for each in before)
     away = abs(excess - centre)
     if away <= _OFF_SIGMAS * max(scatter, 2.0 * math.sqrt(own2)):
         away = scatter
     slack = max(-centre - _HARMLESS_SHARE * length, 0.0)
-    return math.sqrt(max(away**2 / 4.0 + slack**2 / 12.0 - own2, 0.0))
+    return math.sqrt(max(away**2 / 4.0 + slack**2 / 24.0 - own2, 0.0))
 
 
 def remembered_with(
