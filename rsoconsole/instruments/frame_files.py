@@ -12,6 +12,7 @@ import os
 import stat
 import zlib
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -147,7 +148,7 @@ def frame_from_bytes(
             allow_8bit=allow_8bit,
             expected_size=expected_size,
             max_nonfinite_fraction=max_nonfinite_fraction,
-            room=room,
+            room=partial(_room_in, room),
             is_alone=is_alone,
         )
     except FrameError:
@@ -159,6 +160,14 @@ def frame_from_bytes(
             f"{name} is damaged: its header or pixels make no sense ({type(e).__name__}); copy it"
             " again or leave it out"
         ) from e
+
+
+def _room_in(room: Room, shape: tuple[int, ...]) -> npt.NDArray[Any] | None:
+    """What ``room`` gives; that it has none is said in its own words."""
+    try:
+        return room(shape)
+    except ValueError as error:
+        raise FrameError(str(error)) from error
 
 
 def _frame(

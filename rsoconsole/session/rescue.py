@@ -9,13 +9,12 @@ import contextlib
 import shutil
 import sqlite3
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import state_dir
-from rsoconsole.errors import ConfigError
 from rsoconsole.session.database import connect_to_write, create_database
 from rsoconsole.session.frame_files import write_durably
 from rsoconsole.session.schema import CONFIG, DATABASE, FOLDERS
@@ -25,14 +24,13 @@ LEAST_BYTES = 20_000_000
 """Free on a disk that a rescue is begun on."""
 
 
-def _places() -> list[Path]:
-    """Folders to try, in order."""
-    found = []
-    with contextlib.suppress(ConfigError, OSError):
-        found.append(state_dir() / "rescue")
-    found.append(Path(tempfile.gettempdir()) / "rsoconsole-rescue")
-    found.append(Path.home() / "rsoconsole-rescue")
-    return found
+def _places() -> Iterator[Path]:
+    """Folders to try, in order; a system whose every disk is full may not even have these."""
+    yield state_dir() / "rescue"
+    with contextlib.suppress(OSError):  # it tries to write there
+        yield Path(tempfile.gettempdir()) / "rsoconsole-rescue"
+    with contextlib.suppress(RuntimeError):
+        yield Path.home() / "rsoconsole-rescue"
 
 
 class Rescue:
@@ -43,7 +41,7 @@ class Rescue:
         session: Path,
         facts: Mapping[str, Any],
         config: bytes,
-        places: Callable[[], Sequence[Path]] = _places,
+        places: Callable[[], Iterable[Path]] = _places,
     ) -> None:
         """``session``: whose place may fail; ``facts`` and ``config`` are a copy's, too."""
         self._session = session
