@@ -47,8 +47,9 @@ _CANDIDATE_SIGMA = 5.0
 _TILES = (8, 6)
 _MOST_ASKED = 16_000
 """Places looked at for candidates: a warm sensor's hot pixels are many more than its stars."""
-_LONE_SIGMA = 2.5
-"""The three brightest beside a lone pixel are noise: 1.6 sigma of 24."""
+_LONE_SIGMA, _SURE_SIGMA = 2.5, 30.0
+"""The three brightest beside a lone pixel are noise: 1.6 sigma of 24. Beside a fainter one than the
+second the light of an undersampled star is lost in noise, too."""
 _PROBE_STARS = 150
 _PROBE_HALF_PX = 10
 _PROBE_SIGMA_PX = 2.0
@@ -249,7 +250,8 @@ def _is_lone_pixel(
     excess = (windows - level[:, None, None]).reshape(len(x), 25)
     excess.sort(axis=1)
     next_ones = excess[:, -4:-1].mean(axis=1)
-    return np.asarray(inside & (next_ones < _LONE_SIGMA * noise))
+    is_bright = excess[:, -1] > _SURE_SIGMA * noise
+    return np.asarray(inside & is_bright & (next_ones < _LONE_SIGMA * noise))
 
 
 def _brightest_pixels(
