@@ -43,7 +43,8 @@ def wanted(rate_arcsec_s: float, config: Config) -> Wanted:
     exposure_s = exposure.exposure_s
     if pixels_s * exposure_s > longest_px:
         exposure_s = longest_px / _INSIDE / pixels_s
-    elif pixels_s * exposure_s < SHORTEST_PX:
+    elif pixels_s * exposure_s < SHORTEST_PX <= pixels_s * exposure.longest_s:
+        # Where no exposure makes a streak of it a longer one would only collect more sky.
         exposure_s = _INSIDE * SHORTEST_PX / pixels_s
     if exposure_s != exposure.exposure_s:
         exposure_s = min(max(_rounded(exposure_s), exposure.shortest_s), exposure.longest_s)
