@@ -90,6 +90,12 @@ def test_a_view_in_place_of_a_table_is_refused_at_once(foreign, name, read):
         READS[read](foreign)
 
 
+def test_a_name_in_capitals_is_the_same_name(foreign):
+    sql(foreign, f"DROP TABLE log; CREATE VIEW LOG AS {VIEWS['log']} FROM n;")
+    with pytest.raises(SessionError, match="LOG is no table"):
+        SessionReader(foreign).counts()
+
+
 @pytest.mark.parametrize("name", VIEWS)
 def test_verifying_one_comes_to_an_end(foreign, name):
     sql(foreign, f"DROP TABLE {name}; CREATE VIEW {name} AS {VIEWS[name]} FROM n;")

@@ -112,6 +112,11 @@ def test_where_one_exposure_is_wanted_it_is_left(name, value):
     assert Pace().after(config, track(500.0)) == (config, ())
 
 
+def test_an_exposure_below_the_bound_is_never_lengthened_for_a_streak_that_is_too_long():
+    short = with_setting(CONFIG, "exposure.exposure_s", 0.2)
+    assert wanted(10_000.0, short).exposure_s <= 0.2
+
+
 def test_bounds_the_wrong_way_round_are_refused():
     with pytest.raises(Exception, match="shortest_s"):
         with_setting(with_setting(CONFIG, "exposure.longest_s", 3.0), "exposure.shortest_s", 5.0)

@@ -3,6 +3,8 @@
 import os
 import shutil
 import sqlite3
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -142,3 +144,59 @@ def test_a_log_that_somebody_folded_is_no_damage(session):
     assert not writer.faults
     writer.close()
     assert texts(session) == facts(1, 209)
+
+
+READER = """
+import sqlite3, sys
+with sqlite3.connect(sys.argv[1]) as connection:
+    print(connection.execute("SELECT count(*) FROM log").fetchone()[0])
+connection.close()
+"""
+
+
+def test_another_programs_glance_leaves_the_live_log_alone(session):
+    """The sqlite3 shell opens to write, and folds the log where it believes itself the last one."""
+    writer = SessionWriter.create(session, Config(), {"title": "night"})
+    for n in range(1, 31):
+        writer.append(said(n), T0_UTC_NS + n)
+        assert writer.flush()
+        if n % 10 == 0:
+            time.sleep(0.6)  # the writer has looked after its files meanwhile
+            command = [sys.executable, "-c", READER, str(session / "session.db")]
+            found = subprocess.run(command, capture_output=True, text=True, check=True)
+            assert int(found.stdout) == n
+    assert not writer.faults
+    writer.close()
+    assert texts(session) == facts(1, 30)
+
+
+def test_a_lost_log_is_saved_as_soon_as_a_place_can_be_had(session, tmp_path, monkeypatch):
+    monkeypatch.setattr("rsoconsole.session.rescue.LEAST_BYTES", 10**18)
+    writer = SessionWriter.create(session, Config(), {"title": "night"})
+    for n in range(1, 21):
+        writer.append(said(n), T0_UTC_NS + n)
+    assert writer.flush()
+    shutil.rmtree(session)
+    writer.append(said(21), T0_UTC_NS + 21)
+    assert not writer.flush(1.0)
+    assert any("not on any disk" in fault for fault in writer.faults)
+    monkeypatch.setattr("rsoconsole.session.rescue.LEAST_BYTES", 1)
+    writer.append(said(22), T0_UTC_NS + 22)
+    writer.flush(3.0)
+    writer.close()
+    assert any("goes on in the rescue session" in fault for fault in writer.faults)
+    assert texts(rescued(tmp_path)) == facts(1, 22)
+
+
+def test_a_session_whose_end_lies_elsewhere_is_not_called_complete(session, tmp_path):
+    writer = SessionWriter.create(session, Config(), {"title": "night"})
+    writer.append(said(1), T0_UTC_NS)
+    assert writer.flush()
+    with closing(sqlite3.connect(session / "session.db", isolation_level=None)) as holder:
+        holder.execute("BEGIN EXCLUSIVE")
+        writer.append(said(2), T0_UTC_NS + 1)
+        assert not writer.flush(4.0)
+        writer.close(6.0)
+        holder.execute("ROLLBACK")
+    assert any("rescue session" in fault and "alone" in fault for fault in writer.faults)
+    assert SessionReader(session).about()["is_closed"] is False

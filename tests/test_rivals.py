@@ -4,6 +4,7 @@ Truth is SGP4's; a neighbour and a rival are put beside it here, streaks with no
 and a shutter whose lateness all streaks of a frame share.
 """
 
+import dataclasses
 import functools
 import math
 from dataclasses import dataclass
@@ -262,3 +263,31 @@ def test_frames_that_say_nothing_are_no_evidence_against_it() -> None:
     """Not solved, hidden: with another satellite beside nobody takes over."""
     after = hidden_and_another(Missed(kind="not solved"), 15)
     assert after.track_id == 1
+
+
+def test_the_most_confident_one_is_followed_where_that_is_asked_for() -> None:
+    """The paper's rule with the adaptive filter: a brighter streak beside the prediction."""
+    settings = dataclasses.replace(every_day(), choice="most confident")
+    random, following = np.random.default_rng(3), Following()
+    for k in range(8):
+        shown = [streak(k, "ours", random, np.zeros(2), truth()[k].rate, 0.0)]
+        if k == 7:
+            away = np.array([300.0, 0.0])
+            shown.append(streak(k, "bright", random, away, truth()[k].rate, 0.0))
+        following, _ = follow(following, seen(k, *shown), settings)
+    assert taken_of(following, 7) == "bright"
+
+
+def test_a_neighbour_that_the_operator_chooses_is_another_track() -> None:
+    random, following = np.random.default_rng(3), Following()
+    for k in range(21):
+        shown = [streak(k, "ours", random, np.zeros(2), truth()[k].rate, 0.0)]
+        sight = seen(k, *shown)
+        if k == 20:
+            other = streak(k, "other", random, np.array([72.0, 0.0]), truth()[k].rate, 0.0)
+            sight = dataclasses.replace(
+                sight, measurements=(*sight.measurements, other), chosen=other
+            )
+        following, _ = follow(following, sight, every_day())
+    assert following.state == "ACQUIRE"
+    assert following.candidates == (other,)

@@ -99,8 +99,10 @@ class RecordLock:
             if self._is_there(descriptor):
                 break
             os.close(descriptor)  # its last holder has removed it just now
-        os.ftruncate(descriptor, 0)
-        os.write(descriptor, self._words.encode())
+        # A full disk does not take the words; the lock holds all the same.
+        with contextlib.suppress(OSError):
+            os.ftruncate(descriptor, 0)
+            os.write(descriptor, self._words.encode())
         return descriptor
 
     def keep(self) -> bool:

@@ -131,15 +131,20 @@ class ControlServer:
         while not self._closing.wait(KEEP_S):
             try:
                 words = self._kept()
-            except (OSError, ControlError) as error:
-                words = f"the engine's socket or lock was removed and cannot be made anew: {error}"
+            except Exception as error:  # whoever keeps the way to STOP open must not end
+                words = f"the engine's socket or lock was removed and cannot be made again: {error}"
             if words and words != said:
                 self._on_found(words)
             said = words if "cannot" in words else ""
 
     def _kept(self) -> str:
         """What was put back, in words; empty where nothing was missing."""
-        again = [lock.keep() for lock in self._locks if lock is not None]
+        again, failed = [], ""
+        for lock in self._locks:
+            try:
+                again.append(lock is not None and lock.keep())
+            except (OSError, ControlError) as error:
+                failed = f"the engine's lock cannot be made again: {error}"
         if not self._is_reachable():
             with self._guard:
                 if self._is_closing:
@@ -153,7 +158,7 @@ class ControlServer:
             if old is not None:
                 _shut(old)
             return f"the engine's socket was removed: it listens at {self._address} again"
-        return "the engine's lock was removed: it holds a new one" if any(again) else ""
+        return failed or ("the engine's lock was removed: it holds a new one" if any(again) else "")
 
     def _is_reachable(self) -> bool:
         try:
@@ -209,14 +214,18 @@ class ControlServer:
                     return
                 is_spare = len(self._connections) >= MAX_CONNECTIONS
                 # Who has said nothing yet makes room for who may want to say STOP.
-                crowded_out = self._spare.pop(0) if len(self._spare) >= SPARE else None
+                is_full = is_spare and len(self._spare) >= SPARE
+                crowded_out = self._spare.pop(0) if is_full else None
                 (self._spare.append if is_spare else self._connections.add)(connection)
             if crowded_out is not None:
                 crowded_out.close()
             serve = self._serve_spare if is_spare else self._serve
-            threading.Thread(
-                target=serve, args=(connection,), name="control-peer", daemon=True
-            ).start()
+            try:
+                threading.Thread(
+                    target=serve, args=(connection,), name="control-peer", daemon=True
+                ).start()
+            except RuntimeError:  # no more threads: some end when a console leaves
+                self._drop(connection)
 
     def _drop(self, connection: "Connection") -> None:
         with self._guard:
@@ -238,6 +247,10 @@ class ControlServer:
         """One command of a peer for whom there is no place: STOP, or it is sent away."""
         try:
             line = next(iter(connection.lines()), None)
+            with self._guard:
+                # What has spoken is not crowded out.
+                if connection in self._spare:
+                    self._spare.remove(connection)
             if line is not None and self._is_stop(connection, line):
                 self._take(connection, line)
             elif line is not None:

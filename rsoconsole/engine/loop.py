@@ -293,6 +293,8 @@ class Engine:
         self._note_giving_up(happening)
         if not self.charge.is_autonomous:
             self._is_first_look = False
+            # The next arming looks with the night's own exposure.
+            self._set_pace(None)
         for action in result.actions:
             if action == "abort":
                 self.hands.instruments.mount.abort()
@@ -370,11 +372,11 @@ class Engine:
     def _count_frame(self) -> None:
         """One frame is done: what holds for some frames, or until the sky clears, may be over."""
         config, changes = self.temporary.count(self.config)
-        config, more = self._pace.after(config, self.following.track)
-        for change in (*changes, *more):
+        for change in changes:
             self.chronicle.append(change)
-        if changes or more:
+        if changes:
             self.configure(config)
+        self._set_pace(self.following.track)
         if self.following.track is not None:
             self.last_track = self.following.track
         if not self.charge.resumes_when_clear:
@@ -384,6 +386,14 @@ class Engine:
         if self._clear_frames >= CLEAR_FRAMES:
             self.chronicle.say("info", "the stars are back: slews again")
             self.happen(Resumed(by="the sky"))
+
+    def _set_pace(self, track: TrackState | None) -> None:
+        """Exposure and cadence for what is followed; the night's own where nothing is."""
+        config, changes = self._pace.after(self.config, track)
+        for change in changes:
+            self.chronicle.append(change)
+        if changes:
+            self.configure(config)
 
     def _reduce_and_go_on(
         self, frame: Frame, read_ms: float, blocked: SlewRefusal | None

@@ -47,7 +47,9 @@ def wanted(rate_arcsec_s: float, config: Config) -> Wanted:
         # Where no exposure makes a streak of it a longer one would only collect more sky.
         exposure_s = _INSIDE * SHORTEST_PX / pixels_s
     if exposure_s != exposure.exposure_s:
-        exposure_s = min(max(_rounded(exposure_s), exposure.shortest_s), exposure.longest_s)
+        shortest_s = min(exposure.shortest_s, exposure.exposure_s)
+        longest_s = max(exposure.longest_s, exposure.exposure_s)
+        exposure_s = min(max(_rounded(exposure_s), shortest_s), longest_s)
     return Wanted(exposure_s, _cadence_s(rate_arcsec_s, exposure_s, config))
 
 

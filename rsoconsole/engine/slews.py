@@ -23,7 +23,7 @@ class NowhereError(RsoconsoleError):
     def __init__(self, words: str, *, is_dawn: bool) -> None:
         super().__init__(words)
         self.is_dawn = is_dawn
-        """Nothing but the Sun is in the way: until the end of an exposure it will be too high."""
+        """Until the end of an exposure the Sun will be too high."""
 
 
 class Slews:
@@ -47,8 +47,9 @@ class Slews:
             self._chronicle.say("warning", f"slew refused: {text(why)}")
         if plan.slew is None:
             if plan.refused and following.track is None:
-                is_dawn = all(why.kind == "twilight" for _, why in plan.refused)
-                raise NowhereError(text(plan.refused[0][1]), is_dawn=is_dawn)
+                # Twilight is everywhere at once; a wall may be in the way before it is asked for.
+                dawn = next((w for _, w in plan.refused if w.kind == "twilight"), None)
+                raise NowhereError(text(dawn or plan.refused[0][1]), is_dawn=dawn is not None)
             return plan
         if is_held:
             return replace(plan, slew=None)

@@ -4,6 +4,8 @@ On an open file that somebody removes, replaces or cuts it goes on writing, and 
 to succeed.
 """
 
+import contextlib
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +27,18 @@ class LogPlace:
     def __init__(self, database: Path) -> None:
         self._paths = {"log": database, "write-ahead log": database.with_name(WAL)}
         self._seen: dict[str, _Seen] = {}
+        self._descriptor: int | None = None
+        with contextlib.suppress(OSError):
+            self._descriptor = os.open(database, os.O_RDONLY | os.O_CLOEXEC)
         self.damage(lambda: True)
+
+    def close(self) -> None:
+        """Only behind the last connection: to close any descriptor of a file lets go of SQLite's
+        own lock of it, and another program would believe that nobody writes.
+        """
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
 
     def forget_wal(self) -> None:
         """The connection is closed: SQLite removes the write-ahead log itself then."""
@@ -56,9 +69,10 @@ class LogPlace:
         return self._overwritten()
 
     def _overwritten(self) -> str | None:
+        if self._descriptor is None:
+            return None
         try:
-            with self._paths["log"].open("rb") as file:
-                head = file.read(len(_MAGIC))
+            head = os.pread(self._descriptor, len(_MAGIC), 0)
         except OSError as error:
             return f"the session's log cannot be read: {error.strerror}"
         return None if head == _MAGIC else "the session's log has been written over"

@@ -73,6 +73,9 @@ class LogWriter:
         """Of the unwritten ones, the oldest: in the rescue session already."""
         self._is_lost = False
         """The log's own place is given up."""
+        self._damage = ""
+        self._has_taken_over = False
+        """The rescue session has what could still be read of the lost log."""
         self._recent: deque[Statement] = deque(maxlen=_MOST_RECENT)
         """What was committed last: some of it may be lost with the log."""
         self._faults = faults
@@ -95,7 +98,8 @@ class LogWriter:
     def path(self) -> Path:
         """The database that has the whole night: the rescue session's where the own one is lost."""
         folder = None if self._rescue is None else self._rescue.folder
-        return folder / DATABASE if self._is_lost and folder is not None else self._path
+        has_all = self._has_taken_over and folder is not None
+        return folder / DATABASE if has_all and folder is not None else self._path
 
     def put(self, record: Record, t_utc_ns: int) -> int:
         """Take a record; returns its place in the order of the log."""
@@ -145,6 +149,10 @@ class LogWriter:
             self._is_closing = True
         self._wake.set()
         self._thread.join(timeout_s)
+        if self._rescued and self._rescue is not None:
+            words = f"its newest records are in the rescue session {self._rescue.folder} alone"
+            self._faults.report("close", f"the session is not complete: {words}")
+            return False
         return is_flushed and not self._thread.is_alive()
 
     def _run(self) -> None:
@@ -159,6 +167,7 @@ class LogWriter:
             is_written = self._write()
             if is_last_round:
                 self._disconnect()
+                self._place.close()
                 if self._rescue is not None:
                     self._rescue.close()
                 if not is_written and len(self._unwritten) > self._rescued:
@@ -198,10 +207,10 @@ class LogWriter:
             again = min(self._rescued, len(batch))
             # Acknowledged is what a reader finds.
             is_there = self._look()
-            is_elsewhere = self._rescue is not None and self._rescue.folder is not None
-            if not is_there and not is_elsewhere:
-                return False
             self._rescued -= again
+            if not is_there and not self._has_taken_over:
+                self._unwritten.extendleft(reversed(batch))
+                return False
             if is_there and self._rescue is not None and not self._rescued:
                 self._rescue.discard()
             self._advance(len(batch) - again)
@@ -218,7 +227,7 @@ class LogWriter:
     def _write_elsewhere(self) -> bool:
         """Put into the rescue session what is unwritten; False where that cannot be."""
         rescue = self._rescue
-        if rescue is None or not rescue.begin():
+        if rescue is None or not (self._takes_over(rescue) if self._is_lost else rescue.begin()):
             return False
         fresh = list(itertools.islice(self._unwritten, self._rescued, None))
         if fresh and not rescue.write(fresh):
@@ -236,15 +245,25 @@ class LogWriter:
         damage = self._place.damage(self._has_all)
         if damage is None:
             return True
-        self._is_lost = True
-        is_begun = self._rescue is not None and self._rescue.begin(self._connection)
-        self._disconnect()
-        kept = ""
-        if is_begun and self._rescue is not None:
-            self._rescue.write(list(self._recent))
-            kept = f": the night goes on in the rescue session {self._rescue.folder}"
-        self._faults.report("log", damage + (kept or ": what comes is not on any disk"))
+        self._is_lost, self._damage = True, damage
+        if self._rescue is None or not self._takes_over(self._rescue):
+            self._faults.report("log", f"{damage}: what comes is not on any disk")
         return False
+
+    def _takes_over(self, rescue: Rescue) -> bool:
+        """Whether the rescue session has what the lost log had; False where that cannot be yet.
+
+        As long as the connection lives, most of it can still be read.
+        """
+        if self._has_taken_over:
+            return True
+        if not rescue.begin() or not rescue.copy(self._connection, list(self._recent)):
+            return False
+        self._has_taken_over = True
+        self._disconnect()
+        words = f"{self._damage}: the night goes on in the rescue session {rescue.folder}"
+        self._faults.report("log", words)
+        return True
 
     def _has_all(self) -> bool:
         """Whether a reader finds the newest record that was committed."""

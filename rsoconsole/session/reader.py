@@ -58,7 +58,7 @@ _SELECT = "SELECT seq, t_utc_ns, kind, body FROM log WHERE seq > ?"
 
 _NO_TABLES = (
     "SELECT name FROM sqlite_master"
-    " WHERE name IN ('log', 'meta', 'files') AND type IN ('view', 'trigger')"
+    " WHERE name COLLATE NOCASE IN ('log', 'meta', 'files') AND type IN ('view', 'trigger')"
 )
 _VIEWS_SQL = "SELECT name, sql FROM sqlite_master WHERE type = 'view'"
 

@@ -10,7 +10,6 @@ import shutil
 import sqlite3
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +19,18 @@ from rsoconsole.session.frame_files import write_durably
 from rsoconsole.session.schema import CONFIG, DATABASE, FOLDERS
 
 Statement = tuple[str, tuple[object, ...]]
-LEAST_BYTES = 20_000_000
-"""Free on a disk that a rescue is begun on."""
+LEAST_BYTES = 200_000_000
+"""Free on a disk that a rescue is begun on: many nights' logs."""
+_AT_A_TIME = 1000
+_LOG = (
+    "SELECT seq, t_utc_ns, kind, frame_id, body FROM log",
+    "INSERT OR IGNORE INTO log VALUES (?, ?, ?, ?, ?)",
+)
+_FILES = (
+    "SELECT frame_id, role, path, bytes, ms, reason, sha256 FROM files",
+    "INSERT OR REPLACE INTO files (frame_id, role, path, bytes, ms, reason, sha256)"
+    " VALUES (?, ?, ?, ?, ?, ?, ?)",
+)
 
 
 def _places() -> Iterator[Path]:
@@ -52,8 +61,8 @@ class Rescue:
         self.folder: Path | None = None
         """Where it is; None before it is begun."""
 
-    def begin(self, source: sqlite3.Connection | None = None) -> bool:
-        """Make it, with all that ``source`` can still read; False where no place can be had."""
+    def begin(self) -> bool:
+        """Make it; False where no place can be had."""
         if self._connection is not None:
             return True
         for place in self._places():
@@ -62,7 +71,7 @@ class Rescue:
                 place.mkdir(mode=0o700, parents=True, exist_ok=True)
                 if shutil.disk_usage(place).free < LEAST_BYTES or folder.exists():
                     continue
-                self._make(folder, source)
+                self._make(folder)
             except (OSError, sqlite3.Error, ValueError):
                 shutil.rmtree(folder, ignore_errors=True)
                 continue
@@ -70,16 +79,34 @@ class Rescue:
             return True
         return False
 
-    def _make(self, folder: Path, source: sqlite3.Connection | None) -> None:
+    def _make(self, folder: Path) -> None:
         folder.mkdir()
         for name in FOLDERS.values():
             (folder / name).mkdir()
         write_durably(folder / CONFIG, self._config)
         create_database(folder / DATABASE, self._facts)
-        if source is not None:
-            with contextlib.suppress(sqlite3.Error):
-                _copy(source, folder / DATABASE)
         self._connection = connect_to_write(folder / DATABASE)
+
+    def copy(self, source: sqlite3.Connection | None, newest: Sequence[Statement]) -> bool:
+        """Take all that ``source`` can still read, although its file may have no name any more.
+
+        Then ``newest``, which it may have lost. False where this disk does not take them.
+        """
+        if self._connection is None:
+            return False
+        if source is not None:
+            with contextlib.suppress(sqlite3.Error, MemoryError):
+                for sql in (_LOG, _FILES):
+                    self._copy_table(source, sql)
+        return self.write(newest)
+
+    def _copy_table(self, source: sqlite3.Connection, table: tuple[str, str]) -> None:
+        assert self._connection is not None
+        rows = source.execute(table[0])
+        while some := rows.fetchmany(_AT_A_TIME):
+            with self._connection:
+                self._connection.execute("BEGIN IMMEDIATE")
+                self._connection.executemany(table[1], some)
 
     def write(self, statements: Sequence[Statement]) -> bool:
         """Commit them; False where this disk does not take them either."""
@@ -107,17 +134,3 @@ class Rescue:
             with contextlib.suppress(sqlite3.Error):
                 self._connection.close()
             self._connection = None
-
-
-def _copy(source: sqlite3.Connection, path: Path) -> None:
-    """All of a database that its connection can still read, although its file has no name."""
-    with closing(sqlite3.connect(":memory:")) as whole:
-        source.backup(whole)
-        rows = whole.execute("SELECT seq, t_utc_ns, kind, frame_id, body FROM log").fetchall()
-        files = whole.execute(
-            "SELECT frame_id, role, path, bytes, ms, reason, sha256 FROM files"
-        ).fetchall()
-    with closing(connect_to_write(path)) as target, target:
-        target.execute("BEGIN IMMEDIATE")
-        target.executemany("INSERT OR IGNORE INTO log VALUES (?, ?, ?, ?, ?)", rows)
-        target.executemany("INSERT OR REPLACE INTO files VALUES (?, ?, ?, ?, ?, ?, ?)", files)

@@ -8,6 +8,8 @@ from outside.
 
 from dataclasses import replace
 
+import numpy as np
+
 from rsoconsole.reasons import Cause, Missed, NotTaken, TrackLost
 from rsoconsole.records import (
     FoldRecord,
@@ -17,7 +19,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking import estimator
+from rsoconsole.tracking import adaptive, estimator
 from rsoconsole.tracking.acquire import (
     NOT_CHOSEN,
     REFUSED,
@@ -106,7 +108,8 @@ def _follow_tracks(
     before: Following, seen: Seen, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """All tracks of a frame, the lead first; where it ends, the next track leads."""
-    if seen.chosen is None and settings.filter.preset == "adaptive":
+    is_joint = settings.filter.preset == "adaptive" and settings.choice == "nearest"
+    if seen.chosen is None and is_joint:
         steps = _steps_of_all(before, seen, settings)
     else:
         steps = _steps_in_turn(before, seen, settings)
@@ -322,9 +325,17 @@ def _follow_chosen(
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
     updated = updated_with(predicted, chosen, before, seen, settings)
-    if nis_of(updated) > ANOTHER_OBJECT_NIS:
+    if _off_nis(updated, settings) > ANOTHER_OBJECT_NIS:
         return Step(records=(predicted, *others), after=None, begins_with=chosen)
     return _measured(updated, before, chosen, seen, (predicted, updated, *others))
+
+
+def _off_nis(updated: TrackState, settings: FollowSettings) -> float:
+    """How far an innovation is off by the moments: a mixture allows for more."""
+    if settings.filter.preset != "adaptive" or updated.innovation_arcsec is None:
+        return nis_of(updated)
+    off = np.array(updated.innovation_arcsec)
+    return float(off @ np.linalg.solve(adaptive.innovation_covariance(updated), off))
 
 
 def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
