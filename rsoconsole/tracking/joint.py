@@ -8,7 +8,7 @@ Errors of a frame's time are one number for all of its streaks, those of the fra
 all predictions alike: members of a slot may all be beside their predictions by as much as they are
 from each other. So every pair is asked in turn what that one number would be if it were right, and
 the frame explained with it: the others then need only agree with each other. Where an explanation
-that does not give a track its streak is as likely, it takes none. (One track begins at a time today:
+that does not give a track its streak is as likely, it takes none. (One track begins at a time:
 several are followed where a caller gives several.)
 """
 
