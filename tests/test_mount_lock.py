@@ -114,6 +114,16 @@ def test_whatever_is_removed_under_a_living_engine_comes_back(path, what):
     assert not path.exists()
 
 
+def test_who_knows_nothing_of_the_lock_still_finds_the_engine_behind_an_emptied_folder(
+    path, monkeypatch, tmp_path
+):
+    """Another login's state folder may be another one."""
+    with ControlServer(path, echo):
+        shutil.rmtree(path.parent)
+        monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "another"))
+        assert ControlClient(path).send(AskStatus()).ok
+
+
 def test_a_consoles_connection_outlives_the_socket_it_came_by(path):
     """What is connected stays so: the name of a socket is only the way in."""
     with ControlServer(path, echo):

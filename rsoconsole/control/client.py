@@ -93,12 +93,16 @@ class ControlClient:
         """Connect; an engine that starts, or whose socket was just removed, soon has one."""
         address = str(address_of(self._path))
         until = min(deadline, time.monotonic() + MADE_ANEW_S)
+        may_come = False
         while True:
             try:
                 _connect(wire, address, deadline)
                 return
             except (FileNotFoundError, ConnectionRefusedError):
-                if time.monotonic() > until or engine_behind(self._path) is None:
+                # A folder that is not even there was emptied by somebody: the engine, if there is
+                # one, makes it again.
+                may_come = may_come or not Path(address).parent.exists()
+                if time.monotonic() > until or not (may_come or engine_behind(self._path)):
                     raise
                 time.sleep(0.1)
 
