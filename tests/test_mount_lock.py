@@ -101,7 +101,7 @@ def test_whatever_is_removed_under_a_living_engine_comes_back(path, what):
             gone.unlink()
         else:
             shutil.rmtree(gone)
-        # At once: whoever asks meanwhile is not told that nobody is there.
+        # At once: a client that asks meanwhile is not told that nobody is there.
         assert ControlClient(path).send(AskStatus()).ok
         until(lambda: bool(said))
         assert "removed" in said[0]

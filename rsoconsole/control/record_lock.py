@@ -106,9 +106,9 @@ class RecordLock:
         return descriptor
 
     def keep(self) -> bool:
-        """Lock the file anew where somebody has removed it; True where that was needed.
+        """Lock the file again where somebody has removed it; True where that was needed.
 
-        A file without a name cannot get one again: whoever comes next must meet this one's lock.
+        A file without a name cannot get one again: the next process must meet this one's lock.
         Raises ControlError where another process was quicker, OSError where it cannot be done.
         """
         with _held_guard:

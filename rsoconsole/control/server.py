@@ -122,7 +122,7 @@ class ControlServer:
         return listener
 
     def _keep(self) -> None:
-        """Make socket and locks anew where somebody removes them: a logout, a cleaning job.
+        """Make socket and locks again where somebody removes them: a logout, a cleaning job.
 
         Without its socket the engine is deaf to all but its signals, without its lock a second
         one starts on the same mount.
@@ -131,7 +131,7 @@ class ControlServer:
         while not self._closing.wait(KEEP_S):
             try:
                 words = self._kept()
-            except Exception as error:  # whoever keeps the way to STOP open must not end
+            except Exception as error:  # the thread that keeps STOP reachable must not end
                 words = f"the engine's socket or lock was removed and cannot be made again: {error}"
             if words and words != said:
                 self._on_found(words)

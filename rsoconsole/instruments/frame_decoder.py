@@ -2,7 +2,7 @@
 
 Decoders of compressed images are native code: a damaged tile may corrupt their memory, a false
 length may keep them busy for ever. The process is started with the first such file, kept for the
-next, and started afresh when one has ended it.
+next, and restarted when one has ended it.
 """
 
 import atexit

@@ -126,7 +126,7 @@ class LogWriter:
     def flush(self, timeout_s: float) -> bool:
         """Commit all that was taken so far; False when this session's log has not all of it.
 
-        What the rescue session has is on a disk, but whoever reads this one does not find it.
+        What the rescue session has is on a disk, but a reader of this one does not find it.
         """
         if not self._is_durable(timeout_s) or self._is_lost:
             return False

@@ -57,7 +57,7 @@ class Seen:
     refused: tuple[Measurement, ...] = ()
     """Those that the operator wants left alone; none of ``measurements``."""
     by_orbit: Callable[[TrackState], TrackState | None] | None = None
-    """What the orbit foretells in the place of a prediction that failed; None where it does not.
+    """What the orbit predicts in the place of a prediction that failed; None where it does not.
     Asked only where nothing fits."""
 
     @property
