@@ -298,3 +298,56 @@ def test_a_measurement_has_the_instant_of_its_row(preset: str) -> None:
         assert state.misses == 0
         away.append(math.hypot(*(state.innovation_arcsec or (9.0, 9.0))))
     assert max(away[10:]) < 1.0
+
+
+def with_more_error(m: Measurement, arcsec: np.ndarray) -> Measurement:
+    """Moved by (east, north); its covariance does not know it."""
+    cos_dec = math.cos(math.radians(m.dec_icrs_deg))
+    return replace(
+        m,
+        ra_icrs_deg=m.ra_icrs_deg + float(arcsec[0]) / 3600.0 / cos_dec,
+        dec_icrs_deg=m.dec_icrs_deg + float(arcsec[1]) / 3600.0,
+    )
+
+
+def learnt(each_is_off: float, told: float, seed: int) -> list[TrackState]:
+    """A geostationary night of which each streak is off along itself, and its length tells so."""
+    random = np.random.default_rng(seed)
+    night = measured("geostationary", 0.015, seed)
+    way = np.array(lqe.sky_rate_arcsec_s(begun(*night[:2])))
+    ahead = way / np.hypot(*way)
+    night = [with_more_error(m, ahead * random.normal(0.0, each_is_off)) for m in night]
+    state, updated = begun(*night[:2]), []
+    for each in night[2:]:
+        predicted = estimator.predict(state, each.t_mid_utc_ns, ADAPTIVE, each.frame_id)
+        state = estimator.update(predicted, each, ADAPTIVE, told)
+        updated.append(state)
+    return updated
+
+
+@pytest.mark.parametrize("off_arcsec", [0.0, 4.0])
+def test_what_a_length_tells_of_an_error_is_held_against_the_innovations(off_arcsec: float) -> None:
+    """Lengths that tell 4 arcsec: believed where it is so, doubted where the middles are good."""
+    last = [state for seed in range(8) for state in learnt(off_arcsec, 4.0, seed)[12:]]
+    assert 1.4 < np.mean([state.nis for state in last]) < 2.7
+    sigma = np.median([state.sigma_innovation_arcsec[0] for state in last])
+    assert sigma < 2.0 if off_arcsec == 0.0 else sigma > 3.0
+
+
+@pytest.mark.parametrize("times", [1.0, 3.0, 6.0])
+def test_errors_many_times_as_large_as_claimed_are_learnt(times: float) -> None:
+    """Across the motion no scatter of the shutter explains them."""
+    nis, learnt_scales = [], []
+    for seed in range(8):
+        random = np.random.default_rng(100 + seed)
+        more = math.sqrt(times**2 - 1.0)
+        night = []
+        for m in measured("geostationary", 0.015, seed):
+            ee, en, nn = m.cov_sky_arcsec2
+            error = random.multivariate_normal(np.zeros(2), [[ee, en], [en, nn]])
+            night.append(with_more_error(m, more * error))
+        _, updated = followed(night)
+        nis.append(np.mean([state.nis for state in updated]))
+        learnt_scales.append(updated[-1].mixture.variance_scale)
+    assert 1.6 < np.mean(nis) < 2.4
+    assert times**2 / 2.0 < np.median(learnt_scales) < times**2 * 2.0

@@ -33,7 +33,7 @@ from rsoconsole.tracking.sky_path import (
 MOTIONS = ("parallel", "great circle", "any orbit", "changing orbit")
 PARALLEL, GREAT_CIRCLE, ANY_ORBIT = range(3)
 SCATTERS = 14
-VARIANCE_SCALES = np.array([0.5, 1.0, 2.0, 5.0, 25.0])
+VARIANCE_SCALES = np.array([0.5, 1.0, 2.2, 5.0, 12.0, 30.0, 80.0])
 """Of a measurement's own variances: wind, a plate of few stars and ends that cloud has moved make
 errors larger than they say, across the motion as well as along it."""
 PER_MOTION = len(VARIANCE_SCALES) * SCATTERS
@@ -44,11 +44,15 @@ SCATTERS_S = np.geomspace(_LEAST_SCATTER_S, MOST_SCATTER_S, SCATTERS)
 _SCATTER_FALLS = 0.1
 """Before anything is measured a scatter is as likely as it is small, to this power."""
 MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
-_VARIANCE_SCALE_PRIORS = (0.06, 0.4, 0.24, 0.18, 0.12)
+_VARIANCE_SCALE_PRIORS = (0.04, 0.24, 0.2, 0.18, 0.16, 0.12, 0.06)
 _LEAST_WEIGHT = 1e-12
 RARE, _RARE_SCATTER_S = 0.01, 0.8
 """One measurement in a hundred is late or wrong by far more than the night's scatter: what a filter
 has learnt must neither shut it out for ever nor be upset by it (a mixture of two noises)."""
+_LENGTH_SAYS_TOO_MUCH = 0.15
+"""Of the error that a length tells, where both ends err alike (haze, a drift that changes)."""
+_MOST_LOG_ODDS = 3.0
+"""So that a night that changes is believed again soon."""
 _TEMPERED = 0.65
 """The likelihood is too sharp, as no motion is quite what is followed: power that makes intervals
 hold as often as they say (measured on SGP4's orbits)."""
@@ -81,6 +85,8 @@ class Bank:
     """(N,)"""
     path_since_update_rad: FloatArray
     """(N,) length of path since the last measurement."""
+    length_log_odds: float = 0.0
+    """That the length of a streak tells its error, against that it says too much."""
 
     @property
     def weights(self) -> FloatArray:
@@ -100,7 +106,7 @@ class Bank:
 
     @property
     def variance_scale_probabilities(self) -> FloatArray:
-        """(5,) of ``VARIANCE_SCALES``."""
+        """Of ``VARIANCE_SCALES``."""
         return np.asarray(self.weights.reshape(-1, len(VARIANCE_SCALES), SCATTERS).sum(axis=(0, 2)))
 
     def moments(self) -> tuple[FloatArray, FloatArray]:
@@ -238,40 +244,29 @@ def update(bank: Bank, seen: Position) -> Update:
     """What a measurement at the bank's instant says, and the bank that has taken it."""
     place = bank.plane.place_of(seen.ra_icrs_deg, seen.dec_icrs_deg)
     off = place - bank.means[:, :2]
-    plain = _answer(bank, off, _measured_noise(bank, seen))
-    rare = _answer(bank, off, _rare_noise(bank, seen))
-    log_plain = math.log(1.0 - RARE) + plain.log_likelihoods
-    log_rare = math.log(RARE) + rare.log_likelihoods
-    log_likelihoods = np.logaddexp(log_plain, log_rare)
-    share = np.exp(log_rare - log_likelihoods)[:, None]
-    means = bank.means + (1.0 - share) * plain.steps + share * rare.steps
-    apart = np.sqrt(share * (1.0 - share)) * (plain.steps - rare.steps)
-    share = share[:, :, None]
-    covariances = (1.0 - share) * plain.covariances + share * rare.covariances
-    covariances += apart[:, :, None] * apart[:, None, :]
     weights, log_weights = bank.weights, np.log(np.maximum(bank.weights, _LEAST_WEIGHT))
-    total = log_weights + log_likelihoods
-    most = float(total.max())
-    log_likelihood = most + math.log(float(np.exp(total - most).sum()))
+    plain, length_log_odds = _plain(bank, log_weights, off, seen)
+    rare = _answer(bank, off, _rare_noise(bank, seen))
+    both = _merged(plain, rare, RARE)
+    total = log_weights + both.log_likelihoods
+    log_likelihood = _log_sum(total)
     mean = weights @ bank.means[:, :2]
     apart = bank.means[:, :2] - mean
     covariance = np.einsum("n,nij->ij", weights, plain.s) + (apart * weights[:, None]).T @ apart
     taken = replace(
         bank,
-        means=means,
-        covariances=covariances,
+        means=bank.means + both.steps,
+        covariances=both.covariances,
         log_weights=np.maximum(total - log_likelihood, math.log(_LEAST_WEIGHT)),
-        path_since_update_rad=np.zeros(len(means)),
+        path_since_update_rad=np.zeros(len(weights)),
+        length_log_odds=length_log_odds,
     )
     calm = slice(0, ANY_ORBIT * PER_MOTION)
     taken.covariances[calm, ACCELERATION:, :] = taken.covariances[calm, :, ACCELERATION:] = 0.0
     taken.means[GREAT_CIRCLE * PER_MOTION : ANY_ORBIT * PER_MOTION, ACCELERATION:] = 0.0
     return Update(
         after=_centred(taken),
-        nis=_nis_of(
-            np.concatenate([(1.0 - RARE) * weights, RARE * weights]),
-            np.concatenate([plain.nis, rare.nis]),
-        ),
+        nis=-2.0 * min(_log_sum(log_weights - 0.5 * both.nis), 0.0),
         innovation=place - mean,
         covariance=covariance,
     )
@@ -288,6 +283,48 @@ class _Answer:
     steps: FloatArray
     """(N, 6) by which the mean moves."""
     covariances: FloatArray
+
+
+def _plain(
+    bank: Bank, log_weights: FloatArray, off: FloatArray, seen: Position
+) -> tuple[_Answer, float]:
+    """What the filters make of it by what its length tells of its error, and what that is worth."""
+    told = _answer(bank, off, _measured_noise(bank, seen))
+    if seen.along_arcsec == 0.0:
+        return told, bank.length_log_odds
+    less = replace(seen, along_arcsec=_LENGTH_SAYS_TOO_MUCH * seen.along_arcsec)
+    untold = _answer(bank, off, _measured_noise(bank, less))
+    odds = _log_sum(log_weights + told.log_likelihoods)
+    odds -= _log_sum(log_weights + untold.log_likelihoods)
+    after = min(max(bank.length_log_odds + odds, -_MOST_LOG_ODDS), _MOST_LOG_ODDS)
+    return _merged(told, untold, 1.0 / (1.0 + math.exp(bank.length_log_odds))), after
+
+
+def _merged(usual: _Answer, other: _Answer, share: float) -> _Answer:
+    """Two answers as one, of which the other is right with probability ``share``."""
+    log_usual = math.log(1.0 - share) + usual.log_likelihoods
+    log_other = math.log(share) + other.log_likelihoods
+    log_likelihoods = np.logaddexp(log_usual, log_other)
+    of_other = np.exp(log_other - log_likelihoods)[:, None]
+    apart = np.sqrt(of_other * (1.0 - of_other)) * (usual.steps - other.steps)
+    each = of_other[:, :, None]
+    covariances = (1.0 - each) * usual.covariances + each * other.covariances
+    return _Answer(
+        s=(1.0 - share) * usual.s + share * other.s,
+        nis=-2.0
+        * np.logaddexp(math.log(1.0 - share) - 0.5 * usual.nis, math.log(share) - 0.5 * other.nis),
+        log_likelihoods=log_likelihoods,
+        steps=(1.0 - of_other) * usual.steps + of_other * other.steps,
+        covariances=covariances + apart[:, :, None] * apart[:, None, :],
+    )
+
+
+def _log_sum(logs: FloatArray) -> float:
+    """Logarithm of a sum of exponentials, also where all are small."""
+    most = float(logs.max())
+    if not math.isfinite(most):
+        return -math.inf
+    return most + math.log(float(np.exp(logs - most).sum()))
 
 
 def _answer(bank: Bank, off: FloatArray, noise: FloatArray) -> _Answer:
@@ -313,15 +350,6 @@ def _centred(bank: Bank) -> Bank:
     mean = bank.weights @ bank.means
     onto = plane_after(bank.plane, mean, 0.0)
     return replace(bank, plane=onto, means=moved(bank.plane, bank.means, 0.0, onto))
-
-
-def _nis_of(weights: FloatArray, nis: FloatArray) -> float:
-    """-2 log sum(weights exp(-nis / 2)), also where all are far off."""
-    terms = np.log(np.maximum(weights, 1e-300)) - 0.5 * nis
-    most = float(terms.max())
-    if not math.isfinite(most):
-        return math.inf
-    return max(-2.0 * (most + math.log(float(np.exp(terms - most).sum()))), 0.0)
 
 
 def _measured_noise(bank: Bank, seen: Position) -> FloatArray:
