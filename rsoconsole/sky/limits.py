@@ -176,6 +176,7 @@ class Limits:
     ) -> tuple[int, Refusal] | None:
         """First instant (to 0.1 s) at which tracking from this pose meets a limit, and which.
 
+        The edge of the Sun's cone is good to an arcsecond: half a minute of the Sun's own motion.
         None when it meets none within ``horizon_s``. Twilight is not asked. A German mount that
         does not tell its side of the pier is taken to be west of it as long as it may be.
         """
