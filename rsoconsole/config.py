@@ -6,7 +6,7 @@ file, the command line. Units are in the names.
 
 import itertools
 import os
-import tomllib
+import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -15,6 +15,7 @@ import platformdirs
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from rsoconsole.errors import ConfigError
+from rsoconsole.foreign_text import read_foreign, toml_of
 from rsoconsole.records import Site
 
 APP = "rsoconsole"
@@ -439,7 +440,8 @@ def runtime_dir() -> Path:
     """A folder that only its owner can enter, made if need be: the control socket lies there.
 
     In ``$XDG_RUNTIME_DIR`` where the system gives one, else in the user's cache: a shared
-    temporary folder is nobody's. Raises ConfigError where neither can be written.
+    temporary folder is nobody's. Raises ConfigError where neither can be written, and for a folder
+    of another user, for root as well.
     """
     given = os.environ.get("XDG_RUNTIME_DIR")
     cache = Path(platformdirs.user_cache_path(APP)) / "run"
@@ -455,8 +457,22 @@ def runtime_dir() -> Path:
                 f"no folder for the engine's socket can be made ({path}: {error.strerror}): make "
                 "~/.cache writable, or set XDG_RUNTIME_DIR to a folder of your own"
             ) from error
+    _expect_own(path)
     path.chmod(0o700)
     return path
+
+
+def _expect_own(path: Path) -> None:
+    """Raises ConfigError where another user than root or this one could put something else."""
+    for each, owners in ((path, {os.geteuid()}), (path.parent, {os.geteuid(), 0})):
+        found = each.lstat() if each is path else each.stat()
+        if found.st_uid not in owners or not stat.S_ISDIR(found.st_mode):
+            raise ConfigError(
+                f"{each} belongs to another user (uid {found.st_uid}): run this as that user, or"
+                " set XDG_RUNTIME_DIR to a folder of your own"
+                if stat.S_ISDIR(found.st_mode)
+                else f"{each} is no folder: remove it, or set XDG_RUNTIME_DIR to one of your own"
+            )
 
 
 def load_config(path: Path | None = None, overrides: Mapping[str, Any] | None = None) -> Config:
@@ -501,10 +517,10 @@ def with_setting(config: Config, name: str, value: Any) -> Config:
 
 def _read_toml(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return toml_of(read_foreign(path))
     except FileNotFoundError as error:
         raise ConfigError(f"{path} does not exist: 'rsoconsole config init' writes one") from error
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise ConfigError(f"{path} cannot be read as TOML: {error}") from error
 
 

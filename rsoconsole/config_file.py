@@ -2,7 +2,6 @@
 
 import difflib
 import json
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from pydantic.fields import FieldInfo
 
 from rsoconsole.config import CalibrationConfig, Config, default_config_path, load_config, walk
 from rsoconsole.errors import ConfigError
+from rsoconsole.foreign_text import read_foreign, toml_of
 
 Origin = Literal["default", "file", "command line"]
 _SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
@@ -233,10 +233,10 @@ def _table(path: Path, *, must_exist: bool) -> dict[str, Any]:
     if not must_exist and not path.exists():
         return {}
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return toml_of(read_foreign(path))
     except FileNotFoundError as error:
         raise ConfigError(f"{path} does not exist: 'rsoconsole config init' writes one") from error
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise ConfigError(f"{path} cannot be read as TOML: {error}") from error
 
 

@@ -1,5 +1,6 @@
 """The configuration as a file: begun, shown with origins, checked."""
 
+import os
 import re
 import tomllib
 from pathlib import Path
@@ -197,4 +198,36 @@ def test_without_a_folder_for_the_socket_the_operator_hears_what_to_make(monkeyp
     for name in ("XDG_RUNTIME_DIR", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, "/proc/none")
     with pytest.raises(ConfigError, match="set XDG_RUNTIME_DIR to a folder of your own"):
+        runtime_dir()
+
+
+def test_a_folder_of_another_user_is_refused_for_root_as_well(tmp_path: Path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    folder = runtime_dir()
+    assert folder.stat().st_mode & 0o777 == 0o700
+    mine = os.geteuid()
+    # For one who owns neither it is a stranger's; root meets that under "sudo -E".
+    monkeypatch.setattr(os, "geteuid", lambda: mine + 1)
+    with pytest.raises(ConfigError, match=r"belongs to another user .* run this as that user"):
+        runtime_dir()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a folder away")
+def test_root_takes_no_place_that_another_user_could_swap(tmp_path: Path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    runtime_dir()
+    os.chown(tmp_path, 12345, -1)
+    with pytest.raises(ConfigError, match="belongs to another user \\(uid 12345\\)"):
+        runtime_dir()
+    os.chown(tmp_path, 0, -1)
+    os.chown(tmp_path / "rsoconsole", 12345, -1)
+    with pytest.raises(ConfigError, match="belongs to another user"):
+        runtime_dir()
+
+
+def test_a_link_in_place_of_the_folder_is_refused(tmp_path: Path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "rsoconsole").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(ConfigError, match="is no folder: remove it"):
         runtime_dir()

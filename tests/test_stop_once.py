@@ -13,6 +13,7 @@ from rsoconsole.console.orders import Orders
 from rsoconsole.control import Command, ControlServer, Outcome, Request, default_socket_path
 from rsoconsole.control.commands import Stop
 from rsoconsole.control.stop import StopNews, Stopping
+from rsoconsole.errors import ConfigError
 from rsoconsole.notebook.panel_orders import PanelOrders
 
 STOPPED = {"stopped": True, "ms": 12.0, "path": "mount"}
@@ -149,3 +150,15 @@ def test_who_hears_the_news_keeps_no_stop_waiting(fault: str, monkeypatch: pytes
     assert is_past.wait(PATIENCE_S / 4)
     may_go_on.set()
     assert stopping.wait().phase == "stopped"
+
+
+def test_a_runtime_folder_that_is_refused_does_not_stand_in_the_way_of_a_stop():
+    def wire() -> Answering:
+        raise ConfigError("/run/user/1000 belongs to another user (uid 1000): run as that user")
+
+    stopping = Stopping(wire, lambda: (True, "indi"))
+    stopping.begin()
+    assert stopping.wait().phase == "stopped"
+    failing = Stopping(wire, lambda: (False, "no server"))
+    failing.begin()
+    assert failing.wait().reason == "/run/user/1000 belongs to another user (uid 1000); no server"

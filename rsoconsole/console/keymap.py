@@ -1,7 +1,6 @@
 """Other keys for commands: ``keymap.toml`` beside the configuration, by the commands' names."""
 
 import contextlib
-import tomllib
 import unicodedata
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ from textual.keys import KEY_NAME_REPLACEMENTS, Keys
 from rsoconsole.console.command import BOTH
 from rsoconsole.console.commands import BY_NAME, commands_in
 from rsoconsole.errors import ConfigError
+from rsoconsole.foreign_text import read_foreign, toml_of
 
 STOPS = ("stop", "stop_by_letter")
 """Commands whose keys nobody changes."""
@@ -38,14 +38,14 @@ def load_keymap(path: Path) -> dict[str, str]:
     Raises ConfigError for a file that is no such, an unknown command, or a key given twice.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_foreign(path)
     except FileNotFoundError:
         return {}
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path} cannot be read: {error}") from error
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = toml_of(text)
+    except ValueError as error:
         raise ConfigError(f"{path}: {error}") from error
     unknown = [name for name in table if name not in BY_NAME]
     if unknown:

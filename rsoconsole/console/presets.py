@@ -1,13 +1,13 @@
 """Tunings by name, kept beside the configuration."""
 
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.console.tune import NAMES, Value
 from rsoconsole.errors import ConfigError
+from rsoconsole.foreign_text import read_foreign, toml_of
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]{0,39}")
 
@@ -17,10 +17,10 @@ NAMING = "letters, digits, blanks and . _ -"
 def load_presets(path: Path) -> dict[str, dict[str, Value]]:
     """Every preset by its name; none without a file. Raises ConfigError for one that is no such."""
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = toml_of(read_foreign(path))
     except FileNotFoundError:
         return {}
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise ConfigError(f"{path} cannot be read: {error}") from error
     presets: dict[str, dict[str, Value]] = {}
     for name, settings in table.items():

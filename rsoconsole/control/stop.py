@@ -12,7 +12,7 @@ from typing import Literal
 
 from rsoconsole.control.client import Wire
 from rsoconsole.control.commands import Stop
-from rsoconsole.errors import ControlError
+from rsoconsole.errors import RsoconsoleError
 
 log = logging.getLogger(__name__)
 
@@ -91,7 +91,7 @@ class Stopping:
     def _by_engine(self) -> None:
         try:
             outcome = self._wire().send(Stop(), timeout_s=ENGINE_S)
-        except ControlError as error:
+        except RsoconsoleError as error:
             self._failed(str(error).partition(":")[0])
             return
         except Exception as error:  # nothing that is wrong with the wire may end a STOP

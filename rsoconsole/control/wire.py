@@ -15,6 +15,7 @@ from rsoconsole.control.command import Command, command_of, takes_anything
 from rsoconsole.control.sender import Sender, sender_of
 from rsoconsole.control.text import printable
 from rsoconsole.errors import ControlError
+from rsoconsole.foreign_text import json_of
 
 MAX_LINE_BYTES = 65536
 DEFAULT_TIMEOUT_S = 5.0
@@ -129,8 +130,8 @@ class _Lines:
 def read_request(connection: Connection, line: bytes) -> WaitingRequest:
     """The request in a line. Raises ControlError that says what is wrong with it."""
     try:
-        message = json.loads(line)
-    except (ValueError, RecursionError) as error:
+        message = json_of(line)
+    except ValueError as error:
         raise ControlError(f"not a line of JSON: {error}") from error
     if not isinstance(message, dict):
         raise ControlError("a command is a JSON object")
@@ -181,7 +182,7 @@ def receive_line(wire: socket.socket, deadline: float) -> bytes:
 def read_outcome(reply: bytes) -> Outcome:
     """The outcome in a reply. Raises ControlError when it is none."""
     try:
-        message = json.loads(reply)
+        message = json_of(reply)
         text = printable(str(message["message"]))
         return Outcome(ok=bool(message["ok"]), message=text, data=dict(message["data"]))
     except (ValueError, KeyError, TypeError) as error:

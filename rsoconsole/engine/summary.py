@@ -1,6 +1,5 @@
 """A run against the simulated observatory, judged by the truth that only this module reads."""
 
-import json
 import math
 import statistics
 from collections import Counter
@@ -16,6 +15,7 @@ from rsoconsole.engine.objects import (
     offset_of,
     taken_of,
 )
+from rsoconsole.foreign_text import json_of
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -214,7 +214,7 @@ def read_truth(path: Path) -> list[dict[str, Any]]:
     """The simulated observatory's truth, one object an exposure; empty when there is none."""
     if not path.exists():
         return []
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
+    return [json_of(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
 
 
 def _with_exposures(

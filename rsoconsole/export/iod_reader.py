@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rsoconsole.errors import ExportError
+from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
 
 _LINE = re.compile(
@@ -84,7 +85,7 @@ def read_iod(path: Path) -> tuple[IodObservation, ...]:
     Raises ExportError naming the line that is none.
     """
     try:
-        lines = path.read_text(encoding="ascii").splitlines()
+        lines = read_foreign(path, most_bytes=MOST_DATA_BYTES, encoding="ascii").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise ExportError(f"{path} cannot be read: {error}") from error
     found = []

@@ -15,6 +15,7 @@ from typing import Any
 from rsoconsole.errors import ExportError
 from rsoconsole.export.night import ExportedNight
 from rsoconsole.export.rows import COLUMNS, DERIVED, MeasuredRow
+from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
 from rsoconsole.record_columns import Column
 
 _NAMES = tuple(column.name for column in COLUMNS)
@@ -77,7 +78,7 @@ def _json_rows(path: Path) -> Iterator[MeasuredRow]:
             continue
         where = f"{path}, line {number}"
         try:
-            values = json.loads(line)
+            values = json_of(line)
         except ValueError as error:
             raise ExportError(f"{where}: {error}") from error
         if not isinstance(values, dict):
@@ -184,6 +185,6 @@ def _checked(column: Column, value: Any, where: str) -> Any:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return read_foreign(path, most_bytes=MOST_DATA_BYTES)
     except (OSError, UnicodeDecodeError) as error:
         raise ExportError(f"{path} cannot be read: {error}") from error

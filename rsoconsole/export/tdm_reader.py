@@ -11,6 +11,7 @@ from datetime import date
 from pathlib import Path
 
 from rsoconsole.errors import ExportError
+from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
 
 VERSIONS = ("1.0", "2.0")
@@ -103,7 +104,7 @@ class Tdm:
 def read_tdm(path: Path) -> Tdm:
     """The message in a file. Raises ExportError, with the line's number, where it is none."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_foreign(path, most_bytes=MOST_DATA_BYTES)
     except (OSError, UnicodeDecodeError) as error:
         raise ExportError(f"{path} cannot be read: {error}") from error
     return parse_tdm(text, str(path))

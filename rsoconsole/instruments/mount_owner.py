@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 from rsoconsole.config import runtime_dir
+from rsoconsole.errors import ConfigError
 
 
 class MountOwner:
@@ -32,7 +33,7 @@ class MountOwner:
         """Write down that this process watches; once, and only where a folder can be had."""
         if self._path is not None:
             return
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, ConfigError):
             path = (self._folder or runtime_dir()) / self._name
             fresh = path.with_suffix(f".{os.getpid()}")
             fresh.write_text(self._token, encoding="utf-8")

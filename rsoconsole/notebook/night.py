@@ -1,6 +1,5 @@
 """One session, gathered frame by frame for the figures."""
 
-import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -9,6 +8,7 @@ from typing import Any, TypeAlias, assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
+from rsoconsole.foreign_text import json_of
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Closeup,
@@ -210,7 +210,7 @@ def read_truth(path: Path, night: Night) -> dict[int, TruePlace]:
     """
     try:
         with path.open(encoding="utf-8") as lines:
-            exposures = [json.loads(line) for line in lines if line.strip()]
+            exposures = [json_of(line) for line in lines if line.strip()]
         by_instant = {
             each["t_start_utc_ns"] / 1e9 + each["exposure_s"] / 2.0: each["satellites"]
             for each in exposures

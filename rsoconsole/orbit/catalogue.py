@@ -5,7 +5,6 @@ package sgp4. An OMM may carry catalogue numbers that two lines have no room for
 """
 
 import io
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +14,7 @@ from sgp4 import omm
 from sgp4.api import Satrec, SatrecArray
 
 from rsoconsole.errors import OrbitError
+from rsoconsole.foreign_text import json_of
 from rsoconsole.orbit.elements import ElementSet, parse_elements
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.places import Places, astrometric_places, teme_to_gcrs_rotation
@@ -30,6 +30,8 @@ _OF_TWO_LINES = {
 }
 """What an OMM may leave out, and SGP4 does without."""
 _MOST_ALPHA_5 = 339_999
+MOST_SETS = 200_000
+"""Everything ever catalogued three times over; of more every answer would take minutes."""
 _SGP4_THEORIES = {"SGP4", "SGP/SGP4", "SGP"}
 
 
@@ -61,11 +63,12 @@ def parse_catalogue(text: str, source: str = "catalogue") -> tuple[CatalogueEntr
     """
     text = text.removeprefix("\ufeff")
     start = text.lstrip()
+    _expect_so_many(start, source)
     if start.startswith("<"):
         found = _of_messages(_xml(start, source), source)
     elif start.startswith(("[", "{")):
         found = _of_messages(_json(start, source), source)
-    elif "NORAD_CAT_ID" in start.partition("\n")[0]:
+    elif _is_table(start):
         found = _of_messages(omm.parse_csv(io.StringIO(start)), source)
     else:
         found = tuple(_of_lines(each) for each in parse_elements(text, source))
@@ -117,6 +120,24 @@ def places_of(entry: CatalogueEntry, site: Site, t_utc_ns: IntArray) -> Places:
     return astrometric_places(position_of, site, t_utc_ns)
 
 
+def _expect_so_many(start: str, source: str) -> None:
+    """Raises OrbitError before the work where there are too many sets; nothing is parsed yet."""
+    if start.startswith(("<", "[", "{")):
+        mark = "<NORAD_CAT_ID" if start.startswith("<") else '"NORAD_CAT_ID"'
+        found = start.count(mark)
+    else:
+        found = start.rstrip().count("\n" if _is_table(start) else "\n2 ")
+    if found > MOST_SETS:
+        raise OrbitError(
+            f"{source} holds {found:,} element sets, {MOST_SETS:,} at most can be used: keep those"
+            " of the last days, one for each object"
+        )
+
+
+def _is_table(start: str) -> bool:
+    return "NORAD_CAT_ID" in start.partition("\n")[0]
+
+
 def _of_lines(element_set: ElementSet) -> CatalogueEntry:
     try:
         record = Satrec.twoline2rv(element_set.line_1, element_set.line_2)
@@ -141,7 +162,7 @@ def _xml(text: str, source: str) -> Sequence[Mapping[str, Any]]:
 
 def _json(text: str, source: str) -> Sequence[Mapping[str, Any]]:
     try:
-        read = json.loads(text)
+        read = json_of(text)
     except ValueError as error:
         raise OrbitError(f"{source} is no OMM in JSON: {error}; fetch it anew") from error
     messages = read if isinstance(read, list) else [read]

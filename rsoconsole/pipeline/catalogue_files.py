@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rsoconsole.errors import OrbitError
+from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
 from rsoconsole.orbit.catalogue import CatalogueEntry, parse_catalogue
 
 
@@ -12,7 +13,7 @@ def read_catalogue(files: Sequence[Path]) -> tuple[CatalogueEntry, ...]:
     found: list[CatalogueEntry] = []
     for path in files:
         try:
-            text = path.read_text(encoding="utf-8")
+            text = read_foreign(path, most_bytes=MOST_DATA_BYTES)
         except FileNotFoundError as error:
             raise OrbitError(f"{path} does not exist: name a file of element sets") from error
         except (OSError, UnicodeDecodeError) as error:

@@ -1,6 +1,5 @@
 """The directions of one object, from a session's track or from a file of observations."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ import numpy as np
 
 from rsoconsole.config import Config, LimitsConfig
 from rsoconsole.errors import OrbitError, SessionError
+from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
 from rsoconsole.orbit.join import together
 from rsoconsole.orbit.sightings import Sightings, sightings
 from rsoconsole.pipeline.tracks_taken import TracksTaken
@@ -123,7 +123,7 @@ def _tracks(reader: SessionReader) -> list[list[Measurement]]:
 
 def _read_file(path: Path, sigma_arcsec: float) -> Observed:
     try:
-        read = json.loads(path.read_text(encoding="utf-8"))
+        read = json_of(read_foreign(path, most_bytes=MOST_DATA_BYTES))
     except FileNotFoundError as error:
         raise OrbitError(
             f"{path} does not exist: name a session's folder or a file of observations"

@@ -17,6 +17,7 @@ from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_typ
 import numpy as np
 
 from rsoconsole.errors import SessionError
+from rsoconsole.foreign_text import json_of
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Reason, Told
 from rsoconsole.records import OFF_RECORD, Record
@@ -53,7 +54,7 @@ def decode(
     if record_type is None:
         raise SessionError(f"this version knows no record {kind!r}: update rsoconsole")
     try:
-        decoded: Record = _decoder(record_type)(upgraded(kind, json.loads(body)))
+        decoded: Record = _decoder(record_type)(upgraded(kind, json_of(body)))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise SessionError(f"a {kind} of this session is damaged: {error}") from error
     return decoded

@@ -7,11 +7,11 @@ measurement a track took is told by the track's own innovation, the two that beg
 slope; both were exact when they were written.
 """
 
-import json
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple, assert_never
 
+from rsoconsole.foreign_text import json_of
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Cause, Missed, Reason, Told
 from rsoconsole.records import (
@@ -87,7 +87,7 @@ def decode_old(kind: str, body: str) -> Record:
 
 def is_without_ids(kind: str, body: str) -> bool:
     """Whether a record is one of schema 1 to 3: it has no id where today's has one."""
-    return not _NO_ID.get(kind, {}).keys() <= json.loads(body).keys()
+    return not _NO_ID.get(kind, {}).keys() <= json_of(body).keys()
 
 
 def decode_recorded(kind: str, body: str) -> Record:

@@ -8,7 +8,6 @@ the reader's own connection; its file is not touched. A branch (``meta`` names i
 it branches from) is read as a session; files that it does not hold itself are that session's.
 """
 
-import json
 import os
 import shutil
 import sqlite3
@@ -25,6 +24,7 @@ from pydantic import ValidationError
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
+from rsoconsole.foreign_text import json_of
 from rsoconsole.records import Event, Record
 from rsoconsole.session.codec import KINDS
 from rsoconsole.session.database import connect_to_read, finish_copy
@@ -130,7 +130,7 @@ class SessionReader:
         """
         rows = self._fetch("SELECT key, value FROM meta")
         try:
-            return {key: json.loads(value) for key, value in rows}
+            return {key: json_of(value) for key, value in rows}
         except (ValueError, TypeError, RecursionError) as error:
             raise SessionError(
                 f"what {self.folder} says of itself is damaged (table meta: {error}): 'rsoconsole"
@@ -274,7 +274,10 @@ class SessionReader:
         The folder need not exist: branches may be carried away from their session.
         """
         rows = self._fetch("SELECT value FROM meta WHERE key = 'branch_of'")
-        named = json.loads(rows[0][0]) if rows else None
+        try:
+            named = json_of(rows[0][0]) if rows else None
+        except (ValueError, TypeError):
+            return None
         if not isinstance(named, str) or not named or Path(named).is_absolute():
             return None
         folder = (self.folder / named).resolve()

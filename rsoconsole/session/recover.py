@@ -5,12 +5,10 @@ it cannot read, and page by page, which finds rows that no table leads to any mo
 """
 
 import errno
-import json
 import os
 import shutil
 import sqlite3
 import struct
-import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
@@ -19,6 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from rsoconsole.errors import SessionError
+from rsoconsole.foreign_text import json_of, read_foreign, toml_of
 from rsoconsole.session.codec import KINDS
 from rsoconsole.session.contents import content_fault
 from rsoconsole.session.database import connect_to_write, create_database, leave_wal
@@ -218,7 +217,7 @@ def _take_log(read: _Read, row: tuple[Any, ...]) -> None:
     if not is_shaped:
         return
     try:
-        decode_old(kind, body) if kind in KINDS else json.loads(body)
+        decode_old(kind, body) if kind in KINDS else json_of(body)
     except (SessionError, ValueError):
         return
     read.log.setdefault(seq, (seq, t_utc_ns, kind, frame_id, body))
@@ -257,7 +256,7 @@ def _take_file(read: _Read, row: Fields) -> None:
 
 def _is_json(value: object) -> bool:
     try:
-        json.loads(value)  # type: ignore[arg-type]
+        json_of(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         return False
     return True
@@ -265,10 +264,10 @@ def _is_json(value: object) -> bool:
 
 def _facts(meta: dict[str, str], folder: Path, log: Iterable[Row]) -> dict[str, Any]:
     """What the session said of itself; its configuration from the file beside where need be."""
-    facts = {key: json.loads(value) for key, value in meta.items()}
+    facts = {key: json_of(value) for key, value in meta.items()}
     if not isinstance(facts.get("config"), dict):
         with suppress(OSError, ValueError):
-            facts["config"] = tomllib.loads((folder / CONFIG).read_text(encoding="utf-8"))
+            facts["config"] = toml_of(read_foreign(folder / CONFIG))
     facts.setdefault("title", folder.name)
     if DIGEST_KEY in facts:
         facts["damaged_log_digest"] = facts.pop(DIGEST_KEY)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.errors import SessionError
+from rsoconsole.foreign_text import json_of
 from rsoconsole.session.frame_files import sync_folder, write_durably
 from rsoconsole.sky.times import utc_ns_to_iso
 
@@ -38,7 +39,7 @@ def parse_notes(content: bytes) -> list[Note]:
     notes: list[Note] = []
     for line in content.decode("utf-8", errors="replace").splitlines():
         try:
-            note = json.loads(line)
+            note = json_of(line)
         except ValueError:
             continue
         if isinstance(note, dict):

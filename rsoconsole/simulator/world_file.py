@@ -2,7 +2,6 @@
 
 import difflib
 import json
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from rsoconsole.errors import ConfigError
+from rsoconsole.foreign_text import read_foreign, toml_of
 from rsoconsole.simulator.world import World
 
 WHERE = "rsoconsole/simulator/README.md lists all settings"
@@ -34,13 +34,13 @@ class WorldSetting:
 def load_world(path: Path) -> World:
     """The world of a TOML file. Raises ConfigError that names every fault and its remedy."""
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = toml_of(read_foreign(path))
     except FileNotFoundError as error:
         raise ConfigError(
             f"{path} does not exist: name a TOML file with settings such as [stars] drift_px = 12,"
             " or take --world random"
         ) from error
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise ConfigError(
             f"{path} cannot be read as TOML ({error}): it holds sections and settings such as"
             " [stars] drift_px = 12"

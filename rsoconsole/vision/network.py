@@ -8,7 +8,6 @@ direction. Both ends follow; the box is what encloses them.
 import contextlib
 import hashlib
 import itertools
-import json
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.errors import ModelError
+from rsoconsole.foreign_text import json_of, read_foreign
 from rsoconsole.resources import model_resource
 from rsoconsole.vision.cores import threads_for
 from rsoconsole.vision.maps import (
@@ -292,7 +292,7 @@ def _files_of(path: Path | None) -> tuple[Path, Path]:
 
 def _read_card(path: Path) -> dict[str, Any]:
     try:
-        card = json.loads(path.read_text(encoding="utf-8"))
+        card = json_of(read_foreign(path))
     except (OSError, ValueError) as error:
         raise ModelError(
             f"{path}, which describes the network, cannot be read ({error}): {_REINSTALL}"

@@ -1,0 +1,49 @@
+"""Text that others wrote, read within bounds: kind of file, size, and depth of JSON and TOML.
+
+A pipe never ends to be read, and the readers of JSON and TOML follow every bracket one level down.
+"""
+
+import json
+import os
+import stat
+import tomllib
+from pathlib import Path
+from typing import Any
+
+MOST_BYTES = 8 << 20
+"""Far more than any configuration, keymap or card has."""
+MOST_DATA_BYTES = 256 << 20
+"""A whole catalogue of the sky, a season of measurements."""
+TOO_DEEP = "its brackets are nested too deeply"
+
+
+def read_foreign(path: Path, *, most_bytes: int = MOST_BYTES, encoding: str = "utf-8") -> str:
+    """The text of a plain file of at most so many bytes.
+
+    Raises OSError (also for what is no plain file, and for what is larger) and UnicodeDecodeError.
+    """
+    # A pipe that nobody writes to would be waited for already when it is opened.
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    with os.fdopen(descriptor, "rb") as file:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise OSError("it is no plain file")
+        content = file.read(most_bytes + 1)
+    if len(content) > most_bytes:
+        raise OSError(f"it is larger than {most_bytes >> 20} MB")
+    return content.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def json_of(text: str | bytes) -> Any:
+    """What a text of JSON says. Raises ValueError, also where it is nested too deeply."""
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError(TOO_DEEP) from error
+
+
+def toml_of(text: str) -> dict[str, Any]:
+    """What a text of TOML says. Raises ValueError, also where it is nested too deeply."""
+    try:
+        return tomllib.loads(text)
+    except RecursionError as error:
+        raise ValueError(TOO_DEEP) from error
