@@ -7,7 +7,7 @@ file, the command line. Units are in the names.
 import itertools
 import os
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -15,7 +15,9 @@ import platformdirs
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from rsoconsole.errors import ConfigError
+from rsoconsole.fault_text import nearest, plain_fault
 from rsoconsole.foreign_text import read_foreign, toml_of
+from rsoconsole.indi_port import INDI_PORT
 from rsoconsole.records import Site
 
 APP = "rsoconsole"
@@ -73,7 +75,7 @@ class IndiConfig(_Section):
     """The INDI server and the names of the devices on it."""
 
     host: str = "127.0.0.1"
-    port: int = Field(7624, ge=1, le=65535)
+    port: int = Field(INDI_PORT, ge=1, le=65535)
     mount: str = "Telescope Simulator"
     camera: str = "CCD Simulator"
     weather: str | None = Field(None, description="device whose WEATHER_STATUS ends the night")
@@ -493,7 +495,7 @@ def load_config(path: Path | None = None, overrides: Mapping[str, Any] | None = 
         return Config.model_validate(table)
     except ValidationError as error:
         faults = "; ".join(
-            f"{'.'.join(str(part) for part in fault['loc'])}: {fault['msg']}"
+            f"{'.'.join(str(part) for part in fault['loc'])}: {plain_fault(fault['msg'])}"
             for fault in error.errors()
         )
         raise ConfigError(f"{source}: {faults}") from error
@@ -507,12 +509,19 @@ def with_setting(config: Config, name: str, value: Any) -> Config:
     table = config.model_dump()
     section, _, key = name.partition(".")
     if key not in table.get(section, {}):
-        raise ConfigError(f"there is no setting {name!r}: 'rsoconsole config show' lists them")
+        raise ConfigError(unknown_setting(name, (each for each, _, _ in walk(config))))
     table[section][key] = value
     try:
         return Config.model_validate(table)
     except ValidationError as error:
-        raise ConfigError(f"{name} = {value}: {error.errors()[0]['msg']}") from error
+        raise ConfigError(f"{name} = {value}: {plain_fault(error.errors()[0]['msg'])}") from error
+
+
+def unknown_setting(name: str, known: Iterable[str]) -> str:
+    """That there is none of this name, with the one that was probably meant."""
+    near = nearest(name, known)
+    remedy = f"did you mean {near}?" if near else "'rsoconsole config show' lists them"
+    return f"there is no setting {name!r}: {remedy}"
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 
 from rsoconsole.config import CalibrationConfig, Config, default_config_path, load_config, walk
 from rsoconsole.errors import ConfigError
+from rsoconsole.fault_text import plain_fault
 from rsoconsole.foreign_text import read_foreign, toml_of
 
 Origin = Literal["default", "file", "command line"]
@@ -204,7 +205,7 @@ def _fault(found: Mapping[str, Any]) -> ConfigFault:
         remedy += ("; " if remedy else "") + f"the default is {default}"
     return ConfigFault(
         name=name,
-        problem=f"{given!r}: {found['msg']}",
+        problem=f"{given!r}: {plain_fault(found['msg'])}",
         remedy=remedy or "see 'rsoconsole config init' for the form of the file",
     )
 

@@ -231,3 +231,19 @@ def test_a_link_in_place_of_the_folder_is_refused(tmp_path: Path, monkeypatch):
     (tmp_path / "rsoconsole").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(ConfigError, match="is no folder: remove it"):
         runtime_dir()
+
+
+def test_check_names_the_file_that_it_read_or_says_that_there_is_none(tmp_path, monkeypatch):
+    from typer.testing import CliRunner
+
+    from rsoconsole.cli.app import app
+
+    path = tmp_path / "config.toml"
+    monkeypatch.setenv("RSOCONSOLE_CONFIG", str(path))
+    none = CliRunner().invoke(app, ["config", "check"])
+    assert none.exit_code == 0
+    assert f"there is no configuration file: {path} does not exist" in none.output
+    assert "Daytona Beach" in none.output
+    path.write_text("[site]\nname = 'Hill'\n", encoding="utf-8")
+    found = CliRunner().invoke(app, ["config", "check"])
+    assert found.output == f"{path}: the configuration is sound\n"

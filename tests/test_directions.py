@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -86,7 +87,7 @@ def test_an_hour_angle_stands_over_the_ground(text, degrees):
 @pytest.mark.parametrize(
     ("text", "ra", "dec"),
     [
-        ("ra 5 dec 4 52 10", 5.0, 4.869444),
+        ("ra 5d dec 4 52 10", 5.0, 4.869444),
         ("5h 4d52m10s", 75.0, 4.869444),
         ("12h 4°52'10\"", 180.0, 4.869444),
         ("5 32 11 dec 4", 83.045833, 4.0),
@@ -114,6 +115,51 @@ def test_altitude_and_azimuth_with_minutes(text, alt, az):
     assert seen == pytest.approx((alt, az), abs=1e-5)
 
 
+def test_a_bare_number_below_24_is_shown_both_ways_and_taken_neither():
+    with pytest.raises(ValueError, match=r"hours \(α 20:54:00\) or degrees \(α 01:23:36\)"):
+        understand("20.9 -4.8", SITE, NOW)
+    hours, degrees = (understand(f"20.9{unit} -4.8", SITE, NOW) for unit in "hd")
+    assert hours.ra_icrs_deg == pytest.approx(313.5)
+    assert degrees.ra_icrs_deg == pytest.approx(20.9)
+    # 24 and more can be degrees alone, 0 is the same in both.
+    assert understand("24.5 -4.8", SITE, NOW).ra_icrs_deg == 24.5
+    assert understand("0 -4.8", SITE, NOW).ra_icrs_deg == 0.0
+
+
+@pytest.mark.parametrize("text", ["M31", "m 31", "Messier 31", "M031"])
+def test_messiers_objects_are_found_by_number(text):
+    found = understand(text, SITE, NOW)
+    one_arcmin = 1.0 / 60.0
+    andromeda = (10.6847, 41.2688)
+    assert separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, *andromeda) < one_arcmin
+
+
+def test_there_is_no_messier_111():
+    with pytest.raises(ValueError, match="no star known here"):
+        understand("M111", SITE, NOW)
+
+
+@pytest.mark.parametrize(
+    "name", ["Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Neptune"]
+)
+def test_moon_and_planets_stand_where_an_ephemeris_has_them(name):
+    import skyfield_data
+    from skyfield.api import load, load_file, wgs84
+
+    ephemeris = load_file(str(Path(skyfield_data.__file__).parent / "data" / "de421.bsp"))
+    site = wgs84.latlon(SITE.latitude_deg, SITE.longitude_deg, SITE.elevation_m)
+    body = "JUPITER BARYCENTER" if name == "Jupiter" else name.upper()
+    body = f"{name.upper()} BARYCENTER" if name in {"Mars", "Saturn", "Neptune"} else body
+    seconds = NOW / 1e9
+    instant = load.timescale(builtin=True).utc(1970, 1, 1, 0, 0, seconds)
+    ra, dec, _ = (ephemeris["earth"] + site).at(instant).observe(ephemeris[body]).radec()
+    ephemeris.close()
+    found = understand(name, SITE, NOW)
+    two_arcmin = 2.0 / 60.0
+    place = (ra._degrees, dec.degrees)
+    assert separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, *place) < two_arcmin
+
+
 def test_a_name_may_have_digits_and_begin_with_any_letter():
     for text in ("SDS 2-1", "D 5", "h 12 3"):
         with pytest.raises(ValueError, match="no star known here"):
@@ -125,7 +171,7 @@ def test_a_name_may_have_digits_and_begin_with_any_letter():
 def test_what_the_console_writes_it_understands(ra, dec):
     found = understand(f"{format_ra(ra, 2)} {format_dec(dec, 1)}", SITE, NOW)
     assert separation_deg(found.ra_icrs_deg, found.dec_icrs_deg, ra, dec) < 0.2 * ARCSEC
-    plain = understand(f"{ra:.6f} {dec:+.6f}", SITE, NOW)
+    plain = understand(f"{ra:.6f}d {dec:+.6f}", SITE, NOW)
     assert separation_deg(plain.ra_icrs_deg, plain.dec_icrs_deg, ra, dec) < 0.01 * ARCSEC
 
 
@@ -146,6 +192,9 @@ def test_what_the_console_writes_it_understands(ra, dec):
         ("alt 47 dec 5", "do not go together"),
         ("ra 5 ra 6", "more than two"),
         ("ra 5 dec", "no value"),
+        ("20.9 -4.8", "write 20.9h or 20.9d"),
+        ("ra 5 dec -5", "write 5h or 5d"),
+        ("the Sun", "no telescope is sent to the Sun"),
         ("Rigle", "no star known here"),
         ("NOSAT 1", "catalogue.tle_files"),
     ],

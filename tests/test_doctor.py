@@ -221,6 +221,7 @@ def test_the_mounts_site_is_held_against_the_configured_one(
     assert says in check.detail
     if not ok:
         assert "LAT=29.29;LONG=278.95;ELEV=10'" in check.remedy
+        assert f"indi_setprop -p {indi_server} 'Telescope" in check.remedy
 
 
 def test_a_mount_that_does_not_tell_its_site_is_no_failure(

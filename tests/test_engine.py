@@ -334,7 +334,7 @@ def test_the_same_false_streak_in_every_frame_does_not_hold_the_search():
 
 @pytest.mark.parametrize(
     ("name", "value", "word"),
-    [("site.latitude_deg", 10.0, "tunable are"), ("detector.tau", 2.0, "less than 1")],
+    [("site.latitude_deg", 10.0, "write it into"), ("detector.tau", 2.0, "below 1")],
 )
 def test_what_cannot_be_set_is_refused_with_the_reason(name, value, word):
     with pytest.raises(ValueError, match=word):

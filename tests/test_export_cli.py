@@ -93,6 +93,13 @@ def test_wrong_usage_is_told_from_what_cannot_be_done(arguments, says):
     assert run.stdout == ""
 
 
+def test_a_folder_that_is_made_is_named(session: Path, tmp_path: Path):
+    path = tmp_path / "for" / "others" / "night.csv"
+    for expected in (f"created the folder {path.parent}\n", ""):
+        run = rsoconsole("export", session, "--format", "csv", "--out", path, "--force")
+        assert (run.returncode, run.stderr) == (0, expected)
+
+
 def test_what_cannot_be_done_is_one_line():
     run = rsoconsole("export", SCHEMA_1, "--format", "iod", "--out", "-", "--track", "3")
     assert run.returncode == 1

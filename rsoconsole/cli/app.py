@@ -22,6 +22,7 @@ from rsoconsole.cli import (
     telescope,
     what_if,
 )
+from rsoconsole.cli.usage import USAGE_EXIT, UsageError, help_of, is_help, usage_line
 from rsoconsole.config import APP
 from rsoconsole.errors import RsoconsoleError
 
@@ -70,7 +71,16 @@ def main() -> None:
     """Entry point: an operator never sees a traceback, the log has it."""
     log_path = _open_log()
     try:
-        app()
+        sys.exit(app(standalone_mode=False, prog_name=APP))
+    except UsageError as error:
+        if is_help(error):
+            print(help_of(error), end="", file=sys.stderr)
+        else:
+            print(usage_line(error), file=sys.stderr)
+        sys.exit(USAGE_EXIT)
+    except typer.Abort:
+        print(f"{APP}: interrupted", file=sys.stderr)
+        sys.exit(130)
     except RsoconsoleError as error:
         log.error("%s", error)
         print(f"{APP}: {error}", file=sys.stderr)

@@ -12,6 +12,8 @@ from rsoconsole.errors import ExportError
 
 AnyFormat: TypeAlias = Literal["csv", "ecsv", "jsonl", "tdm", "iod", "fits", "regions", "html"]
 STDOUT = "-"
+FOLDER_KINDS = ("fits", "regions")
+"""A folder of files, one a frame."""
 
 
 def register(app: typer.Typer) -> None:
@@ -85,7 +87,7 @@ def export(
     Example: rsoconsole export sessions/intelsat-14 --format tdm --norad 36097 --out -
     """
     wish = _Wish(session=session, kind=format_, out=out, is_forced=force)
-    if out == STDOUT and (json_ or format_ in {"fits", "regions"}):
+    if out == STDOUT and (json_ or format_ in FOLDER_KINDS):
         raise typer.BadParameter(
             "--out - prints one text: not with --json, not for fits or regions"
         )
@@ -116,6 +118,7 @@ def _export(wish: _Wish, options: Any, json_: bool) -> None:
     from rsoconsole.export import render
 
     kind: Any = wish.kind
+    new_folder = _folder_to_make(wish)
     if wish.out == STDOUT:
         text, made = render(wish.session, kind, options)
         typer.echo(text, nl=False)
@@ -136,9 +139,26 @@ def _export(wish: _Wish, options: Any, json_: bool) -> None:
     elif wish.out != STDOUT:
         for path in made.files:
             output.say(str(path))
+    _tell_folder(new_folder)
     _tell_what_is_not_in_it(made)
     if made.format in {"tdm", "iod"} and not options.target.is_known:
         _tell_name(wish.session)
+
+
+def _folder_to_make(wish: _Wish) -> Path | None:
+    """The folder that --out names and that is not there yet; None where there is nothing to make.
+
+    The session's own folder for exports needs no word.
+    """
+    if wish.out is None or wish.out == STDOUT:
+        return None
+    folder = Path(wish.out) if wish.kind in FOLDER_KINDS else Path(wish.out).parent
+    return None if folder.exists() else folder
+
+
+def _tell_folder(folder: Path | None) -> None:
+    if folder is not None:
+        output.complain(f"created the folder {folder}")
 
 
 def _tell_name(session: Path) -> None:
@@ -169,7 +189,9 @@ def _report(wish: _Wish, json_: bool) -> None:
         typer.echo(report.html, nl=False)
         return
     path = default_path(wish.session, "html") if wish.out is None else Path(wish.out)
+    new_folder = _folder_to_make(wish)
     write_file(path, report.html.encode("utf-8"), is_forced=wish.is_forced)
+    _tell_folder(new_folder)
     if json_:
         output.emit_json(
             {

@@ -7,7 +7,7 @@ import typer
 
 from rsoconsole.cli import output
 from rsoconsole.cli.options import ConfigOption, JsonOption
-from rsoconsole.config import load_config
+from rsoconsole.config import default_config_path, load_config
 
 config_app = typer.Typer(
     no_args_is_help=True, help="The effective configuration: show, init, check."
@@ -122,7 +122,24 @@ def config_check(config: ConfigOption = None, json_: JsonOption = False) -> None
         output.complain(f"rsoconsole: {len(faults)} fault(s) in the configuration")
         raise typer.Exit(1)
     if not json_:
-        output.say("the configuration is sound")
+        output.say("\n".join(sound_lines(config)))
+
+
+def sound_lines(config: Path | None) -> list[str]:
+    """Which file was read and found sound; without one, what holds in its place."""
+    path = config or default_config_path()
+    if path.exists():
+        return [f"{path}: the configuration is sound"]
+    settings = load_config(config)
+    site, optics, indi = settings.site, settings.optics, settings.indi
+    return [
+        f"there is no configuration file: {path} does not exist, and the defaults hold",
+        f"  site    {site.name}, latitude {site.latitude_deg:g}, longitude {site.longitude_deg:g}",
+        f"  optics  {optics.focal_length_mm:g} mm, {optics.pixel_um:g} µm,"
+        f" {optics.width_px} x {optics.height_px} px",
+        f"  INDI    {indi.host}:{indi.port}, {indi.mount}, {indi.camera}",
+        "'rsoconsole config init' writes a file to change them in",
+    ]
 
 
 @index_app.command("list")

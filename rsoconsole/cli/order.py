@@ -15,6 +15,7 @@ import typer
 from rsoconsole.cli import output
 from rsoconsole.cli.options import JsonOption, SocketOption
 from rsoconsole.control import COMMANDS, Command
+from rsoconsole.control.commands import Set
 from rsoconsole.errors import ControlError
 
 
@@ -46,7 +47,9 @@ def verb_function(command: type[Command]) -> Callable[..., None]:
             for name, value in given.items()
             if value is not None
         }
-        send(command(**values), verb_of(command), socket, json_=json_)
+        wanted = command(**values)
+        _check(wanted)
+        send(wanted, verb_of(command), socket, json_=json_)
 
     verb.__doc__ = f"{command.shell_help}\n\nExample: {command.shell}"
     verb.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -68,6 +71,18 @@ def send(command: Command, verb: str, socket: Path | None, *, json_: bool) -> No
         raise ControlError(outcome.message or f"the engine refused '{verb}' without a reason")
     if not json_:
         output.say(outcome.message)
+
+
+def _check(command: Command) -> None:
+    """Raises BadParameter for what no engine could carry out: nothing need be sent for that."""
+    from rsoconsole.engine.tunables import check_tunable
+
+    try:
+        command.check()
+        if isinstance(command, Set):
+            check_tunable(command.name)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
 
 
 def _shell_name(each: "Field[Any]") -> str:

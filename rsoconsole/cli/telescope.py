@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rsoconsole.cli import order, output
+from rsoconsole.cli import go_to, order, output
 from rsoconsole.cli.options import (
     ConfigOption,
     JsonOption,
@@ -27,6 +27,7 @@ def register(app: typer.Typer) -> None:
     app.command()(engine)
     app.command()(status)
     order.register(app)
+    go_to.register(app)
     app.command()(stop)
 
 

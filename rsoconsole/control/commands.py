@@ -168,13 +168,9 @@ class Goto(Command):
     title = "go to"
     is_urgent = True
     moves_mount = True
-    shell = "rsoconsole goto 83.05 -4.87"
-    shell_help = (
-        "Move the telescope by hand, within its limits; autonomy waits until 'rsoconsole resume'."
-    )
 
-    ra_icrs_deg: float = argument(shell="ra", help_="Right ascension, ICRS, degrees.")
-    dec_icrs_deg: float = argument(shell="dec", help_="Declination, ICRS, degrees.")
+    ra_icrs_deg: float
+    dec_icrs_deg: float
     override: tuple[str, ...] = argument(default=(), help_=OVERRIDE_HELP)
 
     def check(self) -> None:

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsoconsole import setup_check
-from rsoconsole.config import Config, SiteConfig
+from rsoconsole.config import Config, IndiConfig, SiteConfig
 from rsoconsole.engine import doctor_calibration, doctor_indi, doctor_machine, doctor_system
 from rsoconsole.engine.doctor_check import Check
 from rsoconsole.engine.retention import DISK_REMEDY, disk_outlook
 from rsoconsole.errors import InstrumentError, RsoconsoleError
+from rsoconsole.indi_port import indi_port_option
 from rsoconsole.instruments.clock import SystemClock
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import separation_deg
@@ -259,8 +260,8 @@ def check_indi_server(config: Config) -> Check:
             check="INDI server",
             ok=False,
             detail=f"nothing answers at {address}: {error}",
-            remedy="start indiserver with your mount's and camera's drivers, or set indi.host and "
-            "indi.port; 'rsoconsole demo' brings its own",
+            remedy=f"start indiserver{indi_port_option(indi.port)} with your mount's and camera's"
+            " drivers, or set indi.host and indi.port; 'rsoconsole demo' brings its own",
         )
     if missing := wanted - found:
         names = [f"indi.{name}" for name, device in settings.items() if device in missing]
@@ -296,10 +297,16 @@ def check_mount_site(config: Config) -> Check:
         f"LAT={own.latitude_deg:g};LONG={own.longitude_deg % 360.0:g};ELEV={own.elevation_m:g}"
     )
     remedy = (
-        "correct site.latitude_deg and site.longitude_deg, or tell the mount: indi_setprop "
-        f"'{indi.mount}.GEOGRAPHIC_COORD.{told_by}'"
+        "correct site.latitude_deg and site.longitude_deg, or tell the mount: indi_setprop"
+        f"{_indi_options(indi)} '{indi.mount}.GEOGRAPHIC_COORD.{told_by}'"
     )
     return Check(check=name, ok=False, detail=detail, remedy=remedy)
+
+
+def _indi_options(indi: IndiConfig) -> str:
+    """What indi_setprop must be given to reach the configured server; nothing for the usual one."""
+    host = "" if indi.host in {"127.0.0.1", "localhost"} else f" -h {indi.host}"
+    return host + indi_port_option(indi.port)
 
 
 def check_clock() -> Check:

@@ -1,6 +1,6 @@
 """The settings that may change while the loop runs, and the record of a change."""
 
-from rsoconsole.config import Config, with_setting
+from rsoconsole.config import Config, unknown_setting, walk, with_setting
 from rsoconsole.errors import ConfigError
 from rsoconsole.records import ParameterChange
 
@@ -41,12 +41,23 @@ TUNABLE = {
 
 def changed(config: Config, name: str, value: float | str) -> Config:
     """The configuration with one tunable set. Raises ValueError naming what is allowed."""
-    if name not in TUNABLE:
-        raise ValueError(f"{name} cannot be tuned; tunable are {', '.join(sorted(TUNABLE))}")
+    check_tunable(name)
     try:
         return with_setting(config, name, value)
     except ConfigError as error:
         raise ValueError(str(error)) from error
+
+
+def check_tunable(name: str) -> None:
+    """Raises ValueError, with the remedy, for what cannot be changed while the loop runs."""
+    if name in TUNABLE:
+        return
+    if name in {each for each, _, _ in walk(Config())}:
+        raise ValueError(
+            f"{name} does not change while the engine runs: write it into the configuration file"
+            " and start the engine again"
+        )
+    raise ValueError(unknown_setting(name, sorted(TUNABLE)))
 
 
 def change_record(before: Config, after: Config, name: str, by: str) -> ParameterChange:

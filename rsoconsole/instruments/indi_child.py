@@ -23,6 +23,7 @@ import numpy as np
 import PyIndi
 
 from rsoconsole.errors import InstrumentError, RsoconsoleError
+from rsoconsole.indi_port import indi_port_option
 from rsoconsole.instruments.indi_process import END, SERVER_LOST, WAITING
 from rsoconsole.instruments.process_memory import forget_contents
 
@@ -121,7 +122,9 @@ class IndiClient(PyIndi.BaseClient):  # type: ignore[misc]
         self.watchDevice(self.device)
         mouth.say({"event": WAITING, "what": f"the INDI server at {host}:{port} to answer"})
         if not self.connectServer():
-            raise InstrumentError(f"no INDI server answers at {host}:{port}: start indiserver")
+            raise InstrumentError(
+                f"no INDI server answers at {host}:{port}: start indiserver{indi_port_option(port)}"
+            )
         self._ready = True
         self._await_device(order, mouth)
         if not self._vectors["CONNECTION"].values.get("CONNECT"):

@@ -12,6 +12,7 @@ from xml.etree import ElementTree as ET
 from xml.sax.saxutils import escape, quoteattr
 
 from rsoconsole.errors import InstrumentError
+from rsoconsole.indi_port import indi_port_option
 from rsoconsole.instruments.after_stop import AfterStop, tracking_after_stop
 from rsoconsole.instruments.ports import StopResult
 
@@ -49,7 +50,8 @@ class IndiWire:
             self._socket = socket.create_connection((host, port), timeout_s)
         except OSError as error:
             raise InstrumentError(
-                f"no INDI server answers at {host}:{port} ({error}): start indiserver"
+                f"no INDI server answers at {host}:{port} ({error}): "
+                f"start indiserver{indi_port_option(port)}"
             ) from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._address = f"{host}:{port}"

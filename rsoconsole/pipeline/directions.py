@@ -1,7 +1,9 @@
 """What people type when they want a telescope to look somewhere, understood.
 
 Two coordinates in any usual notation (equatorial, ICRS or of date; altitude and azimuth; hour
-angle and declination), a satellite of a loaded element file by name or number, a bright star.
+angle and declination), a satellite of a loaded element file by name or number, a bright star, an
+object of Messier's list, the Moon, a planet. Nothing is guessed: an angle that may be hours or
+degrees is refused with both readings.
 """
 
 import re
@@ -23,17 +25,27 @@ from rsoconsole.pipeline.written_angles import (
     without_labels,
 )
 from rsoconsole.records import Site
-from rsoconsole.sky.angles import parse_dec_deg, parse_ra_deg, parse_sexagesimal, wrap_180
+from rsoconsole.sky.angles import (
+    format_ra,
+    parse_dec_deg,
+    parse_ra_deg,
+    parse_sexagesimal,
+    wrap_180,
+)
 from rsoconsole.sky.frames import altaz_to_icrs, icrs_of_hour_angle, jnow_to_icrs
+from rsoconsole.sky.messier import MESSIER
+from rsoconsole.sky.moon import moon_icrs
 from rsoconsole.sky.named_stars import NAMED_STARS
+from rsoconsole.sky.planets import PLANETS, planet_icrs
 from rsoconsole.sky.times import NS_PER_DAY
 
 USAGE = (
     "write it like 05 32 11 -4 52 10, 83.05 -4.87, 05:32:11 -04:52:10 of date, alt 47 az 201, "
-    "ha -2:30 dec -5, or a name"
+    "ha -2:30 dec -5, or a name (a satellite, a star, M31, Moon, Jupiter)"
 )
 _OF_DATE = re.compile(r"\b(of date|jnow|apparent)\b", re.IGNORECASE)
 _ICRS = re.compile(r"\b(j2000(\.0)?|icrs|fk5)\b", re.IGNORECASE)
+_MESSIER = re.compile(r"(?:m|messier)0*(\d{1,3})")
 _LETTERS = re.compile(r"[^\W\d_]")
 _UNITS = "hdms°'\"′″: ,\t°ᵈʰᵐˢ+-−."
 MANY_NAMES = 4
@@ -66,9 +78,9 @@ class Names:
     def find(self, text: str, site: Site, t_utc_ns: int) -> Understood:
         """The one that is meant. Raises ValueError where none is, or several are."""
         wanted = _plain(text)
-        for name, (ra, dec) in NAMED_STARS.items():
-            if _plain(name) == wanted:
-                return Understood(words=f"{name}, a star", ra_icrs_deg=ra, dec_icrs_deg=dec)
+        fixed = _of_the_sky(wanted, site, t_utc_ns)
+        if fixed is not None:
+            return fixed
         nearest = nearest_in_epoch_of_each(self._entries, t_utc_ns)
         exact = [e for e in nearest if wanted in {_plain(e.name), str(e.norad_id)}]
         like = exact or [e for e in nearest if wanted and _plain(e.name).startswith(wanted)]
@@ -80,6 +92,32 @@ class Names:
             raise ValueError(f"{text.strip()!r} may be {names}{more}: write more of it")
         loaded = f"{len(nearest)} satellites" if nearest else "any file of catalogue.tle_files"
         raise ValueError(f"{text.strip()!r} is no star known here, nor in {loaded}; {USAGE}")
+
+
+def _of_the_sky(wanted: str, site: Site, t_utc_ns: int) -> Understood | None:
+    """A star, an object of Messier's list, the Moon or a planet; None where it is none of them.
+
+    Raises ValueError for the Sun.
+    """
+    if wanted in {"sun", "thesun"}:
+        raise ValueError("no telescope is sent to the Sun from here")
+    for name, (ra, dec) in NAMED_STARS.items():
+        if _plain(name) == wanted:
+            return Understood(words=f"{name}, a star", ra_icrs_deg=ra, dec_icrs_deg=dec)
+    listed = _MESSIER.fullmatch(wanted)
+    if listed is not None and int(listed[1]) in MESSIER:
+        number = int(listed[1])
+        ra, dec = MESSIER[number]
+        return Understood(words=f"M{number} of Messier's list", ra_icrs_deg=ra, dec_icrs_deg=dec)
+    if wanted in {"moon", "themoon"}:
+        ra, dec = moon_icrs(site, t_utc_ns)
+        words = "the Moon, as it stands now"
+        return Understood(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
+    for name in PLANETS:
+        if _plain(name) == wanted:
+            ra, dec = planet_icrs(name, t_utc_ns)
+            return Understood(words=f"{name}, a planet", ra_icrs_deg=ra, dec_icrs_deg=dec)
+    return None
 
 
 def understand(text: str, site: Site, t_utc_ns: int, names: Names | None = None) -> Understood:
@@ -114,6 +152,7 @@ def understand(text: str, site: Site, t_utc_ns: int, names: Names | None = None)
     if first.kind == "dec" or second.kind == "ra":
         first, second = second, first
     is_degrees = is_marked(first.text, "°", "d")
+    _refuse_ambiguous(first.text)
     ra = _ra_of_degrees(first.text) if is_degrees else parse_ra_deg(first.text)
     dec = parse_dec_deg(second.text)
     if _OF_DATE.search(plain):
@@ -135,6 +174,20 @@ def _horizontal(first: WrittenAngle, second: WrittenAngle, site: Site, t_utc_ns:
     ra, dec = altaz_to_icrs(site, alt, az % 360.0, t_utc_ns)
     return Understood(
         words="altitude and azimuth, as it stands now", ra_icrs_deg=ra, dec_icrs_deg=dec
+    )
+
+
+def _refuse_ambiguous(text: str) -> None:
+    """Raises ValueError for one bare number that may be hours or degrees, with both readings."""
+    if number_of_fields(text) != 1 or is_marked(text, "°", "d", "h", "ʰ"):
+        return
+    value = parse_sexagesimal(text)
+    if not 0.0 < value < 24.0:
+        return
+    number = text.strip()
+    raise ValueError(
+        f"{number} may be hours (α {format_ra(15.0 * value, 0)}) or degrees"
+        f" (α {format_ra(value, 0)}): write {number}h or {number}d"
     )
 
 

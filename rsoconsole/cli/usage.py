@@ -1,0 +1,42 @@
+"""Wrong usage in one line: which verb, what is wrong, what to write instead."""
+
+from typing import Any
+
+import typer
+
+from rsoconsole.config import APP
+from rsoconsole.fault_text import nearest, plain_fault
+
+USAGE_EXIT = 2
+# Some versions of typer carry a click of their own: its classes are found through typer's.
+UsageError: type[Exception] = typer.BadParameter.__mro__[1]
+
+
+def usage_line(error: Any) -> str:
+    """One line for a person; ends with the remedy."""
+    context = error.ctx
+    path = context.command_path if context is not None else APP
+    words = plain_fault(error.format_message().replace("\n", " "))
+    words = _near_option(words, error)
+    remedy = "" if "?" in words else f": '{path} --help' shows an example"
+    return f"{path}: {words[:1].lower()}{words[1:]}{remedy}"
+
+
+def is_help(error: Any) -> bool:
+    """Whether nothing is wrong but that nothing was asked: help is what is wanted."""
+    return type(error).__name__ == "NoArgsIsHelpError"
+
+
+def help_of(error: Any) -> str:
+    """The help that is wanted; empty where typer has printed it by itself, in boxes."""
+    return error.ctx.get_help() or ""
+
+
+def _near_option(words: str, error: Any) -> str:
+    """A wrong option with the one that was meant, where there is a likely one."""
+    if type(error).__name__ != "NoSuchOption" or error.ctx is None:
+        return words
+    options = [each for one in error.ctx.command.params for each in one.opts if each[:2] == "--"]
+    near = nearest(error.option_name, options)
+    plain = f"no such option: {error.option_name}"
+    return f"{plain}: did you mean {near}?" if near else plain

@@ -1,0 +1,51 @@
+"""What the library that reads settings and options says of a value, in the program's own words."""
+
+import difflib
+import re
+from collections.abc import Iterable
+
+_PHRASES: tuple[tuple[str, str], ...] = (
+    (r"Input should be a valid number, unable to parse string as a number", "must be a number"),
+    (
+        r"Input should be a valid integer, (?:unable to parse string as an integer"
+        r"|got a number with a fractional part)",
+        "must be a whole number",
+    ),
+    (r"Input should be a valid boolean, unable to interpret input", "must be true or false"),
+    (r"Input should be a valid (integer|list|tuple|number|string|boolean)", r"must be a \1"),
+    (r"Input should be a finite number", "must be a number that can be worked with"),
+    (r"Input should be greater than or equal to", "must be at least"),
+    (r"Input should be less than or equal to", "must be at most"),
+    (r"Input should be greater than", "must be above"),
+    (r"Input should be less than", "must be below"),
+    (r"Input should be", "must be"),
+    (r"Extra inputs are not permitted", "there is no such setting"),
+    (r"Field required", "is missing"),
+    (r"Value error, ", ""),
+    (r"\. Did you mean", ": did you mean"),
+    (r"must be a integer", "must be a whole number"),
+)
+
+
+def plain_fault(message: str) -> str:
+    """The same fault in plain words."""
+    for pattern, words in _PHRASES:
+        message = re.sub(pattern, words, message)
+    return message.strip().rstrip(".")
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that was probably meant; of dotted ones the last part alone will do.
+
+    None where nothing is near.
+    """
+    names = list(known)
+    same_end = [each for each in names if each.rpartition(".")[2] == name.lower()]
+    if len(same_end) == 1:
+        return same_end[0]
+    by_end = {each.rpartition(".")[2]: each for each in names}
+    near_end = difflib.get_close_matches(name, by_end, n=1, cutoff=0.75)
+    near = difflib.get_close_matches(name, names, n=1)
+    if near_end:
+        return by_end[near_end[0]]
+    return near[0] if near else None
