@@ -157,15 +157,22 @@ def _result(result: CommandResult) -> str:  # noqa: PLR0911 -- one case a kind
         case "ruled":
             return f"frame {result.frame_id}: {ruled_text(result)}"
         case "stopped":
-            return f"stopped in {result.stop_ms or 0.0:.0f} ms by {result.stop_path}"
+            return (
+                f"stopped in {result.stop_ms or 0.0:.0f} ms by {result.stop_path}{_ordered(result)}"
+            )
         case "refused":
             return f"refused: {result.detail}"
         case "dropped":
             return _DROPPED[result.dropped_by or "STOP"]
         case "failed":
-            return f"NOT confirmed: {result.detail}"
+            return f"NOT confirmed: {result.detail}{_ordered(result)}"
         case _:
             assert_never(result.kind)
+
+
+def _ordered(result: CommandResult) -> str:
+    """When a STOP was ordered; what came of it is another thing."""
+    return "" if result.stop_ordered_ms is None else f"; ordered in {result.stop_ordered_ms:.0f} ms"
 
 
 def ruled_text(result: CommandResult) -> str:

@@ -380,8 +380,10 @@ class CommandResult:
     dropped_by: DroppedBy | None = None
     """What undid it while it waited."""
     stop_ms: float | None = None
-    """How long a STOP took, and its way to the mount."""
+    """How long it took until the mount confirmed a STOP, and its way to the mount."""
     stop_path: str = ""
+    stop_ordered_ms: float | None = None
+    """How long it took until ABORT was on its way to the mount; None: not known, or never."""
     ruled: RuledKind | None = None
     """What the operator's word on a frame came to."""
     frame_id: int | None = None

@@ -94,7 +94,7 @@ class PlainMount:
             pier_side=self.pier_side,
         )
 
-    def abort(self, timeout_s: float = 2.0) -> StopResult:
+    def abort(self, timeout_s: float = 2.0, *, on_news: Any = None) -> StopResult:
         self.aborts += 1
         return StopResult(stopped=True, ms=1.0, path="mount")
 

@@ -83,7 +83,7 @@ def test_after_stop_no_order_reaches_the_mount_any_more(moment):
         if moment == "slew":
             stop_now()
 
-    def heard_abort(timeout_s: float = 2.0) -> StopResult:
+    def heard_abort(timeout_s: float = 2.0, **_: Any) -> StopResult:
         heard.append("abort")
         return abort(timeout_s)
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -418,7 +419,7 @@ def test_what_is_wished_while_a_stop_talks_to_the_mount_waits_until_it_is_over()
     abort = r.mount.abort
     order: list[str] = []
 
-    def slow_abort(timeout_s: float = 2.0) -> StopResult:
+    def slow_abort(timeout_s: float = 2.0, **_: Any) -> StopResult:
         if not order:
             order.append("stop begins")
             desk.handle(asked("park"))

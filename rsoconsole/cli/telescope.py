@@ -89,6 +89,8 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
     if machine.cpu_temperature_c is not None:
         words.append(f"CPU {machine.cpu_temperature_c:.0f} °C")
     words.extend(f"MACHINE {trouble}" for trouble in machine.troubles)
+    if told.last_stop is not None and not told.last_stop.is_confirmed:
+        words.append(f"STOP {told.last_stop.text}")
     words.extend(f"FAULT {fault}" for fault in told.faults)
     output.say(" · ".join(words))
 
@@ -118,10 +120,19 @@ def stop(
     ended = stopping.wait()
     is_stopped, ms = ended.phase == "stopped", ended.ms or 0.0
     if json_:
-        output.emit_json({"stopped": is_stopped, "path": ended.path, "ms": ms})
+        answer = {
+            "stopped": is_stopped,
+            "path": ended.path,
+            "ms": ms,
+            "ordered_ms": ended.ordered_ms,
+            "confirmed_ms": ms if is_stopped else None,
+        }
+        output.emit_json(answer)
     else:
-        ending = "stopped" if is_stopped else "NOT confirmed stopped"
-        output.say(f"{ending} in {math.ceil(ms)} ms, path {ended.path}")
+        ordered = ended.ordered_ms
+        told = "" if ordered is None else f"; ordered in {math.ceil(ordered)} ms"
+        ending = "stopped, confirmed" if is_stopped else "NOT confirmed stopped"
+        output.say(f"{ending} in {math.ceil(ms)} ms, path {ended.path}{told}")
     if not is_stopped:
         where = "" if socket is None else f"at {socket}: "
         raise InstrumentError(

@@ -11,7 +11,7 @@ from rsoconsole.control.place import EngineLock, default_socket_path
 from rsoconsole.control.preview import MovePreview, preview_json, read_preview
 from rsoconsole.control.sender import Sender, sender_of
 from rsoconsole.control.server import ControlServer, Handler
-from rsoconsole.control.status import Health, Machine, Status, read_status, status_json
+from rsoconsole.control.status import Health, LastStop, Machine, Status, read_status, status_json
 from rsoconsole.control.text import printable
 from rsoconsole.control.wire import Outcome, Request
 
@@ -23,6 +23,7 @@ __all__ = [
     "EngineLock",
     "Handler",
     "Health",
+    "LastStop",
     "Machine",
     "MovePreview",
     "Outcome",

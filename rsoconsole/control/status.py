@@ -61,6 +61,33 @@ class Machine:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LastStop:
+    """The last STOP of this engine: ordered and confirmed are two things."""
+
+    by: str = ""
+    t_utc_ns: int | None = None
+    """When it was given, by the engine's clock."""
+    ordered_ms: float | None = None
+    """Until ABORT was on its way to the mount; None: not yet, or never."""
+    confirmed_ms: float | None = None
+    """Until the mount said that it stands; None: not yet, or never."""
+    is_confirmed: bool = False
+    path: str | None = None
+    detail: str = ""
+    """Why it is not confirmed."""
+
+    @property
+    def text(self) -> str:
+        """In a few words."""
+        ordered = (
+            "not ordered" if self.ordered_ms is None else f"ordered in {self.ordered_ms:.0f} ms"
+        )
+        if self.is_confirmed:
+            return f"{ordered}, confirmed in {self.confirmed_ms or 0.0:.0f} ms"
+        return f"{ordered}, NOT CONFIRMED"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
     """The engine at one instant; None or empty: not known, or not so."""
 
@@ -101,6 +128,7 @@ class Status:
     lifted: tuple[str, ...] = ()
     """Checks and limits that the operator has overridden, by name."""
     faults: tuple[str, ...] = ()
+    last_stop: LastStop | None = None
     temporary: Mapping[str, int] = field(default_factory=dict)
     """Settings that hold for so many frames more."""
     health: tuple[Health, ...] = ()

@@ -6,9 +6,9 @@ The one procedure of every seat: the console's key, the panel's button and the s
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from rsoconsole.control.client import Wire
 from rsoconsole.control.commands import Stop
@@ -36,7 +36,9 @@ class StopNews:
     path: str = ""
     """Through what motion was ended, or was tried to be last: mount, indi, engine."""
     ms: float | None = None
-    """From the beginning to the end of the procedure; None before."""
+    """From the beginning to the end of the procedure: until it was confirmed, or given up."""
+    ordered_ms: float | None = None
+    """Until ABORT was on its way to the mount; None: not yet, or nobody has told."""
     reason: str = ""
     """What is wrong where it failed."""
 
@@ -64,6 +66,7 @@ class Stopping:
         self._has_gone_past = False
         self._is_over = False
         self._reasons: list[str] = []
+        self._ordered_ms: float | None = None
         self._began_s = time.monotonic()
         self._ended: StopNews | None = None
         self._end = threading.Event()
@@ -99,6 +102,7 @@ class Stopping:
             self._failed(str(error) or type(error).__name__)
             return
         path = outcome.data.get("path")
+        self._hear_order(outcome.data)
         if outcome.ok and outcome.data.get("stopped") is True and isinstance(path, str):
             self._stopped(PATHS.get(path, "the engine"), path)
         else:
@@ -135,10 +139,19 @@ class Stopping:
         else:
             self._failed(words)
 
+    def _hear_order(self, data: Mapping[str, Any]) -> None:
+        """When the engine had ordered it; its own clock began when it heard of the STOP."""
+        ordered, ms = data.get("ordered_ms"), data.get("ms")
+        if isinstance(ordered, int | float) and isinstance(ms, int | float):
+            self._ordered_ms = max(0.0, self._ms() - max(0.0, ms - ordered))
+
     def _stopped(self, way: str, path: str) -> None:
         ms = self._ms()
-        text = f"motion ended in {ms:.0f} ms by {way}"
-        self._say(StopNews(phase="stopped", text=text, path=path, ms=ms))
+        text = f"motion ended, confirmed in {ms:.0f} ms by {way}"
+        if self._ordered_ms is not None:
+            text += f"; ordered in {self._ordered_ms:.0f} ms"
+        news = StopNews(phase="stopped", text=text, path=path, ms=ms, ordered_ms=self._ordered_ms)
+        self._say(news)
 
     def _failed(self, reason: str) -> None:
         self._go_past()
@@ -148,9 +161,16 @@ class Stopping:
             is_last = self._ways_open == 0
             reasons = "; ".join(self._reasons)
         if is_last:
-            text = f"NOT CONFIRMED: {REMEDY} ({reasons})"
-            path = "engine" if self._directly is None else "indi"
-            news = StopNews(phase="failed", text=text, path=path, ms=self._ms(), reason=reasons)
+            ordered = self._ordered_ms
+            told = "" if ordered is None else f"ordered in {ordered:.0f} ms, "
+            news = StopNews(
+                phase="failed",
+                text=f"{told}NOT CONFIRMED: {REMEDY} ({reasons})",
+                path="engine" if self._directly is None else "indi",
+                ms=self._ms(),
+                ordered_ms=ordered,
+                reason=reasons,
+            )
             self._say(news)
 
     def _ms(self) -> float:

@@ -200,7 +200,13 @@ def alarm_words(alarm: Alarm, is_stopped_again: bool, config: Config) -> str:
         return f"limit: {happening.words}; motion and tracking ended"
     if isinstance(happening, NightEnded):
         return f"the night ends: {happening.words}; armed again only when asked"
-    if not (is_stopped_again or (alarm.result is not None and alarm.result.stopped)):
-        return "STOP was not confirmed by the mount: cut its power"
+    result = alarm.result
+    told = ""
+    if result is not None and result.ordered_ms is not None:
+        told = f", ordered in {result.ordered_ms:.0f} ms"
+    if not (is_stopped_again or (result is not None and result.stopped)):
+        return f"STOP was not confirmed by the mount{told}: cut its power"
+    if result is not None and result.stopped:
+        told += f", confirmed in {result.ms:.0f} ms"
     after = {"track": "the mount tracks on", "stand still": "the mount stands still"}
-    return f"STOP: motion ended, disarmed; {after[config.mount.after_stop]}"
+    return f"STOP: motion ended{told}; disarmed, {after[config.mount.after_stop]}"

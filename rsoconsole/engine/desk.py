@@ -8,6 +8,7 @@ from typing import Any
 
 from rsoconsole.control import (
     Command,
+    LastStop,
     Outcome,
     Request,
     Sender,
@@ -33,8 +34,9 @@ from rsoconsole.engine.health import HealthMeter
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.machine_watch import MachineState
 from rsoconsole.engine.seats import Seats, name_of
-from rsoconsole.engine.states import Stopped
+from rsoconsole.engine.stop_now import REMEDY, stop_now, stop_outcome, stop_status
 from rsoconsole.errors import RsoconsoleError
+from rsoconsole.instruments.ports import StopResult
 from rsoconsole.reasons import ACCEPTED, CommandResult, done
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky.frames import icrs_to_altaz
@@ -69,6 +71,7 @@ class Desk:
         self._flush = flush
         self._seats = Seats()
         self._machine = machine
+        self._last_stop: LastStop | None = None
         self._health = HealthMeter(lambda: engine.config, self._instruments.clock, session, machine)
         self._answers: Mapping[type[Command], Callable[[Any, Sender], Outcome]] = {
             Stop: self._stop,
@@ -161,18 +164,25 @@ class Desk:
 
     def _stop(self, command: Stop, sender: Sender) -> Outcome:
         # The flag and the mount first; whatever else STOP means comes after them.
-        result = self._queue.stop(Stopped(by=sender.words), self._instruments.mount.abort)
-        self._engine.wake()
-        outcome = CommandResult(kind="failed", detail=result.detail)
-        if result.stopped:
-            outcome = CommandResult(kind="stopped", stop_ms=result.ms, stop_path=result.path)
-        self._engine.chronicle.append(
-            OperatorAction(
+        given = LastStop(by=sender.words, t_utc_ns=self._engine.chronicle.last_utc_ns())
+
+        def known(result: StopResult) -> None:
+            self._last_stop = stop_status(given, result)
+            self._engine.wake()
+            action = OperatorAction(
                 verb=command.verb,
                 arguments=command.arguments(),
-                outcome=outcome,
+                outcome=stop_outcome(result),
                 by=sender.words,
             )
+            self._engine.chronicle.append(action)
+
+        def late(result: StopResult) -> None:
+            self._last_stop = stop_status(given, result)
+            self._engine.chronicle.say("alarm", f"STOP {result.detail}: {REMEDY}")
+
+        result = stop_now(
+            self._queue, self._instruments.mount, sender.words, on_known=known, on_late=late
         )
         data: dict[str, Any] = dataclasses.asdict(result)
         return Outcome(ok=result.stopped, message=result.detail or "stopped", data=data)
@@ -200,6 +210,7 @@ class Desk:
             machine=None if machine is None else machine.as_status(),
             seat=None if seat.holder is None else name_of(seat.holder),
             seat_asked_by=None if seat.asked_by is None else name_of(seat.asked_by),
+            last_stop=self._last_stop,
             temporary=self._engine.temporary.left(),
             session=self._session.absolute(),
             pid=os.getpid(),

@@ -19,6 +19,7 @@ from rsoconsole.instruments.ports import StopResult
 _MEMBER = {"Number": "oneNumber", "Switch": "oneSwitch", "Text": "oneText"}
 _READ_BYTES = 65536
 _REPEAT_ABORT_S = 0.5
+_LOOK_S = 0.05
 _TRACKING_S = 1.0
 _SETTLE_S = 1.2
 """A driver may go back to its own idea of tracking at its next look at the mount."""
@@ -167,6 +168,17 @@ class IndiWire:
         )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WatchedStop:
+    """Who hears of a STOP while it is under way, and may give it up."""
+
+    on_ordered: Callable[[], None] = lambda: None
+    """ABORT has been handed to the system for the server."""
+    on_stands: Callable[[], None] = lambda: None
+    is_over: Callable[[], bool] = lambda: False
+    """True: the mount stands by another way, nothing more is to be sent to it."""
+
+
 def stop_mount(
     host: str,
     port: int,
@@ -175,6 +187,7 @@ def stop_mount(
     *,
     after_stop: AfterStop = "track",
     had_tracking: bool | None = None,
+    watched: WatchedStop = WatchedStop(),
 ) -> StopResult:
     """Abort motion by a connection of its own and read back that it has ended.
 
@@ -189,17 +202,22 @@ def stop_mount(
     try:
         wire = IndiWire(host, port, timeout_s)
         try:
-            stop = _WireStop(wire, device)
+            stop = _WireStop(wire, device, watched)
             aborts = stop.abort(begun_s + timeout_s)
             if stop.stands:
+                stood_ms = (time.monotonic() - begun_s) * 1e3
+                watched.on_stands()
+                result = replace(result, stopped=True, ms=stood_ms)
                 is_tracking = stop.settle_tracking(after_stop, had_tracking)
-                result = replace(result, stopped=True, is_tracking=is_tracking)
-            else:
+                return replace(result, is_tracking=is_tracking)
+            if not watched.is_over():
                 still = f"the mount still moves after {aborts} aborts in {timeout_s:.1f} s"
                 result = replace(result, detail=still if stop.told else _UNTOLD)
         finally:
             wire.close()
     except InstrumentError as error:
+        if result.stopped:
+            return result
         result = replace(result, detail=str(error))
     return replace(result, ms=(time.monotonic() - begun_s) * 1e3)
 
@@ -210,8 +228,8 @@ _UNTOLD = "the mount does not answer: look at its driver and its cable, and at t
 class _WireStop:
     """One STOP by plain connection: what the mount said before and after."""
 
-    def __init__(self, wire: IndiWire, device: str) -> None:
-        self._wire, self._device = wire, device
+    def __init__(self, wire: IndiWire, device: str, watched: WatchedStop) -> None:
+        self._wire, self._device, self._watched = wire, device, watched
         self.told: dict[str, IndiVector] = {}
         """The latest of each property."""
         self._first: dict[str, IndiVector] = {}
@@ -220,12 +238,16 @@ class _WireStop:
     def abort(self, deadline_s: float) -> int:
         """ABORT until the mount stands; how often it was sent. Sets ``stands``."""
         aborts = 0
+        if self._watched.is_over():
+            return 0
         # Answered in order: one line tells how the mount was before the first ABORT.
         for name in (_TRACK_STATE, _PARK, _COORDINATES):
             self._wire.ask(self._device, name)
-        while time.monotonic() < deadline_s and not self.stands:
+        while time.monotonic() < deadline_s and not (self.stands or self._watched.is_over()):
             self._wire.new("Switch", self._device, "TELESCOPE_ABORT_MOTION", {"ABORT": "On"})
             aborts += 1
+            if aborts == 1:
+                self._watched.on_ordered()
             # Only an answer given after the order counts, so the state is asked for behind it.
             self._wire.ask(self._device, _COORDINATES)
             repeat_s = min(time.monotonic() + _REPEAT_ABORT_S, deadline_s)
@@ -247,7 +269,7 @@ class _WireStop:
             wanted = True
         if _TRACK_STATE not in self.told:
             return None
-        if wanted is None:
+        if wanted is None or self._watched.is_over():
             return _is_on(self.told[_TRACK_STATE], "TRACK_ON")
         member = "TRACK_ON" if wanted else "TRACK_OFF"
         self._wire.new("Switch", self._device, _TRACK_STATE, {member: "On"})
@@ -268,9 +290,11 @@ class _WireStop:
     def _hold_tracking(self, member: str, ends_s: float) -> None:
         """Say again what is wanted of tracking whenever the driver thinks otherwise."""
         before = self.told.get(_TRACK_STATE)
-        while (left_s := ends_s - time.monotonic()) > 0:
-            self._hear(left_s)
+        while (left_s := ends_s - time.monotonic()) > 0 and not self._watched.is_over():
+            self._hear(min(left_s, _LOOK_S))
             now = self.told.get(_TRACK_STATE)
+            if self._watched.is_over():
+                return
             if now is not before and not _is_on(now, member):
                 self._wire.new("Switch", self._device, _TRACK_STATE, {member: "On"})
             before = now

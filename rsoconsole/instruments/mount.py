@@ -1,18 +1,20 @@
 """The mount port over a child process, with a second way to STOP beside it."""
 
+import itertools
 import logging
 import threading
 import time
 from collections import deque
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import IndiConfig, MountConfig, WaitsConfig
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.indi_process import IndiProcess
-from rsoconsole.instruments.indi_wire import stop_mount
-from rsoconsole.instruments.ports import MountReport, SiteCheck, StopResult
+from rsoconsole.instruments.indi_wire import WatchedStop, stop_mount
+from rsoconsole.instruments.mount_stop import MountStop
+from rsoconsole.instruments.ports import MountReport, SiteCheck, StopResult, unheard
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import separation_deg
 
@@ -20,6 +22,8 @@ log = logging.getLogger(__name__)
 
 _MAX_MESSAGES = 100
 _ABORT_ANSWER_S = 0.1
+_SETTLED_S = 2.5
+"""For so long, after the mount stands, tracking is waited for."""
 _KM_PER_DEG = 111.19
 _SITE_TOLERANCE_KM = 1.0
 _STAMP_NS = 1_000
@@ -42,6 +46,9 @@ class IndiMount:
         self._latest: MountReport | None = None
         self._tracks_after_stop: bool | None = None
         self._messages: deque[str] = deque(maxlen=_MAX_MESSAGES)
+        self._stops: dict[int, MountStop] = {}
+        """Those under way, by their numbers."""
+        self._stop_numbers = itertools.count(1)
         self.process = IndiProcess(
             name="mount",
             module="rsoconsole.instruments.mount_child",
@@ -96,43 +103,54 @@ class IndiMount:
         assert latest is not None
         return latest
 
-    def abort(self, timeout_s: float = 2.0) -> StopResult:
+    def abort(
+        self, timeout_s: float = 2.0, *, on_news: Callable[[StopResult], None] = unheard
+    ) -> StopResult:
         """End motion at once and read back that it has ended; never raises.
 
         Whether tracking is then on is ``mount.after_stop``'s affair; "track" restores it only
         where the mount tracked, or slewed to where it would.
         """
-        begun_s = time.monotonic()
+        deadline_s = time.monotonic() + timeout_s
         had_tracking = self._tracks_after_stop
-        answered: list[StopResult] = []
-        done = threading.Event()
+        stop = MountStop(on_news)
+        number = next(self._stop_numbers)
+        self._stops[number] = stop
 
-        def through_the_process() -> None:
-            try:
-                answer = self.process.request(
-                    "abort", timeout_s + _ABORT_ANSWER_S, had_tracking=had_tracking
-                )
-                answered.append(_to_result(answer, begun_s))
-            except InstrumentError as error:
-                log.warning("STOP does not get through the mount's process: %s", error)
-            done.set()
+        def through_the_process() -> StopResult:
+            answer = self.process.request(
+                "abort", timeout_s + _ABORT_ANSWER_S, had_tracking=had_tracking, number=number
+            )
+            return _to_result(answer)
 
-        if self.process.pid is not None:
-            threading.Thread(target=through_the_process, daemon=True, name="stop").start()
-            if done.wait(_ABORT_ANSWER_S) and answered and answered[0].stopped:
-                return answered[0]
-        left_s = max(0.2, timeout_s - (time.monotonic() - begun_s))
-        result = stop_mount(
-            self._config.host,
-            self._config.port,
-            self._config.mount,
-            left_s,
-            after_stop=self._mount.after_stop,
-            had_tracking=had_tracking,
-        )
-        if not result.stopped and answered and answered[0].stopped:
-            return answered[0]
-        return replace(result, ms=(time.monotonic() - begun_s) * 1e3)
+        def past_it() -> StopResult:
+            return stop_mount(
+                self._config.host,
+                self._config.port,
+                self._config.mount,
+                max(0.2, deadline_s - time.monotonic()),
+                after_stop=self._mount.after_stop,
+                had_tracking=had_tracking,
+                watched=WatchedStop(
+                    on_ordered=lambda: stop.ordered("indi"),
+                    on_stands=lambda: stop.stands("indi"),
+                    is_over=lambda: stop.is_over,
+                ),
+            )
+
+        try:
+            way_past: threading.Thread | None = None
+            if self.process.pid is not None:
+                stop.begin("mount", through_the_process)
+            if not stop.wait_stands(_ABORT_ANSWER_S):
+                way_past = stop.begin("indi", past_it)
+            result = stop.wait_end(deadline_s + _SETTLED_S)
+            if way_past is not None:
+                # It must not turn tracking on behind an order that comes after this.
+                way_past.join(_ABORT_ANSWER_S)
+        finally:
+            del self._stops[number]
+        return result
 
     def park(self) -> None:
         """Order the mount to its park position."""
@@ -210,6 +228,14 @@ class IndiMount:
         if message.get("event") == "report":
             self._latest = _to_report(message["report"])
             self._tracks_after_stop = message["tracks_after_stop"]
+        elif message.get("event") in ("stop ordered", "stands"):
+            stop = self._stops.get(message["number"])
+            if stop is None:
+                return
+            if message["event"] == "stands":
+                stop.stands("mount", message["at_s"])
+            else:
+                stop.ordered("mount", message["at_s"])
         elif message.get("event") == "message":
             self._messages.append(str(message["text"]))
             log.warning("%s", message["text"])
@@ -219,10 +245,10 @@ def _to_report(table: dict[str, Any]) -> MountReport:
     return MountReport(**table)
 
 
-def _to_result(answer: dict[str, Any], begun_s: float) -> StopResult:
+def _to_result(answer: dict[str, Any]) -> StopResult:
     return StopResult(
         stopped=bool(answer["stopped"]),
-        ms=(time.monotonic() - begun_s) * 1e3,
+        ms=0.0,
         path="mount",
         detail=answer["detail"],
         is_tracking=answer["is_tracking"],

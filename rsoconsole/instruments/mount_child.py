@@ -7,6 +7,7 @@ until the limit that the parent last named, or until another process watches.
 
 import os
 import time
+from collections.abc import Callable
 from typing import Any
 
 from rsoconsole.errors import InstrumentError
@@ -121,7 +122,13 @@ class MountChild:
 
     def abort(self, order: dict[str, Any]) -> dict[str, Any]:
         """End motion; answers when the mount says that it stands, or has not for 2 s."""
-        return self._stop(self._after_stop, had_tracking=bool(order.get("had_tracking")))
+        return self._stop(
+            self._after_stop,
+            had_tracking=bool(order.get("had_tracking")),
+            tell=lambda what: self._mouth.say(
+                {"event": what, "number": order.get("number"), "at_s": time.monotonic()}
+            ),
+        )
 
     def park(self, _order: dict[str, Any]) -> dict[str, Any]:
         """Send the mount to its park position; one that is parked stays so."""
@@ -220,10 +227,17 @@ class MountChild:
             self._watch.stand_guard()
         self._watch.owner.release()
 
-    def _stop(self, after_stop: AfterStop, *, had_tracking: bool = False) -> dict[str, Any]:
+    def _stop(
+        self,
+        after_stop: AfterStop,
+        *,
+        had_tracking: bool = False,
+        tell: Callable[[str], None] = lambda _what: None,
+    ) -> dict[str, Any]:
         """ABORT, again while the mount still moves, and the read-back; then tracking as wanted.
 
-        ``had_tracking``: there was some when STOP was called for, whatever came meanwhile.
+        ``had_tracking``: there was some when STOP was called for, whatever came meanwhile;
+        ``tell`` hears at once of the order and that the mount stands.
         """
         client, mirror = self._ready()
         was_moving = mirror.is_moving or client.get(COORDINATES) is None
@@ -235,6 +249,8 @@ class MountChild:
         while stands is None and (left_s := ends_s - time.monotonic()) > 0:
             client.send_switch(_ABORT, "ABORT")
             aborts += 1
+            if aborts == 1:
+                tell("stop ordered")
             awaited = COORDINATES if was_moving else _ABORT
             stands = client.wait(
                 awaited,
@@ -242,8 +258,10 @@ class MountChild:
                 min(left_s, _REPEAT_ABORT_S),
                 first,
             )
-        if stands is not None and not was_moving:
-            self._await_report(stands.serial)
+        if stands is not None:
+            tell("stands")
+            if not was_moving:
+                self._await_report(stands.serial)
         is_tracking = None
         if stands is not None:
             is_tracking = mirror.is_tracking if wanted is None else self._track(wanted)

@@ -5,12 +5,15 @@ the processes that speak INDI. Instants are UTC nanoseconds. Everything that an 
 not do in time raises InstrumentError with the remedy in words.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from rsoconsole.records import Frame, Site
 
 PierSide = Literal["east", "west"]
+StopPath = Literal["mount", "indi"]
+"""Through the mount's own process, or by a second plain connection to the INDI server."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,16 +36,23 @@ class MountReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopResult:
-    """What came of a STOP: whether motion was read back as ended."""
+    """What came of a STOP: whether it was ordered, and whether the mount confirmed it."""
 
     stopped: bool
+    """Confirmed: motion was read back as ended."""
     ms: float
-    """Wall time from the request to the answer."""
-    path: Literal["mount", "indi"]
-    """Through the mount's own process, or by a second plain connection to the INDI server."""
+    """Wall time from the request until it was confirmed, or given up."""
+    path: StopPath
+    ordered_ms: float | None = None
+    """Wall time from the request until ABORT was on its way to the mount; None: it never was, or
+    nobody knows."""
     detail: str = ""
     is_tracking: bool | None = None
     """Whether the mount tracked afterwards, by read-back; None where that is not known."""
+
+
+def unheard(_result: StopResult) -> None:
+    """For who waits for the end only."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,11 +129,14 @@ class MountPort(Protocol):
         Raises InstrumentError when none comes in time.
         """
 
-    def abort(self, timeout_s: float = 2.0) -> StopResult:
+    def abort(
+        self, timeout_s: float = 2.0, *, on_news: Callable[[StopResult], None] = unheard
+    ) -> StopResult:
         """End motion at once and read back that it has ended; never raises for a deaf mount.
 
-        Goes through the mount's process and, where that does not answer within 100 ms, by a
-        second plain connection to the INDI server.
+        Goes through the mount's process and, where the mount does not stand within 100 ms, beside
+        it by a second plain connection to the INDI server. ``on_news`` hears when ABORT is on
+        its way, and when the mount stands; returns when tracking is then as it is to be.
         """
 
     def park(self) -> None:
