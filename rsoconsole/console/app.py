@@ -36,6 +36,7 @@ from rsoconsole.console.picture import Picture
 from rsoconsole.console.plain import PlainFilter
 from rsoconsole.console.review import ReviewScreen
 from rsoconsole.console.seat import Seat
+from rsoconsole.console.tour import TourDialog
 from rsoconsole.console.watch import EngineWatch, SessionWatch
 from rsoconsole.control import Wire
 
@@ -43,6 +44,7 @@ log = logging.getLogger(__name__)
 
 if TYPE_CHECKING:
     from rsoconsole.console.graphics import Kind
+    from rsoconsole.console.tour import TourMemory
     from rsoconsole.pipeline.outlook import Outlook
 
 StopDirectly = Callable[[IndiConfig | None], tuple[bool, str]]
@@ -109,13 +111,16 @@ class ConsoleApp(App[str]):
         graphics: "Kind | None" = None,
         review: tuple[Path | None, str] | None = None,
         sessions_root: Path | None = None,
+        tour: "TourMemory | None" = None,
     ) -> None:
         """``keymap``: other keys for commands, by name; ``seat_name``: for the engine;
         ``graphics``: the terminal's own, for the pictures; ``review``: open no live seat but a
         review, of that session (None: asks which) from that frame or time on;
-        ``sessions_root``: where recorded nights lie."""
+        ``sessions_root``: where recorded nights lie; ``tour``: whether the first F1 shows one,
+        None: it does not."""
         super().__init__()
         self.graphics = graphics
+        self._tour = tour
         self._settings = settings or ConsoleConfig()
         self._last: tuple[NightView, EngineView] = (NightView(), EngineView())
         self._waiting_night: NightSeen | None = None
@@ -246,10 +251,30 @@ class ConsoleApp(App[str]):
         self.root.stop()
 
     def action_help(self) -> None:
-        """Keys and signs."""
-        if not isinstance(self.screen, HelpDialog):
-            mode = self.screen.mode if isinstance(self.screen, FrameSheet) else self.shown.mode
-            self.push_screen(HelpDialog(self._own_keys, mode, self.place))
+        """Keys, signs and terms; the first time the tour."""
+        if isinstance(self.screen, HelpDialog | TourDialog):
+            return
+        if self._tour is not None and self._tour.is_due and not isinstance(self.screen, FrameSheet):
+            self._tour.has_been_shown()
+            self._show_tour()
+        else:
+            self._show_help()
+
+    def _show_help(self) -> None:
+        mode = self.screen.mode if isinstance(self.screen, FrameSheet) else self.shown.mode
+
+        def decided(wanted: str | None) -> None:
+            if wanted == "tour":
+                self._show_tour()
+
+        self.push_screen(HelpDialog(self._own_keys, mode, self.place), decided)
+
+    def _show_tour(self) -> None:
+        def decided(wants_help: bool | None) -> None:
+            if wants_help:
+                self._show_help()
+
+        self.push_screen(TourDialog(self._own_keys), decided)
 
     def action_colours(self) -> None:
         """The next of night, dark, light and the terminal's own."""

@@ -13,6 +13,7 @@ from textual.widgets import Button, Static
 
 from rsoconsole.console.command import GROUPS, Place
 from rsoconsole.console.commands import commands_in, key_words
+from rsoconsole.console.glossary import glossary_text
 from rsoconsole.console.key_line import MODE_WORDS, Mode, mode_keys
 
 HELP_COLUMNS = 70
@@ -90,8 +91,16 @@ class Dialog(ModalScreen[Result], Generic[Result]):
         self.dismiss(None)
 
 
-class HelpDialog(Dialog[None]):
-    """The keys and the signs."""
+class HelpDialog(Dialog[str | None]):
+    """The keys and the signs; on a second page what the terms mean. Gives "tour" or None."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("question_mark,f1,q", "put_away", "Back", show=False),
+        Binding("tab,g,left,right", "other_page", "Terms"),
+        Binding("t", "tour", "Tour"),
+        Binding("up", "scroll(-1)", show=False),
+        Binding("down", "scroll(1)", show=False),
+    ]
 
     def __init__(
         self,
@@ -100,18 +109,41 @@ class HelpDialog(Dialog[None]):
         place: Place = "live",
     ) -> None:
         super().__init__()
-        self._keymap, self._mode, self._place = keymap, mode, place
-
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("question_mark,f1,q", "put_away", "Back", show=False)
-    ]
+        self._pages = {
+            "keys and signs": help_text(keymap, mode, place),
+            "terms": glossary_text(HELP_COLUMNS),
+        }
+        self._shown = "keys and signs"
 
     def compose(self) -> ComposeResult:
-        """One page of text."""
-        with VerticalScroll() as box:
-            box.border_title = "help"
-            box.border_subtitle = "esc back"
-            yield Static(help_text(self._keymap, self._mode, self._place), markup=False)
+        """One page of text at a time."""
+        with VerticalScroll():
+            yield Static("", id="page", markup=False)
+
+    def on_mount(self) -> None:
+        """The keys first."""
+        self._show()
+
+    def action_other_page(self) -> None:
+        """From the keys to the terms, and back."""
+        self._shown = next(name for name in self._pages if name != self._shown)
+        self._show()
+
+    def action_scroll(self, by: int) -> None:
+        """By a line."""
+        self.query_one(VerticalScroll).scroll_relative(y=by, animate=False)
+
+    def action_tour(self) -> None:
+        """The tour of the screen."""
+        self.dismiss("tour")
+
+    def _show(self) -> None:
+        box = self.query_one(VerticalScroll)
+        other = next(name for name in self._pages if name != self._shown)
+        box.border_title = f"help: {self._shown}"
+        box.border_subtitle = f"tab {other} · t tour · esc back"
+        self.query_one("#page", Static).update(self._pages[self._shown])
+        box.scroll_home(animate=False)
 
 
 class Tick(Static, can_focus=True):

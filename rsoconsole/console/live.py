@@ -17,6 +17,7 @@ from rsoconsole.console.night_screen import NightScreen
 from rsoconsole.console.review import HEAD, ReviewScreen
 from rsoconsole.console.streak_actions import StreakActions
 from rsoconsole.console.telescope_actions import TelescopeActions
+from rsoconsole.console.tour import intro_text
 from rsoconsole.control.commands import Note, Shutdown
 
 
@@ -76,6 +77,11 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
         asked = f"{asker} asks for the seat: {give} gives it, {keep} keeps it" if asker else ""
         said = words.alert_text(self.night, self.engine)
         return " · ".join(part for part in (asked, said) if part)
+
+    @property
+    def intro(self) -> str:
+        """What a simulated night is going to show."""
+        return intro_text(self.night, self.engine, self.keymap)
 
     @property
     def keys(self) -> list[Key]:

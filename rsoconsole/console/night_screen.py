@@ -54,6 +54,7 @@ class NightScreen(TuneActions):
     NightScreen { layers: base over; overflow: hidden; }
     NightScreen > LinesPane, NightScreen > FramePane, NightScreen > LogPane { position: absolute; }
     NightScreen > #alert { background: $error; color: $text; text-style: bold; text-wrap: wrap; }
+    NightScreen > #alert.-calm { background: $panel; text-style: none; }
     NightScreen > #tune, NightScreen > #orbit { layer: over; }
     NightScreen > #orbit.-open { background: $surface; }
     NightScreen > #top { background: $panel; }
@@ -164,7 +165,8 @@ class NightScreen(TuneActions):
         self.pane("top").show(self.top)
         self.pane("orbit").show(partial(orbit_lines, self.orbit))
         self.pane("facts").show(partial(fact_lines, night, engine, self.outlook))
-        alert = self.alert
+        alert = self.alert or self.intro
+        self.pane("alert").set_class(not self.alert, "-calm")
         if self.alert_rows() != self._rows_of_alert:
             self.place_panes()
             self.call_after_refresh(self.look_again)
@@ -181,9 +183,14 @@ class NightScreen(TuneActions):
         """What must not be missed."""
         return words.alert_text(self.night, self.engine)
 
+    @property
+    def intro(self) -> str:
+        """What stands in the alert's place while there is none; empty as a rule."""
+        return ""
+
     def alert_rows(self) -> int:
-        """How many rows the alert takes."""
-        alert = self.alert
+        """How many rows the alert, or what stands in its place, takes."""
+        alert = self.alert or self.intro
         return len(words.wrapped(f" {alert}", self.size.width, MOST_ALERT_ROWS)) if alert else 0
 
     def show_keys(self) -> None:

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rsoconsole.config import Graphics, default_config_path, load_config
+from rsoconsole.config import Graphics, default_config_path, load_config, state_dir
 from rsoconsole.control import ControlClient, Sender, default_socket_path
 from rsoconsole.control.commands import AskStatus
 from rsoconsole.control.place import engine_pid
@@ -54,6 +54,7 @@ def run_console(
     _expect_terminal("'rsoconsole status' and 'rsoconsole stop' work without one")
     from rsoconsole.console.app import ConsoleApp
     from rsoconsole.console.graphics import offered
+    from rsoconsole.console.tour import TourMemory
 
     name = _seat_name()
     app = ConsoleApp(
@@ -67,6 +68,7 @@ def run_console(
         seat_name=name,
         sessions_root=config.session.root,
         graphics=offered(graphics or settings.graphics),
+        tour=TourMemory(state_dir()),
     )
     _settle()
     ending = app.run()

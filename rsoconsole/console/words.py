@@ -19,6 +19,7 @@ HOLDERS = {
 }
 ARROWS = "→↘↓↙←↖↑↗"
 NS_PER_S = 1_000_000_000
+BADGE_COLUMNS = 100
 STATE_INKS: dict[str, Ink] = {
     "TRACK": "good",
     "COAST": "warn",
@@ -30,6 +31,11 @@ STATE_INKS: dict[str, Ink] = {
 def clock_text(t_utc_ns: int | None) -> str:
     """hh:mm:ssZ of an instant."""
     return "--:--:--Z" if not t_utc_ns else utc_ns_to_iso(t_utc_ns, 0)[11:19] + "Z"
+
+
+def dated_clock_text(t_utc_ns: int | None) -> str:
+    """yyyy-mm-dd hh:mm:ssZ of an instant."""
+    return clock_text(t_utc_ns) if not t_utc_ns else utc_ns_to_iso(t_utc_ns, 0).replace("T", " ")
 
 
 def duration_text(seconds: float) -> str:
@@ -83,8 +89,9 @@ def top_lines(
     target_words = (f"target {target}" if target else "no target", "" if target else "dim")
     if engine.reach in {"gone", "silent"}:
         target_words, is_followed = ("", ""), False
-    clock = f"{clock_text(now)} "
+    clock, dated = f"{clock_text(now)} ", f"{dated_clock_text(now)} "
     gap = ("  ", "")
+    badge = demo_badge(night, width)
     if only_looks and engine.is_attached:
         holder = (f"{holder[0]} (read only)", holder[1])
 
@@ -95,11 +102,22 @@ def top_lines(
         return [*line, (fitted(parts, room - _columns(line), " "), "")]
 
     if rows <= 1:
-        left: Line = [(" ", ""), state_words, gap, holder, gap]  # type: ignore[list-item]
-        return [justified(with_target(left, width - len(clock)), clock, width)]
-    first: Line = [(" ", ""), state_words]
+        left: Line = [*badge, (" ", ""), state_words, gap, holder, gap]  # type: ignore[list-item]
+        # The date gives way to what is known of the target.
+        whole = with_target(left, width)
+        shown = dated if _columns(whole) + len(dated) <= width else clock
+        return [justified(with_target(left, width - len(shown)), shown, width)]
+    first: Line = [*badge, (" ", ""), state_words]
     second: Line = [(" ", ""), holder, gap]  # type: ignore[list-item]
-    return [justified(first, clock, width), clipped(with_target(second, width), width)]
+    shown = dated if _columns(first) + len(dated) <= width else clock
+    return [justified(first, shown, width), clipped(with_target(second, width), width)]
+
+
+def demo_badge(night: NightView, width: int) -> Line:
+    """That the night is a simulated one; nothing of a real one."""
+    if not night.is_simulated:
+        return []
+    return [(" DEMO SIMULATED " if width >= BADGE_COLUMNS else " DEMO ", "here")]
 
 
 def _state_words(

@@ -1,0 +1,108 @@
+"""The terms on the screen, each in two lines or three: a page of the help."""
+
+import textwrap
+from collections.abc import Iterator
+
+INDENT = 13
+TERMS: tuple[tuple[str, str], ...] = (
+    ("confidence", "Probability that a detection is a real streak of the sky, from 0 to 1."),
+    (
+        "τ (tau)",
+        "The lowest confidence that counts as a detection. Lower: fainter streaks, and more that"
+        " are none.",
+    ),
+    (
+        "Q",
+        "How much the filter expects the object to deviate from its motion model. Larger: it"
+        " follows the measurements more closely, and its bounds grow faster while it coasts.",
+    ),
+    (
+        "R",
+        "How noisy a measurement is believed to be. Larger: the filter smooths more and relies"
+        " on its prediction. Q× and R× multiply the preset's own values.",
+    ),
+    (
+        "residual",
+        "Measured minus predicted, before the update (the innovation), on each axis in arcsec.",
+    ),
+    (
+        "NIS",
+        "Normalised innovation squared: 2 on average when Q and R are right. '95% 0.05-7.4' is"
+        " where 19 of 20 values lie then. Necessary, not sufficient: residuals must also not"
+        " resemble those of the frame before.",
+    ),
+    (
+        "3σ bounds",
+        "Small dots in the residual plots. Of one axis they hold 99.7 % of the residuals when Q"
+        " and R are right; the ellipse of both axes in the picture holds 98.9 %.",
+    ),
+    (
+        "σ (sigma)",
+        "A standard deviation; of what, the word before it says. 'RMS' under the picture: how far"
+        " the stars lie from the plate. σ in the tuning pane: one measurement. 3σ: a prediction.",
+    ),
+    (
+        "solve RMS",
+        "How far the stars lie from the catalogue's places after the fit, in arcsec: a small"
+        " part of a pixel is good.",
+    ),
+    (
+        "FWHM",
+        "Width of the stars at half their height, in pixels: focus and seeing. Smaller is sharper.",
+    ),
+    (
+        "ZP",
+        "Transparency: what a star of magnitude 0 would give, as a magnitude of the camera's counts"
+        " in a second (zero point). It drops by 1 where cloud or haze takes 60 % of the light.",
+    ),
+    ("background", "Light of the empty sky in a pixel, in the camera's counts (ADU)."),
+    (
+        "coast",
+        "Nothing was measured: the track goes on by its prediction, and its bounds grow.",
+    ),
+    ("gate", "How large a NIS may be for a measurement to belong to the track."),
+    ("prior", "What is assumed of an orbit before it is measured, e.g. a geostationary slot."),
+    (
+        "free",
+        "Orbit: the measurements alone determine it. The others below say what it rests on.",
+    ),
+    (
+        "constrained by prior",
+        "Orbit: the measurements alone leave it open; the prior (given in brackets) decides what"
+        " they do not. Trust it as far as the prior holds.",
+    ),
+    (
+        "weak geometry",
+        "Orbit: the arc is too short or too straight for its distance. Directions in the next"
+        " minutes are good, elements are not.",
+    ),
+    ("not observable", "Orbit: many quite different orbits fit alike; a longer arc tells more."),
+    (
+        "runner-up",
+        "The catalogued object that fits second best. The wider apart the two, the surer the name.",
+    ),
+    (
+        "pointing offset",
+        "How far the stars lie from where the mount says it looks. It is measured in each solved"
+        " frame and taken into account; the mount is never synchronised.",
+    ),
+    (
+        "no guiding",
+        "The telescope goes to its aim before each exposure and then tracks at the sidereal rate:"
+        " nothing guides while the shutter is open.",
+    ),
+)
+"""Term and what it means, in the order in which a screen shows them."""
+
+
+def glossary_text(columns: int = 70) -> str:
+    """All terms, wrapped to so many columns."""
+    return "\n".join(line for term, words in TERMS for line in _entry(term, words, columns))
+
+
+def _entry(term: str, words: str, columns: int) -> Iterator[str]:
+    head, rest = f"{term:<{INDENT}}", " " * INDENT
+    if len(term) >= INDENT:
+        yield term
+        head = rest
+    yield from textwrap.wrap(words, columns, initial_indent=head, subsequent_indent=rest)
