@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from tests.aarch64.compare import largest_difference
 from tests.aarch64.systems import Done, System
+from tests.hash_requirements import entries
 
 ROOT = Path(__file__).resolve().parents[2]
 CLONE = "rsoconsole"
@@ -195,11 +197,12 @@ def _frames_compared(system: System, log: Path, verb: str) -> Step:
 
 
 def _tests(system: System, log: Path) -> Step:
-    pinned = (ROOT / "requirements-test.txt").read_text(encoding="utf-8").splitlines()
+    pinned = entries((ROOT / "requirements-test.txt").read_text(encoding="utf-8"))
     wanted = [line for line in pinned if line.partition("==")[0] in TEST_PACKAGES]
+    lines = shlex.quote("\n".join(wanted))
     done = system.run(
-        f".venv/bin/pip install -q --no-deps {' '.join(wanted)} && .venv/bin/pytest -q -p no:xdist"
-        f" -o timeout=3600 {' '.join(TEST_FILES)}",
+        f"printf %s {lines} | .venv/bin/pip install -q --require-hashes --no-deps -r /dev/stdin"
+        f" && .venv/bin/pytest -q -p no:xdist -o timeout=3600 {' '.join(TEST_FILES)}",
         folder=CLONE,
         log=log,
     )
