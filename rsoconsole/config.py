@@ -257,8 +257,14 @@ class SolverConfig(_Section):
     index_dirs: tuple[Path, ...] = ()
     radius_deg: float = Field(3.0, gt=0, le=180)
     scale_tolerance: float = Field(0.05, gt=0, lt=1)
-    deadline_s: float = Field(10.0, gt=0, le=600)
-    blind_deadline_s: float = Field(60.0, gt=0, le=3600)
+    deadline_s: float = Field(10.0, gt=0, le=600, description="of all searches for one frame")
+    blind_deadline_s: float = Field(
+        60.0,
+        gt=0,
+        le=3600,
+        description="where no position is known: of the first, second, fourth, eighth ... frame in"
+        " a row that is not solved",
+    )
 
 
 class FilterConfig(_Section):

@@ -1,119 +1,39 @@
 """Files that lie: each is read or refused in one sentence; none hangs, crashes, fills the memory.
 
-The seeds are printed with what fails. ``python -m tests.test_damaged_frames 10000`` tries more.
+The seeds are printed with what fails.
 """
 
 import bz2
 import gzip
-import io
 import os
-import random
-import sys
+import signal
+import threading
 import time
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
-from astropy.io import fits
 
 from rsoconsole.errors import FrameError
 from rsoconsole.instruments.fits_structure import structure_fault
 from rsoconsole.instruments.frame_decoder import FrameDecoder
 from rsoconsole.instruments.frame_files import frame_from_bytes, read_frame
+from tests.damaged_frames import WHOLE, damaged, holds, pixels, process, table, write
 
 FAULTS = Path(__file__).resolve().parents[2] / "shared" / "faults"
 MOST_S = 5.0
 MUTATIONS = 500
-
-
-def _pixels() -> np.ndarray:
-    sky = np.random.default_rng(1).normal(800.0, 20.0, (96, 128))
-    return np.clip(sky, 0, 65535).astype(np.uint16)
-
-
-def _fits(*units: fits.hdu.base._BaseHDU) -> bytes:
-    file = io.BytesIO()
-    fits.HDUList(list(units)).writeto(file)
-    return file.getvalue()
-
-
-def _plain() -> bytes:
-    unit = fits.PrimaryHDU(_pixels())
-    for key, value in (("EXPTIME", 10.0), ("DATE-OBS", "2023-06-22T04:00:00.5")):
-        unit.header[key] = value
-    return _fits(unit)
-
-
-def _packed(kind: str) -> bytes:
-    return _fits(fits.PrimaryHDU(), fits.CompImageHDU(_pixels(), compression_type=kind))
-
-
-def _picture(ending: str) -> bytes:
-    return bytes(cv2.imencode(ending, _pixels())[1])
-
-
-WHOLE: dict[str, bytes] = {
-    "plain": _plain(),
-    "gzip": gzip.compress(_plain()),
-    "bzip2": bz2.compress(_plain()),
-    "Rice": _packed("RICE_1"),
-    "HCOMPRESS": _packed("HCOMPRESS_1"),
-    "gzip tiles": _packed("GZIP_1"),
-    "extensions": _fits(fits.PrimaryHDU(), fits.ImageHDU(_pixels()), fits.ImageHDU(_pixels())),
-    "PNG": _picture(".png"),
-    "TIFF": _picture(".tiff"),
-}
-
-
-def _flipped(content: bytearray, draw: random.Random) -> None:
-    for _ in range(draw.randint(1, 40)):
-        content[draw.randrange(len(content))] = draw.randrange(256)
-
-
-def _digits(content: bytearray, draw: random.Random) -> None:
-    """Other figures in the header."""
-    places = [n for n in range(min(len(content), 8640)) if chr(content[n]) in "0123456789T-"]
-    for place in draw.sample(places, min(len(places), draw.randint(1, 6))):
-        content[place] = ord(draw.choice("0123456789-TF. E"))
-
-
-def _cut(content: bytearray, draw: random.Random) -> None:
-    del content[draw.randrange(len(content)) :]
-
-
-def _torn(content: bytearray, draw: random.Random) -> None:
-    at = draw.randrange(len(content))
-    del content[at : at + draw.randint(1, 4000)]
-
-
-def _stuffed(content: bytearray, draw: random.Random) -> None:
-    at = draw.randrange(len(content))
-    content[at:at] = draw.randbytes(draw.randint(1, 4000))
-
-
-DAMAGES: tuple[Callable[[bytearray, random.Random], None], ...] = (
-    _flipped,
-    _digits,
-    _digits,
-    _cut,
-    _torn,
-    _stuffed,
-)
+RUN = 200
+"""Of them through a run of the program."""
 
 
 def outcome_of(seed: int) -> tuple[str, float, str]:
     """(read or refused, seconds, what was damaged); raises what is no FrameError."""
-    draw = random.Random(seed)
-    kind = draw.choice(list(WHOLE))
-    content, damage = bytearray(WHOLE[kind]), draw.choice(DAMAGES)
-    damage(content, draw)
-    began_s, what = time.monotonic(), f"{kind}, {damage.__name__}"
-    said = ""
+    content, what = damaged(seed)
+    began_s, said = time.monotonic(), ""
     try:
-        frame_from_bytes(bytes(content), 1, "frame.fits")
+        frame_from_bytes(content, 1, "frame.fits")
     except FrameError as error:
         said = str(error)
     assert "\n" not in said
@@ -123,7 +43,7 @@ def outcome_of(seed: int) -> tuple[str, float, str]:
 @pytest.mark.parametrize("kind", WHOLE)
 def test_whole_ones_are_read(kind):
     frame = frame_from_bytes(WHOLE[kind], 1, "frame.fits")
-    assert np.array_equal(frame.pixels, _pixels()) or kind == "HCOMPRESS"
+    assert np.array_equal(frame.pixels, pixels()) or kind == "HCOMPRESS"
 
 
 @pytest.mark.parametrize("block", range(10))
@@ -205,13 +125,31 @@ def test_a_decoder_that_was_ended_is_started_afresh():
         decoder.close()
 
 
-if __name__ == "__main__":
-    tally: Counter[str] = Counter()
-    slowest = (0.0, -1)
-    for number in range(int(sys.argv[1])):
-        word_, took_s_, what_ = outcome_of(number)
-        tally[f"{what_}: {word_}"] += 1
-        slowest = max(slowest, (took_s_, number))
-    for what_, count in sorted(tally.items()):
-        print(f"{count:6d}  {what_}")
-    print(f"slowest: {slowest[0]:.2f} s, seed {slowest[1]}")
+def test_a_picture_that_ends_the_decoder_is_one_frames_fault():
+    decoder = FrameDecoder()
+    try:
+        assert np.array_equal(decoder.decode_picture(WHOLE["PNG"], "a"), pixels())
+        assert decoder._process is not None
+        os.kill(decoder._process.pid, signal.SIGSTOP)
+        threading.Timer(0.2, decoder._process.kill).start()
+        with pytest.raises(FrameError, match="it crashed the decoder"):
+            decoder.decode_picture(WHOLE["TIFF"], "b.tiff")
+        assert np.array_equal(decoder.decode_picture(WHOLE["TIFF"], "c"), pixels())
+    finally:
+        decoder.close()
+
+
+def test_a_run_over_damaged_frames_gives_each_one_line_and_goes_on(tmp_path):
+    """Through the program itself; ``python -m tests.damaged_frames 10000`` is the campaign."""
+    (tmp_path / "frames").mkdir()
+    damages = write(range(RUN), tmp_path / "frames")
+    (tmp_path / "frames" / "whole.fits").write_bytes(WHOLE["plain"])
+    damages["whole.fits"] = "none"
+    found = process([tmp_path / "frames" / name for name in damages], tmp_path)
+    assert holds(found, damages), table(found, damages)
+    assert found.outcomes["whole.fits"] == "not solved"
+    refused = [name for name, outcome in found.outcomes.items() if outcome == "refused"]
+    assert found.status == 1
+    complaints = [line for line in found.said if line.startswith("rsoconsole: ")]
+    assert found.said == complaints
+    assert all(sum(name in line for line in complaints) == 1 for name in refused)

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -144,9 +145,13 @@ class CountedSolver:
 
     def __init__(self) -> None:
         self.hints: list[SolveHint] = []
+        self.deadlines_s: list[float] = []
 
-    def solve(self, stars: FloatArray, *, hint: SolveHint, **_: object) -> NotSolved:
+    def solve(
+        self, stars: FloatArray, *, hint: SolveHint, deadline_s: float, **_: object
+    ) -> NotSolved:
         self.hints.append(hint)
+        self.deadlines_s.append(deadline_s)
         return NotSolved(frame_id=3, reason="no match", ms=1.0)
 
 
@@ -159,6 +164,49 @@ def test_a_cloud_does_not_have_the_whole_sky_searched_at_every_frame(stars):
         finder.solve(frame(), stars)
         searches.append(len(solver.hints) - before)
     assert searches == [4, 4, 1, 4, 1, 1, 1, 4, 1, 1]
+
+
+def test_frames_without_a_position_have_the_long_deadline_ever_more_rarely(stars):
+    solver = CountedSolver()
+    finder = PlateFinder(solver, CONFIG)
+    longest_s = []
+    for _ in range(10):
+        solver.deadlines_s.clear()
+        finder.solve(frame(ra_deg=None, dec_deg=None), stars)
+        longest_s.append(solver.deadlines_s[0])
+    long_s, short_s = CONFIG.solver.blind_deadline_s, CONFIG.solver.deadline_s
+    assert [n for n, s in enumerate(longest_s, start=1) if s == long_s] == [1, 2, 4, 8]
+    assert set(longest_s) == {long_s, short_s}
+
+
+class EndlessSolver:
+    """Takes all the time it is given, and solves nothing."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def solve(self, stars: FloatArray, *, deadline_s: float, **_: object) -> NotSolved:
+        self.now_s += deadline_s
+        return NotSolved(frame_id=3, reason="no match", ms=1.0)
+
+
+@pytest.mark.parametrize("ra_deg", [RA_DEG, None])
+@pytest.mark.parametrize("scale", [SCALE, None])
+def test_all_searches_for_a_hopeless_frame_together_keep_its_deadline(
+    stars, scale, ra_deg, monkeypatch
+):
+    solver = EndlessSolver()
+    monkeypatch.setattr(
+        "rsoconsole.pipeline.plate.time", SimpleNamespace(monotonic=lambda: solver.now_s)
+    )
+    finder = PlateFinder(solver, CONFIG)
+    for number in range(1, 17):
+        before_s = solver.now_s
+        finder.solve(frame(scale, ra_deg), stars)
+        is_long = ra_deg is None and number in (1, 2, 4, 8, 16)
+        settings = CONFIG.solver
+        most_s = settings.blind_deadline_s if is_long else settings.deadline_s
+        assert solver.now_s - before_s <= most_s
 
 
 def test_too_few_stars_are_not_searched_for_elsewhere(stars):

@@ -1,4 +1,4 @@
-"""The process that decodes FITS files that are not plain: a file may crash or hang native code.
+"""The process that decodes pictures, and FITS files that are not plain: a file may crash it.
 
 Started with ``python -c``, ends with its parent's end of the socket.
 """
@@ -6,6 +6,7 @@ Started with ``python -c``, ends with its parent's end of the socket.
 import contextlib
 import os
 import resource
+import sys
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -22,8 +23,10 @@ class DecodeRequest:
     """Which image of the file that follows, as bytes."""
 
     name: str
-    extension: str | None
-    min_side_px: int
+    extension: str | None = None
+    min_side_px: int = 1
+    is_picture: bool = False
+    """TIFF or PNG: then the two above say nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +54,10 @@ def main(socket_fd: int) -> None:
             content = connection.recv_bytes()
         except (EOFError, OSError):
             os._exit(0)
+        if request.is_picture and "cv2" not in sys.modules:
+            import cv2  # noqa: F401 - what it weighs itself is no file's fault
+
+            _limit_memory()
         _answer(connection, request, content)
 
 
@@ -58,17 +65,22 @@ def _limit_memory() -> None:
     """What a file asks for beyond it fails here, in words."""
     with contextlib.suppress(OSError, ValueError, IndexError):
         said = Path("/proc/self/statm").read_text(encoding="ascii")
-        own = int(said.split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (own + SPARE_BYTES, own + SPARE_BYTES))
+        most = int(said.split()[0]) * resource.getpagesize() + SPARE_BYTES
+        resource.setrlimit(resource.RLIMIT_AS, (most, resource.getrlimit(resource.RLIMIT_AS)[1]))
 
 
 def _answer(connection: Connection, request: DecodeRequest, content: bytes) -> None:
     import numpy as np
 
-    from rsoconsole.instruments.fits_images import image_by_astropy
+    from rsoconsole.instruments.fits_images import FitsImage, image_by_astropy
+    from rsoconsole.instruments.pictures import picture_by_opencv
 
     try:
-        image = image_by_astropy(content, request.name, request.extension, request.min_side_px)
+        image = (
+            FitsImage(raw=picture_by_opencv(content, request.name), header={})
+            if request.is_picture
+            else image_by_astropy(content, request.name, request.extension, request.min_side_px)
+        )
         pixels = np.ascontiguousarray(image.raw)
         reply = DecodeReply(
             dtype=pixels.dtype.str,

@@ -1,4 +1,4 @@
-"""Decodes FITS files that are not plain in a process of its own, within limits of time and memory.
+"""Decodes pictures, and FITS files that are not plain, in a process with limits of time and memory.
 
 Decoders of compressed images are native code: a damaged tile may corrupt their memory, a false
 length may keep them busy for ever. The process is started with the first such file, kept for the
@@ -13,8 +13,10 @@ import subprocess
 import sys
 import threading
 from multiprocessing.connection import Connection
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from rsoconsole.errors import FrameError
 from rsoconsole.instruments.decoder_child import DecodeReply, DecodeRequest
@@ -42,13 +44,21 @@ class FrameDecoder:
     ) -> FitsImage:
         """As ``image_by_astropy``. Raises FrameError, also where the file ends the process."""
         request = DecodeRequest(name=name, extension=extension, min_side_px=min_side_px)
+        return self._decoded(request, content)
+
+    def decode_picture(self, content: Content, name: str) -> npt.NDArray[Any]:
+        """As ``picture_by_opencv``. Raises FrameError, also where the file ends the process."""
+        return self._decoded(DecodeRequest(name=name, is_picture=True), content).raw
+
+    def _decoded(self, request: DecodeRequest, content: Content) -> FitsImage:
         with self._guard:
             try:
                 return self._ask(request, content)
             except (EOFError, OSError) as error:
                 self._end()
                 raise FrameError(
-                    f"{name} is damaged: it crashed the decoder; copy it again or leave it out"
+                    f"{request.name} is damaged: it crashed the decoder;"
+                    " copy it again or leave it out"
                 ) from error
             except FrameError:
                 raise

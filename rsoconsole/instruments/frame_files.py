@@ -8,7 +8,6 @@ import bz2
 import gzip
 import io
 import logging
-import os
 import stat
 import zlib
 from collections.abc import Iterator
@@ -21,7 +20,6 @@ import numpy.typing as npt
 
 from rsoconsole.errors import FrameError
 from rsoconsole.instruments.fits_images import ALL, FitsImage, fits_image
-from rsoconsole.instruments.fits_structure import MOST_PIXELS
 from rsoconsole.instruments.frame_header import (
     EXTENSION_KEY,
     NOTES_KEY,
@@ -38,6 +36,8 @@ from rsoconsole.instruments.frame_pixels import (
     saturation_adu,
     to_pixels,
 )
+from rsoconsole.instruments.pictures import MAGIC as PICTURE_MAGIC
+from rsoconsole.instruments.pictures import picture
 from rsoconsole.instruments.plain_fits import Content
 from rsoconsole.records import Frame
 
@@ -46,12 +46,9 @@ MOST_BYTES = 400_000_000
 """Of a file, packed or not: 200 million pixels of 16 bits."""
 MAX_NONFINITE_FRACTION = 0.0
 """A camera gives numbers: a frame with anything else is not what it saw."""
-_IMAGE_MAGIC = (b"\x89PNG", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _FITS_MAGIC = b"SIMPLE  ="
 _MOST_NAMED = 8
 log = logging.getLogger(__name__)
-# OpenCV looks once, when it is loaded: a picture of more pixels is refused before it is unpacked.
-os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
 OTHERS_KEY = "OTHER_IMAGES"
 """Key under which a frame's header names the other images of its file, a tuple of labels."""
 EIGHT_BIT = "8 bits a pixel: faint streaks are lost in its steps; give the camera's 16-bit frames"
@@ -188,10 +185,10 @@ def _frame(
         image = fits_image(content, name, extension, MIN_SIDE_PX)
         raw, bits = image.raw, image.raw.dtype.itemsize * 8
         notes += _notes_of_others(image) if is_alone else []
-    elif content[:4] in _IMAGE_MAGIC:
-        picture = _plain_image(content, name)
-        bits = picture.dtype.itemsize * 8
-        raw, full_adu, is_coloured = one_plane(picture, name)
+    elif content[:4] in PICTURE_MAGIC:
+        stored = picture(content, name)
+        bits = stored.dtype.itemsize * 8
+        raw, full_adu, is_coloured = one_plane(stored, name)
         image = FitsImage(raw=raw, header={})
         notes += [COLOURS] if is_coloured else []
     else:
@@ -281,22 +278,6 @@ def _unpacked(file: bz2.BZ2File | gzip.GzipFile, name: str) -> bytes:
     if len(content) > MOST_BYTES:
         raise FrameError(f"{name} unpacks to more than {MOST_BYTES / 1e9:.1f} GB: leave it out")
     return content
-
-
-def _plain_image(content: Content, name: str) -> npt.NDArray[Any]:
-    import cv2
-
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        image = None
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-    if image is None:
-        raise FrameError(f"{name} is truncated or damaged: copy it again or leave it out")
-    return np.asarray(image)
 
 
 def _check_shape(raw: npt.NDArray[Any], name: str, expected: tuple[int, int] | None) -> None:

@@ -44,7 +44,8 @@ class PlateFinder:
         """Refit from the last plate, else solve in full with the header's hints.
 
         Without the hints only the first, second, fourth, eighth... frame in a row that fails is
-        tried: a search of the whole sky takes as long as it may, and a cloud lasts.
+        tried: a search of the whole sky takes as long as it may, and a cloud lasts. Frames that
+        tell no position have ``solver.blind_deadline_s`` in these turns, else ``deadline_s``.
         """
         solution: Solution | NotSolved | None = self._refit(frame, stars)
         if solution is None:
@@ -73,11 +74,11 @@ class PlateFinder:
         """A solution from the hint, and in what is left of the deadline from less of it.
 
         ``is_relaxed``: whether it may be tried without what the hint says. Without a position the
-        longer deadline holds for all.
+        longer deadline holds for all, but for a frame that may not be relaxed.
         """
         settings = self._config.solver
         started_s = time.monotonic()
-        is_blind = hint.position_deg is None
+        is_blind = hint.position_deg is None and is_relaxed
         deadline_s = settings.blind_deadline_s if is_blind else settings.deadline_s
         end_s = started_s + deadline_s
         first = found = self._attempt(frame, stars, hint, deadline_s)
