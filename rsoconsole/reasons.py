@@ -357,7 +357,9 @@ class Cause:
     missed: Missed | Told | None = None
 
 
-FROM_OUTSIDE: frozenset[CauseKind] = frozenset(("limit met", "looked for again", "clock set"))
+FROM_OUTSIDE: frozenset[CauseKind] = frozenset(
+    ("limit met", "looked for again", "resumed", "clock set")
+)
 """What leads from one state of a search or track to another without a frame's doing."""
 
 

@@ -116,13 +116,16 @@ class Hold(Command):
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resume(Command):
-    """Give the mount back to autonomy after a hold or a move by hand."""
+    """Give the mount back after a hold or a move by hand, or follow an ended track again."""
 
     verb = "resume"
     moves_mount = True
     is_on_panel = True
     shell = "rsoconsole resume"
-    shell_help = "Give the mount back to the engine after a hold or a move by hand."
+    shell_help = """Give the mount back to the engine after a hold or a move by hand.
+
+    A track that 'disarm' or a new search ended is followed again: for 15 minutes,
+    without the checklist. After a STOP or a fault 'arm' comes first."""
 
 
 @register

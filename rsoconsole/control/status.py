@@ -101,7 +101,13 @@ class Status:
     """The hold ends by itself when the stars are back."""
     frame_id: int | None = None
     """The exposure begun last."""
+    kept: str | None = None
+    """Name or number of a track that was ended and can be followed again."""
+    kept_until_utc_ns: int | None = None
+    is_resumable: bool = False
+    """Whether 'resume' gives autonomy the mount; else it has to be armed first."""
     target: str | None = None
+    """Name of what is followed, once it is identified."""
     ra_icrs_deg: float | None = None
     """Where what is followed was at ``t_utc_ns``."""
     dec_icrs_deg: float | None = None
@@ -110,8 +116,15 @@ class Status:
     az_deg: float | None = None
     t_utc_ns: int | None = None
     mount_ra_icrs_deg: float | None = None
-    """Where the mount itself said to be a second ago."""
+    """Where the mount itself said to be, as a rule a second ago."""
     mount_dec_icrs_deg: float | None = None
+    mount_alt_deg: float | None = None
+    """The same as seen from the site."""
+    mount_az_deg: float | None = None
+    mount_t_utc_ns: int | None = None
+    """When the mount said so: long ago where it is silent."""
+    slew_left_s: float | None = None
+    """How long the slew under way still takes; None while the mount does not slew."""
     is_parked: bool | None = None
     is_slewing: bool | None = None
     """As the mount said a second ago."""

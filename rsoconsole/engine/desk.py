@@ -196,15 +196,16 @@ class Desk:
         report = self._engine.watch.last_report
         health = self._health.read(report, self._engine.clock_set)
         machine, seat = self._machine(), self._seats.view()
-        alt_deg = az_deg = None
-        ra_deg, dec_deg, t_ns = status.ra_icrs_deg, status.dec_icrs_deg, status.t_utc_ns
-        if ra_deg is not None and dec_deg is not None and t_ns is not None:
-            site = self._engine.config.site.to_site()
-            alt_deg, az_deg = icrs_to_altaz(site, ra_deg, dec_deg, t_ns)
+        alt_deg, az_deg = self._horizontal(status.ra_icrs_deg, status.dec_icrs_deg, status.t_utc_ns)
+        mount_alt_deg, mount_az_deg = self._horizontal(
+            status.mount_ra_icrs_deg, status.mount_dec_icrs_deg, status.mount_t_utc_ns
+        )
         return dataclasses.replace(
             status,
             alt_deg=alt_deg,
             az_deg=az_deg,
+            mount_alt_deg=mount_alt_deg,
+            mount_az_deg=mount_az_deg,
             faults=(*status.faults, *self._record_faults()),
             health=tuple(health),
             machine=None if machine is None else machine.as_status(),
@@ -215,6 +216,14 @@ class Desk:
             session=self._session.absolute(),
             pid=os.getpid(),
         )
+
+    def _horizontal(
+        self, ra_deg: float | None, dec_deg: float | None, t_utc_ns: int | None
+    ) -> tuple[float | None, float | None]:
+        """Altitude and azimuth from the site; None where the direction is not known."""
+        if ra_deg is None or dec_deg is None or t_utc_ns is None:
+            return None, None
+        return icrs_to_altaz(self._engine.config.site.to_site(), ra_deg, dec_deg, t_utc_ns)
 
     def _preview(self, command: Preview, _sender: Sender) -> Outcome:
         """Where a move by hand would lead, how long it takes and what stands against it."""

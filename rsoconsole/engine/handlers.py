@@ -50,6 +50,9 @@ class Control(Protocol):
     def arm(self, by: str, lifted: frozenset[str]) -> None:
         """Hand the mount to autonomy. Raises ValueError where it has it already."""
 
+    def resume(self, by: str) -> None:
+        """Give it back, or follow again what was ended. Raises ValueError where that cannot be."""
+
     def park(self, by: str) -> None:
         """Disarm and send the mount to its park position."""
 

@@ -36,6 +36,8 @@ class Hands:
         self.instruments = instruments
         self._config = config
         self._is_wanted = is_wanted
+        self.sent: tuple[tuple[float, float], int] | None = None
+        """Where the mount was sent last (ICRS, by its own word), and when; None: nowhere yet."""
         self.on_tick: Callable[[], None] = lambda: None
         """Called at every step of a wait, at least once a second."""
         self.on_clock_set: Callable[[float], None] = lambda _step_s: None
@@ -81,7 +83,9 @@ class Hands:
     def order_slew(self, ra_icrs_deg: float, dec_icrs_deg: float) -> None:
         """Send the mount there and return at once. Raises Interrupted instead of moving it."""
         self.heed()
-        self.instruments.mount.slew(ra_icrs_deg, dec_icrs_deg, self.now_utc_ns())
+        now_ns = self.now_utc_ns()
+        self.instruments.mount.slew(ra_icrs_deg, dec_icrs_deg, now_ns)
+        self.sent = (ra_icrs_deg, dec_icrs_deg), now_ns
 
     def wait_for_arrival(self, ra_icrs_deg: float, dec_icrs_deg: float) -> MountReport:
         """Wait for the mount's arrival by read-back, then for it to settle.

@@ -22,6 +22,7 @@ from rsoconsole.engine.exposures import Exposures
 from rsoconsole.engine.guide import Guide
 from rsoconsole.engine.handlers import joined
 from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
+from rsoconsole.engine.kept import KeptTrack
 from rsoconsole.engine.modes import Modes
 from rsoconsole.engine.pace import Pace
 from rsoconsole.engine.parking import Parking
@@ -46,6 +47,7 @@ from rsoconsole.engine.states import (
     Step,
     Taken,
     step,
+    without_kept,
 )
 from rsoconsole.engine.status import status_of
 from rsoconsole.engine.temporary import Temporary
@@ -110,6 +112,7 @@ class Engine:
         self._queue = queue
         self._on_cycle = on_cycle
         self._plan: Plan | None = None
+        self._kept = KeptTrack()
         self._is_first_look = False
         self._must_check_pointing = True
         self._faults: list[str] = []
@@ -173,7 +176,16 @@ class Engine:
             faults=tuple(self._faults),
             exposing_until_utc_ns=self._exposures.open_until_utc_ns,
             next_start_utc_ns=self._exposures.next_start_utc_ns,
+            names=self.orbits.names,
+            kept_until_utc_ns=self._kept.until_utc_ns,
+            slew_left_s=self._slew_left_s(),
         )
+
+    def _slew_left_s(self) -> float | None:
+        report, sent = self.watch.last_report, self.hands.sent
+        if report is None or sent is None:
+            return None
+        return self.planner.slew_left_s(report, *sent)
 
     def wake(self) -> None:
         """Cut a wait short (any thread)."""
@@ -201,6 +213,19 @@ class Engine:
             self.chronicle.say(
                 "warning", f"armed without these checks: {', '.join(sorted(lifted))}"
             )
+
+    def resume(self, by: str) -> None:
+        """Give the mount back to autonomy, or follow again what was ended.
+
+        Raises ValueError where there is nothing to resume, or the mount is parked.
+        """
+        was_autonomous = self.charge.is_autonomous
+        report = self.hands.mount_report()
+        if report.is_parked and not was_autonomous:
+            raise ValueError("the mount is parked: unpark it first")
+        self.happen(Resumed(by=by))
+        if not was_autonomous:
+            self.planner.moved_by_hand(report)
 
     def run(self, frames: int | None = None) -> None:
         """Work until shutdown, or until ``frames`` exposures have been begun or dawn has come.
@@ -242,6 +267,8 @@ class Engine:
         return self.frame_id >= frames or (self._has_dawned and not self._parking.is_wanted)
 
     def _one_turn(self, *, is_bounded: bool) -> None:
+        if self._kept.is_over(self.hands.now_utc_ns()):
+            self._enter(without_kept(self.charge), None)
         if self.charge.is_autonomous:
             self._one_exposure()
         elif self.charge.state == "MANUAL":
@@ -492,6 +519,8 @@ class Engine:
     def park(self, by: str) -> None:
         """Disarm and send the mount to its park position, again and again until it is there."""
         self.happen(Disarmed(by=by))
+        # What was followed before is gone back to only after the checklist.
+        self._enter(replace(self.charge, is_resumable=False), None)
         self._parking.want()
 
     def _heed_alarms(self) -> None:
@@ -536,7 +565,9 @@ class Engine:
 
     def _enter(self, charge: Charge, reason: Cause | None) -> None:
         before, self.charge = self.charge.state, charge
-        over = charge.state in ("IDLE", "FAULT")
+        # What was overridden stands as long as the mount can be given back without a checklist.
+        over = charge.state in ("IDLE", "FAULT") and not charge.is_resumable
+        self._kept.see(charge, self.config.filter, self.chronicle.last_utc_ns())
         self.watch.take_charge(charge.is_responsible, frozenset() if over else None)
         # Without a reason it is the fold's own passage, which is on record already.
         if before != charge.state and reason is not None:

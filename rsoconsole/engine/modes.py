@@ -20,7 +20,7 @@ class Modes:
             Arm: Handler(expect=self._expect, execute=self._arm),
             Disarm: Handler(execute=self._pass),
             Hold: Handler(expect=self._expect, execute=self._pass),
-            Resume: Handler(expect=self._expect, execute=self._pass),
+            Resume: Handler(expect=self._expect, execute=self._resume),
             Park: Handler(execute=self._park),
             Abort: Handler(execute=lambda _command, _by: done("the exposure was given up")),
             Shutdown: Handler(execute=lambda _command, _by: DONE),
@@ -38,6 +38,10 @@ class Modes:
 
     def _arm(self, command: Arm, by: str) -> CommandResult:
         self._control.arm(by, frozenset(command.override))
+        return DONE
+
+    def _resume(self, _command: Resume, by: str) -> CommandResult:
+        self._control.resume(by)
         return DONE
 
     def _park(self, _command: Park, by: str) -> CommandResult:

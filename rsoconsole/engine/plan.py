@@ -267,6 +267,20 @@ class Planner:
             way_deg = FLIP_WAY_DEG
         return SLEW_OVERHEAD_S + way_deg / mount.slew_rate_deg_s + mount.settle_s
 
+    def slew_left_s(self, report: MountReport, to: Direction, sent_utc_ns: int) -> float | None:
+        """Seconds that a slew under way still takes; None for a mount that does not slew.
+
+        ``to``: where the mount was sent, by its own word, at ``sent_utc_ns``.
+        """
+        if not report.is_slewing:
+            return None
+        rate_deg_s = self._config.mount.slew_rate_deg_s
+        way_deg = max(abs(wrap_180(to[0] - report.ra_icrs_deg)), abs(to[1] - report.dec_icrs_deg))
+        if self.side_at(to, report.t_utc_ns) != report.pier_side:
+            gone_s = max((report.t_utc_ns - sent_utc_ns) / NS, 0.0)
+            way_deg = max(way_deg, FLIP_WAY_DEG - rate_deg_s * gone_s)
+        return way_deg / rate_deg_s
+
     def side_at(self, direction: Direction, t_utc_ns: int) -> PierSide | None:
         """Side of the pier after a slew there."""
         mount = self._config.mount

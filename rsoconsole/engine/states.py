@@ -22,6 +22,7 @@ Holder = Literal["autonomy", "operator", "nobody"]
 
 AUTONOMOUS: frozenset[LoopState] = frozenset(("SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST"))
 FAILURES_IN_A_ROW = 3
+NOTHING_HELD = "nothing is held: there is nothing to resume"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,10 +30,11 @@ class Charge:
     """Who has the mount, and what the loop follows."""
 
     following: Following = field(default_factory=lambda: Following(state="IDLE"))
-    suspended: Following | None = None
-    """What autonomy was following when the operator took the mount."""
+    kept: Following | None = None
+    """The track that ended by the operator's word, or with a fault: it can be followed again."""
     is_resumable: bool = False
-    """True where the operator took the mount from autonomy: only that can be given back."""
+    """True where autonomy need not be armed to have the mount again: the operator took it from
+    autonomy, by hand or by disarming; never after STOP."""
     is_held: bool = False
     """True while the operator wants no slews: what is followed is coasted and measured."""
     resumes_when_clear: bool = False
@@ -54,6 +56,14 @@ class Charge:
     def is_responsible(self) -> bool:
         """Whether what becomes of the mount is autonomy's affair: nobody else is there."""
         return self.is_autonomous or self.state == "FAULT"
+
+    @property
+    def tracked(self) -> Following | None:
+        """What a track that ends now leaves to be followed again; None where there is nothing.
+
+        Only a track is worth coming back to: what a search had seen is soon out of the field.
+        """
+        return self.following if self.state in ("TRACK", "COAST") else self.kept
 
     @property
     def holder(self) -> Holder:
@@ -102,7 +112,7 @@ class Held:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resumed:
-    """The operator gives the mount back after a hold or a move by hand."""
+    """The operator gives the mount back, or wants a track followed again that was ended."""
 
     by: str
 
@@ -208,32 +218,30 @@ def _step(happening: Any, charge: Charge) -> Step:  # noqa: ARG001
 def _(happening: Armed, charge: Charge) -> Step:
     if charge.is_autonomous:
         return Step(charge=charge, refusal="it is armed already")
-    return _enter(
-        charge, "SEARCH", Cause(kind="armed", by=happening.by), "start search", "forget plate"
-    )
+    armed = Cause(kind="armed", by=happening.by)
+    return _keeping(_enter(charge, "SEARCH", armed, "start search", "forget plate"), charge.kept)
 
 
 @_step.register
 def _(happening: Disarmed, charge: Charge) -> Step:
-    return _enter(charge, "IDLE", Cause(kind="disarmed", by=happening.by))
+    disarmed = _enter(charge, "IDLE", Cause(kind="disarmed", by=happening.by))
+    is_resumable = charge.is_autonomous or charge.is_resumable
+    return _keeping(disarmed, charge.tracked, is_resumable=is_resumable)
 
 
 @_step.register
 def _(happening: Stopped, charge: Charge) -> Step:
-    return _enter(charge, "IDLE", Cause(kind="STOP", by=happening.by), "abort")
+    stopped = _enter(charge, "IDLE", Cause(kind="STOP", by=happening.by), "abort")
+    return _keeping(stopped, charge.tracked)
 
 
 @_step.register
 def _(happening: Taken, charge: Charge) -> Step:
-    suspended, is_resumable = charge.suspended, charge.is_resumable
-    if charge.is_autonomous:
-        # Only a track is worth coming back to: what a search had seen is soon out of the field.
-        has_track = charge.state in ("TRACK", "COAST")
-        suspended, is_resumable = (charge.following if has_track else None), True
+    is_given_back = charge.is_resumable and charge.state == "MANUAL"
     after = Charge(
         following=charge.following.without_track("MANUAL"),
-        suspended=suspended,
-        is_resumable=is_resumable,
+        kept=charge.tracked,
+        is_resumable=charge.is_autonomous or is_given_back,
     )
     return Step(
         charge=after, actions=("forget plate",), reason=Cause(kind="moved by hand", by=happening.by)
@@ -252,16 +260,29 @@ def _(happening: Held, charge: Charge) -> Step:
 def _(happening: Resumed, charge: Charge) -> Step:
     if charge.is_autonomous and charge.is_held:
         return Step(charge=replace(charge, is_held=False, resumes_when_clear=False))
-    if charge.state != "MANUAL":
-        return Step(charge=charge, refusal="nothing is held: there is nothing to resume")
-    if not charge.is_resumable:
-        # Else a move by hand would be a way round the checklist.
-        return Step(charge=charge, refusal="it was not armed before you took the mount: arm it")
+    refusal = _why_not_resumed(charge)
+    if refusal is not None:
+        return Step(charge=charge, refusal=refusal)
     reason = Cause(kind="resumed", by=happening.by)
-    if charge.suspended is None:
+    if charge.kept is None:
         return _enter(charge, "SEARCH", reason, "start search", "forget plate")
-    after = Charge(following=replace(charge.suspended, state="COAST", candidates=()))
-    return Step(charge=after, actions=("forget plate",), reason=reason)
+    # Numbers are given once: a search may have begun other tracks meanwhile.
+    last_track_id = max(charge.kept.last_track_id, charge.following.last_track_id)
+    again = replace(charge.kept, state="COAST", candidates=(), last_track_id=last_track_id)
+    return Step(charge=Charge(following=again), actions=("forget plate",), reason=reason)
+
+
+def _why_not_resumed(charge: Charge) -> str | None:
+    """Why autonomy does not go on with what was followed; None where it may."""
+    if charge.is_autonomous and charge.state not in ("TRACK", "COAST"):
+        return None if charge.kept is not None else NOTHING_HELD
+    if charge.state == "MANUAL":
+        # Else a move by hand would be a way round the checklist.
+        taken = "it was not armed before you took the mount: arm it"
+        return None if charge.is_resumable else taken
+    if charge.kept is None or charge.is_autonomous:
+        return NOTHING_HELD
+    return None if charge.is_resumable else "arm it first: then what was followed can be resumed"
 
 
 @_step.register
@@ -270,7 +291,7 @@ def _(happening: Sought, charge: Charge) -> Step:
         return Step(charge=charge, refusal="autonomy does not have the mount: arm or resume first")
     if charge.state == "SEARCH":
         return Step(charge=charge)
-    after = replace(charge, following=charge.following.without_track("SEARCH"))
+    after = replace(charge, following=charge.following.without_track("SEARCH"), kept=charge.tracked)
     return Step(charge=after, reason=Cause(kind="looked for again", by=happening.by))
 
 
@@ -279,7 +300,8 @@ def _(happening: Followed, charge: Charge) -> Step:
     if not charge.is_autonomous:
         # The mount changed hands while the frame was being reduced.
         return Step(charge=charge)
-    return Step(charge=replace(charge, following=happening.after, failures=0))
+    kept = None if happening.after.state in ("TRACK", "COAST") else charge.kept
+    return Step(charge=replace(charge, following=happening.after, kept=kept, failures=0))
 
 
 @_step.register
@@ -288,7 +310,8 @@ def _(happening: Failed, charge: Charge) -> Step:
     if charge.state == "FAULT":
         return Step(charge=charge)
     if happening.is_final or failures >= FAILURES_IN_A_ROW:
-        return _enter(charge, "FAULT", Cause(kind="instrument", detail=happening.words), "abort")
+        fault = Cause(kind="instrument", detail=happening.words)
+        return _keeping(_enter(charge, "FAULT", fault, "abort"), charge.tracked)
     return Step(charge=replace(charge, failures=failures))
 
 
@@ -301,7 +324,9 @@ def _(happening: LimitMet, charge: Charge) -> Step:
         return _enter(charge, "FAULT", Cause(kind="too many limits", detail=happening.words))
     # What was followed has set, or stands behind the wall: the search goes on where it began.
     # A hold stays a hold: what the operator has stopped does not go on by itself.
-    after = replace(charge, following=charge.following.without_track("SEARCH"), failures=failures)
+    after = replace(
+        charge, following=charge.following.without_track("SEARCH"), kept=None, failures=failures
+    )
     actions: tuple[Action, ...] = ("search home", "forget plate")
     return Step(
         charge=after, actions=actions, reason=Cause(kind="limit met", detail=happening.words)
@@ -312,8 +337,8 @@ def _(happening: LimitMet, charge: Charge) -> Step:
 def _(happening: ClockSet, charge: Charge) -> Step:
     # A track lives by its times, and those before this are wrong; what was seen is still near.
     if not charge.is_autonomous:
-        return Step(charge=replace(charge, suspended=None))
-    after = replace(charge, following=charge.following.without_track("SEARCH"))
+        return Step(charge=without_kept(charge))
+    after = replace(charge, following=charge.following.without_track("SEARCH"), kept=None)
     actions: tuple[Action, ...] = ("start search", "forget plate")
     return Step(
         charge=after, actions=actions, reason=Cause(kind="clock set", step_s=happening.step_s)
@@ -333,6 +358,17 @@ def _(happening: NotPointing, charge: Charge) -> Step:
     if not charge.is_autonomous:
         return Step(charge=charge)
     return _enter(charge, "IDLE", Cause(kind="not pointing", detail=happening.words))
+
+
+def without_kept(charge: Charge) -> Charge:
+    """The same once the track that was kept is too old to be followed again."""
+    is_resumable = charge.is_resumable and charge.state == "MANUAL"
+    return replace(charge, kept=None, is_resumable=is_resumable)
+
+
+def _keeping(entered: Step, kept: Following | None, *, is_resumable: bool = False) -> Step:
+    after = replace(entered.charge, kept=kept, is_resumable=is_resumable and kept is not None)
+    return replace(entered, charge=after)
 
 
 def _enter(charge: Charge, state: LoopState, reason: Cause, *actions: Action) -> Step:

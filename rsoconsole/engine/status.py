@@ -1,6 +1,10 @@
 """The engine at one instant, for scripts, tmux and consoles."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 from rsoconsole.control import Status
+from rsoconsole.engine.kept import name_of
 from rsoconsole.engine.states import Charge
 from rsoconsole.engine.watch import Watch
 
@@ -14,8 +18,14 @@ def status_of(
     faults: tuple[str, ...],
     exposing_until_utc_ns: int | None = None,
     next_start_utc_ns: int | None = None,
+    names: Mapping[int, str] = MappingProxyType({}),
+    kept_until_utc_ns: int | None = None,
+    slew_left_s: float | None = None,
 ) -> Status:
-    """A snapshot; every part of it is read once, so that any thread may ask."""
+    """A snapshot; every part of it is read once, so that any thread may ask.
+
+    ``names``: of identified tracks, by track id.
+    """
     track = charge.following.track
     limit = watch.next_limit
     report = watch.last_report
@@ -28,11 +38,17 @@ def status_of(
         is_held=charge.is_held,
         resumes_when_clear=charge.resumes_when_clear,
         frame_id=frame_id,
+        target=names.get(charge.following.track_id or 0),
+        kept=name_of(charge.kept, names),
+        kept_until_utc_ns=None if charge.kept is None else kept_until_utc_ns,
+        is_resumable=charge.is_resumable or (charge.is_autonomous and charge.kept is not None),
         ra_icrs_deg=None if track is None else track.x[0] % 360.0,
         dec_icrs_deg=None if track is None else track.x[2],
         t_utc_ns=None if track is None else track.t_utc_ns,
         mount_ra_icrs_deg=None if report is None else report.ra_icrs_deg,
         mount_dec_icrs_deg=None if report is None else report.dec_icrs_deg,
+        mount_t_utc_ns=None if report is None else report.t_utc_ns,
+        slew_left_s=slew_left_s,
         is_parked=None if report is None else report.is_parked,
         now_utc_ns=now_utc_ns,
         next_limit=ahead,

@@ -24,6 +24,8 @@ class Orbits:
         self._faults: set[str] = set()
         self.last: Mapping[int, OrbitEstimate] = {}
         """The last one of each track on record, by track id; never changed, frames keep theirs."""
+        self.names: Mapping[int, str] = {}
+        """Of those that are identified, by track id; never changed, other threads look in."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -61,7 +63,12 @@ class Orbits:
             name = self._naming.ask(frame_id, track_id, refined.seen)
         except OrbitError as error:
             return self._complaint(f"it has no name: {error}")
-        return () if name is None else (name,)
+        if name is None:
+            return ()
+        if name.verdict == "identified" and name.matches:
+            best = name.matches[0]
+            self.names = {**self.names, track_id: best.name or str(best.norad_id)}
+        return (name,)
 
     def _complaint(self, words: str) -> tuple[Event, ...]:
         """Once for each fault."""

@@ -155,8 +155,8 @@ class Walk:
     held: frozenset[str]
     reduce_again: ReduceAgain | None = None
     following: Following = field(default_factory=Following)
-    suspended: Following | None = None
-    """What was followed when the operator took the mount."""
+    kept: Following | None = None
+    """The track that ended last by somebody's word: it may be followed again."""
     stars: StarHistory = field(default_factory=StarHistory)
     taken: FrameTaken | None = None
     orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
@@ -308,22 +308,22 @@ class Walk:
         self.folds.forget()
         if isinstance(change.reason, Cause) and change.reason.kind == "clock set":
             self.orbits = {}
-        if change.after == "MANUAL":
-            # Only a track is worth coming back to.
-            if self.following.state in ("TRACK", "COAST"):
-                self.suspended = self.following
-            elif self.following.state in FOLDED:
-                self.suspended = None
-            self.following = self.following.without_track("MANUAL")
-            return
-        if change.after != "COAST":
+        is_resumed = change.after == "COAST"
+        # Only a track is worth coming back to.
+        if self.following.state in ("TRACK", "COAST") and not is_resumed:
+            self.kept = self.following
+        elif change.before in ("TRACK", "COAST"):
+            self.kept = None  # there was a track then; under what is tried there is not
+        if not is_resumed:
             self.following = self.following.without_track(change.after)
-        elif self.suspended is not None:
-            self.following = replace(self.suspended, state="COAST", candidates=())
+        elif self.kept is not None:
+            last_track_id = max(self.kept.last_track_id, self.following.last_track_id)
+            self.following = replace(
+                self.kept, state="COAST", candidates=(), last_track_id=last_track_id
+            )
+            self.kept = None
         else:
-            # There was a track then; under what is tried there is not.
             self.following = self.following.without_track("SEARCH")
-        self.suspended = None
 
 
 def _replayed(done: Fold, recorded: tuple[Record, ...]) -> ReplayedFrame:

@@ -1,0 +1,47 @@
+"""How long a track that was ended can be followed again, and what it is called. Pure."""
+
+from collections.abc import Mapping
+
+from rsoconsole.config import FilterConfig
+from rsoconsole.engine.states import Charge
+from rsoconsole.tracking.following import Following
+
+NS = 1_000_000_000
+KEPT_S = 900.0
+"""After disarming, STOP, a new search or a fault: beyond it the checklist is to be gone through,
+and a track that nobody measured is hardly found where it must be."""
+
+
+class KeptTrack:
+    """Knows until when the charge's kept track is worth anything."""
+
+    def __init__(self) -> None:
+        self._following: Following | None = None
+        self.until_utc_ns: int | None = None
+        """None while nothing is kept."""
+
+    def see(self, charge: Charge, settings: FilterConfig, now_utc_ns: int) -> None:
+        """The state has changed. In MANUAL a track is kept as long as it would be coasted."""
+        kept = charge.kept
+        if kept is None:
+            self._following = self.until_utc_ns = None
+            return
+        if kept is self._following and charge.state != "MANUAL":
+            return
+        self._following = kept
+        seen_ns = now_utc_ns if kept.taken is None else kept.taken.t_mid_utc_ns
+        until_ns = seen_ns + round(settings.max_coast_s * NS)
+        if not (charge.state == "MANUAL" and charge.is_resumable):
+            until_ns = min(until_ns, now_utc_ns + round(KEPT_S * NS))
+        self.until_utc_ns = until_ns
+
+    def is_over(self, now_utc_ns: int) -> bool:
+        """Whether what was kept is too old by now."""
+        return self.until_utc_ns is not None and now_utc_ns >= self.until_utc_ns
+
+
+def name_of(following: Following | None, names: Mapping[int, str]) -> str | None:
+    """What a track is called; None where nothing is followed. ``names``: by track id."""
+    if following is None or following.track_id is None:
+        return None
+    return names.get(following.track_id, f"track {following.track_id}")
