@@ -118,6 +118,14 @@ def pane(app: ConsoleApp, name: str) -> str:
     return app.live.query_one(f"#{name}", LinesPane).text
 
 
+async def click(app: ConsoleApp, pilot: Pilot[str], words: str) -> None:
+    """On a key of the last line, once it is there."""
+    await until(pilot, lambda: words in pane(app, "keys"))
+    rows = pane(app, "keys").splitlines()
+    row = next(n for n, each in enumerate(rows) if words in each)
+    await pilot.click("#keys", offset=(rows[row].index(words), row))
+
+
 def screen_text(app: ConsoleApp) -> str:
     """The screen as a person reads it: no colours, no trailing blanks."""
     strips = app.live._compositor.render_strips()

@@ -27,6 +27,7 @@ from rsoconsole.console.log_pane import LogPane, log_rows
 from rsoconsole.console.night import Night, NightView
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.plot import Column, residual_limit, residual_plot
+from rsoconsole.console.words import wrapped
 from rsoconsole.control import ControlClient, ControlServer, Outcome, Request, Sender
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
@@ -504,13 +505,52 @@ def test_in_a_narrow_terminal_the_weighty_keys_stay_and_a_notice_leaves_what_it_
     assert "g Go to" in said(80)
     assert "^p More" in said(120)
     assert "h Resume" in said(80, is_held=True)
-    in_force = "hold: in force from the next cycle"
-    assert said(160, in_force).rstrip().endswith(f"^p More  {in_force}")
-    assert "a Disarm  h Hold" in said(80, in_force)
-    assert said(80, in_force).rstrip().endswith(in_force)
-    assert said(60, in_force).split()[:8] == said(40).split()
+    # In a terminal of a few lines alone a notice takes the place of keys.
     assert said(40, "hold: done").split() == ["x", "STOP", "hold:", "done"]
     assert all("x" in said(width).split() for width in range(4, 80))
+
+
+def test_a_notice_stands_over_the_keys_and_eats_none(wire: FakeWire) -> None:
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: "a Disarm" in pane(app, "keys"))
+        keys = pane(app, "keys")
+        await pilot.press("z")
+        await until(pilot, lambda: pane(app, "keys") == f" picture: close-up\n{keys}")
+        await pilot.press("z")
+        rows = screen_text(app).splitlines()
+        assert rows[-2].startswith(" picture: full resolution")
+        assert rows[-1] == keys.rstrip()
+        await pilot.press("escape")
+        await until(pilot, lambda: pane(app, "keys") == keys)
+
+    play(wire, scene)
+
+
+def test_what_was_said_of_a_pane_ends_with_it(wire: FakeWire) -> None:
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("t", "enter")
+        await until(pilot, lambda: "nothing is tried" in pane(app, "keys"))
+        await pilot.press("escape")
+        await until(pilot, lambda: "nothing is tried" not in pane(app, "keys"))
+
+    play(wire, scene)
+
+
+def test_what_is_too_long_loses_its_middle_and_never_the_remedy() -> None:
+    text = (
+        "FAULT frame 12 is not solved: 3 stars, 8 needed, and so on for quite a while -> lens cap, "
+        "focus, cloud? Check optics.focal_length_mm"
+    )
+    for width in (40, 60):
+        rows = ["".join(text for text, _ in row) for row in wrapped(text, width, 2)]
+        assert len(rows) == 2
+        assert all(len(row) <= width for row in rows)
+        assert rows[0].startswith("FAULT frame 12")
+        assert rows[1].endswith("optics.focal_length_mm")
+        assert "…" in " ".join(rows)
+    assert wrapped("short", 20, 1) == [[("short", "")]]
+    assert len(wrapped("x" * 90, 20, 2)) == 2
 
 
 def test_h_holds_and_resumes_and_the_first_line_says_held(wire: FakeWire) -> None:
@@ -559,6 +599,8 @@ FAILED_CHECK = {
 def test_a_arms_an_idle_engine_and_disarms_an_armed_one(wire: FakeWire) -> None:
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: "a Disarm" in pane(app, "keys"))
+        wire.status |= {"state": "SEARCH"}
+        await until(pilot, lambda: app.live.engine.state == "SEARCH")
         await pilot.press("a")
         await until(pilot, lambda: wire.verbs == ["disarm"])
         wire.status |= {"holder": "nobody", "state": "IDLE"}

@@ -22,9 +22,11 @@ from rsoconsole.records import Event
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
 from tests.makers import NS
-from tests.seat_rig import FRAMES, FakeWire, pane, play, screen_text, until, written
+from tests.seat_rig import FRAMES, FakeWire, click, pane, play, screen_text, until, written
 
 LARGE = (120, 40)
+YOURS = {"state": "MANUAL", "holder": "operator"}
+IDLE = {"state": "IDLE", "holder": "nobody"}
 PREVIEW = {
     "ra_icrs_deg": 83.05,
     "dec_icrs_deg": -4.87,
@@ -130,16 +132,19 @@ def test_a_keymap_that_cannot_be_is_refused_with_the_reason(tmp_path: Path, text
     ("key", "status", "verb", "arguments"),
     [
         ("w", {}, "hold", {"until": "clear"}),
-        ("u", {}, "unpark", {}),
+        ("u", {"is_parked": True}, "unpark", {}),
+        ("u", {"kept": "SES-10"} | IDLE, "resume", {}),
+        ("h", {"kept": "SES-10"} | IDLE, "resume", {}),
+        ("ctrl+u", {}, "unpark", {}),
         ("k", {"is_tracking": True}, "track", {"on": False}),
         ("k", {"is_tracking": False}, "track", {"on": True}),
         ("b", {}, "abort", {}),
         ("y", {}, "accept", {"frame": FRAMES}),
         ("j", {}, "reject", {"frame": FRAMES}),
-        ("s", {}, "seek", {}),
+        ("s", {"state": "SEARCH"}, "seek", {}),
         ("d", {}, "choose", {"frame": FRAMES, "x": 2000.0, "y": 1500.0}),
-        ("up", {}, "nudge", {"east_arcmin": 0.0, "north_arcmin": 1.0}),
-        ("left", {}, "nudge", {"east_arcmin": -1.0, "north_arcmin": 0.0}),
+        ("up", YOURS, "nudge", {"east_arcmin": 0.0, "north_arcmin": 1.0}),
+        ("left", IDLE, "nudge", {"east_arcmin": -1.0, "north_arcmin": 0.0}),
     ],
 )
 def test_a_key_is_one_command(
@@ -149,7 +154,10 @@ def test_a_key_is_one_command(
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        await until(pilot, lambda: app.live.engine.is_tracking is status.get("is_tracking"))
+        await until(
+            pilot,
+            lambda: all(getattr(app.live.engine, name) == status[name] for name in status),
+        )
         await pilot.press(key)
         await until(pilot, lambda: bool(wire.sent))
         name, said = wire.sent[0]
@@ -176,8 +184,10 @@ def test_a_seat_that_only_looks_tells_nobody_anything(wire: FakeWire, key: str):
 
 
 def test_the_step_of_the_nudges_is_chosen_and_said(wire: FakeWire):
+    wire.status |= YOURS
+
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
-        await until(pilot, lambda: app.live.engine.is_attached)
+        await until(pilot, lambda: app.live.engine.holder == "operator")
         await pilot.press("left_square_bracket")
         assert "nudge by 20″" in pane(app, "keys")
         await pilot.press("up")
@@ -194,11 +204,13 @@ def test_the_step_of_the_nudges_is_chosen_and_said(wire: FakeWire):
 def test_a_nudge_up_moves_what_is_up_in_the_picture_to_the_middle(wire: FakeWire):
     """The plate says where up is on the sky."""
 
+    wire.status |= YOURS
+
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         solution = app.live.picture.detail.solution
         # Through the plate: one pixel up from the reference pixel, in degrees of sky.
         cd = solution.wcs.cd
-        await until(pilot, lambda: app.live.engine.is_attached)
+        await until(pilot, lambda: app.live.engine.holder == "operator")
         await pilot.press("up")
         await until(pilot, lambda: wire.verbs == ["nudge"])
         said = wire.sent[0][1]
@@ -437,8 +449,10 @@ def test_a_shifted_arrow_goes_further(wire: FakeWire):
 def test_a_held_arrow_sends_one_nudge_at_a_time(wire: FakeWire):
     wire.hangs["nudge"] = threading.Event()
 
+    wire.status |= YOURS
+
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
-        await until(pilot, lambda: app.live.engine.is_attached)
+        await until(pilot, lambda: app.live.engine.holder == "operator")
         await pilot.press(*["up"] * 5)
         await until(pilot, lambda: wire.verbs == ["nudge"])
         wire.hangs["nudge"].set()
@@ -534,6 +548,8 @@ def test_esc_leaves_a_mark_off_and_arrows_nudge_again(wire: FakeWire):
         await pilot.press("m", "right", "enter", "escape")
         assert app.live.marking is None
         assert wire.verbs == []
+        wire.status |= YOURS
+        await until(pilot, lambda: app.live.engine.holder == "operator")
         await pilot.press("right")
         await until(pilot, lambda: wire.verbs == ["nudge"])
 
@@ -574,11 +590,9 @@ def test_a_click_on_a_streak_follows_it(wire: FakeWire):
 
 def test_the_keys_of_the_last_line_are_buttons_too(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
-        await until(pilot, lambda: "h Hold" in pane(app, "keys"))
-        await pilot.click("#keys", offset=(pane(app, "keys").index("h Hold") + 2, 0))
+        await click(app, pilot, "h Hold")
         await until(pilot, lambda: wire.verbs == ["hold"])
-        await until(pilot, lambda: "x STOP" in pane(app, "keys"))
-        await pilot.click("#keys", offset=(pane(app, "keys").index("x STOP"), 0))
+        await click(app, pilot, "x STOP")
         await until(pilot, lambda: wire.verbs == ["hold", "stop"])
         await pilot.click("#keys", offset=(0, 0))
         assert wire.verbs == ["hold", "stop"]

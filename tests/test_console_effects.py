@@ -12,6 +12,7 @@ from textual.widgets import Input
 from rsoconsole.config import Config
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands import COMMANDS
+from rsoconsole.console.second_press import REPEAT_S
 from rsoconsole.control import Command, Outcome, Request, Sender
 from rsoconsole.engine.desk import Desk
 from rsoconsole.records import OperatorAction, Ruling
@@ -88,32 +89,36 @@ def setting(r: Rig, name: str) -> Any:
 EFFECTS: dict[str, tuple[list[str], Callable[[Rig], bool]]] = {
     "stop": (["ctrl+x"], lambda r: r.engine.charge.state == "IDLE" and r.mount.aborts > 0),
     "stop_by_letter": (["x"], lambda r: r.engine.charge.state == "IDLE" and r.mount.aborts > 0),
-    "arm_or_disarm": (["a"], lambda r: r.engine.charge.holder == "nobody"),
+    "arm_or_disarm": (["twice:a"], lambda r: r.engine.charge.holder == "nobody"),
     "hold_or_resume": (["h"], lambda r: r.engine.charge.is_held),
     "wait_for_sky": (["w"], lambda r: r.engine.charge.resumes_when_clear),
     "goto": (
         ["g", "text:alt 50 az 175", "told", "enter"],
         lambda r: r.engine.charge.state == "MANUAL",
     ),
-    "nudge_up": (["up"], lambda r: r.engine.charge.state == "MANUAL"),
-    "nudge_down": (["down"], lambda r: r.engine.charge.state == "MANUAL"),
-    "nudge_left": (["left"], lambda r: r.engine.charge.state == "MANUAL"),
-    "nudge_right": (["right"], lambda r: r.engine.charge.state == "MANUAL"),
+    "nudge_up": (["twice:up"], lambda r: r.engine.charge.state == "MANUAL"),
+    "nudge_down": (["twice:down"], lambda r: r.engine.charge.state == "MANUAL"),
+    "nudge_left": (["twice:left"], lambda r: r.engine.charge.state == "MANUAL"),
+    "nudge_right": (["twice:right"], lambda r: r.engine.charge.state == "MANUAL"),
     "centre": (["c", "told", "enter"], lambda r: r.engine.charge.state == "MANUAL"),
     "aim": (["i", "text:20", "told", "enter"], lambda r: setting(r, "aim.lead_s") == 20.0),
     "exposure": (["e", "text:5", "enter"], lambda r: setting(r, "exposure.exposure_s") == 5.0),
     "abort_exposure": (["b"], lambda r: is_done(r, "abort")),
     "park": (["p", "y"], lambda r: r.mount.is_parked),
     "unpark": (
-        ["p", "y", "done:park", "u"],
+        ["p", "y", "done:park", "ctrl+u"],
         lambda r: not r.mount.is_parked and is_done(r, "unpark"),
     ),
-    "track_or_stand": (["a", "done:disarm", "k"], lambda r: not r.mount.is_tracking),
-    "follow_next": (["d"], lambda r: rulings(r)[-1].taken is not None),
+    "track_or_stand": (["twice:a", "done:disarm", "k"], lambda r: not r.mount.is_tracking),
+    "undo": (
+        ["twice:a", "done:disarm", "u"],
+        lambda r: is_done(r, "resume") and r.engine.charge.state == "COAST",
+    ),
+    "follow_next": (["twice:d"], lambda r: rulings(r)[-1].taken is not None),
     "accept": (["y"], lambda r: rulings(r)[-1].taken.source == "operator"),
     "reject": (["j"], lambda r: len(rulings(r)[-1].refused) == 1),
     "mark": (["m", "enter", *["right"] * 6, "enter"], lambda r: rulings(r)[-1].taken is not None),
-    "seek": (["s"], lambda r: r.engine.planner._search.is_spiral),
+    "seek": (["twice:s"], lambda r: r.engine.planner._search.is_spiral),
     "tune": (["t", "right", "enter"], lambda r: setting(r, "detector.tau") == 0.125),
     "note": (["n", "text:clouds", "enter"], lambda r: is_done(r, "note")),
 }
@@ -161,7 +166,10 @@ def has_effect_yet(has_effect: Callable[[Rig], bool], r: Rig) -> bool:
 
 
 async def press(app: ConsoleApp, pilot: Pilot[str], r: Rig, key: str) -> None:
-    """A key; ``text:`` into the field that has the focus; ``told`` and ``done:`` wait."""
+    """A key, or ``twice:`` the same; ``text:`` into the field that has the focus.
+
+    ``told`` and ``done:`` wait.
+    """
     if key.startswith("text:"):
         await until(pilot, lambda: isinstance(app.focused, Input))
         assert isinstance(app.focused, Input)
@@ -173,6 +181,10 @@ async def press(app: ConsoleApp, pilot: Pilot[str], r: Rig, key: str) -> None:
     elif key.startswith("done:"):
         await until(pilot, lambda: key.removeprefix("done:") in done(r))
         await until(pilot, lambda: app.screen is app.live and app.live.engine.holder == "nobody")
+    elif key.startswith("twice:"):
+        await pilot.press(key.removeprefix("twice:"))
+        await pilot.pause(2 * REPEAT_S)
+        await pilot.press(key.removeprefix("twice:"))
     else:
         await pilot.press(key)
         await pilot.pause(0.05)

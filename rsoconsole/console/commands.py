@@ -10,7 +10,7 @@ from textual.binding import Binding
 from rsoconsole.console.command import BOTH, KeyCommand, Place
 from rsoconsole.console.command import command as _command
 from rsoconsole.console.review_commands import REVIEW_COMMANDS
-from rsoconsole.control.commands import Abort, Seek, Unpark
+from rsoconsole.control.commands import Abort, Unpark
 
 SEAT_COMMANDS: tuple[KeyCommand, ...] = (
     _command(
@@ -35,7 +35,8 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "arm_or_disarm",
         "a",
         "Arm or disarm",
-        "hand the mount to the engine, after its checklist; once more: disarm",
+        "hand the mount to the engine, after its checklist; once more: disarm, where a track"
+        " runs by a second press",
         "telescope",
         acts=True,
     ),
@@ -43,7 +44,8 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "hold_or_resume",
         "h",
         "Hold or resume",
-        "no slews, still measured; once more: the mount back to autonomy",
+        "no slews, still measured; once more: the mount back to autonomy, or an ended track"
+        " followed again",
         "telescope",
         acts=True,
     ),
@@ -132,8 +134,17 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         acts=True,
     ),
     _command(
-        "unpark",
+        "undo",
         "u",
+        "Follow again",
+        "undo: the track that disarming, a search, a STOP or your own move ended, for 15 minutes;"
+        " a parked mount is released",
+        "telescope",
+        acts=True,
+    ),
+    _command(
+        "unpark",
+        "ctrl+u",
         "Unpark",
         "releases a parked mount; nothing moves",
         "telescope",
@@ -200,10 +211,10 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "seek",
         "s",
         "Seek it again",
-        "search round where it must be, in a widening spiral",
+        "search round where it must be, in a widening spiral; gives up a track, which asks for a"
+        " second press",
         "streaks",
         acts=True,
-        sends=Seek(),
     ),
     _command(
         "orbit",

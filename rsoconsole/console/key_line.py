@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.plot import Ink, Line
-from rsoconsole.console.words import clipped
+from rsoconsole.console.words import clipped, wrapped
 
 Mode = Literal["live", "mark", "tune", "log", "review", "review tune", "review log", "sheet"]
 """What the keys are for at this moment."""
@@ -23,7 +23,9 @@ class Key(NamedTuple):
 
 
 _GAP = "  "
-_LEAST_NOTICE_COLUMNS = 24
+LEAST_LINES = 8
+"""Of a terminal in which a notice has rows of its own."""
+MOST_NOTICE_ROWS = 3
 _OF_MODES: dict[Mode, tuple[Key, ...]] = {
     "live": (),
     "review": (),
@@ -116,8 +118,14 @@ def keys_for(
     if can_act:
         arm = "Disarm" if engine.holder == "autonomy" else "Arm"
         keys.append(key("arm_or_disarm", arm, is_weighty=True))
-        if engine.holder in {"autonomy", "operator"}:
-            keys.append(key("hold_or_resume", "Resume" if engine.wants_resuming else "Hold"))
+        is_armed = engine.holder == "autonomy"
+        if engine.wants_resuming or (engine.kept and engine.is_resumable and not is_armed):
+            name = "Follow again" if engine.kept else "Resume"
+            keys.append(key("hold_or_resume", name, is_weighty=bool(engine.kept)))
+        elif is_armed:
+            keys.append(key("hold_or_resume", "Hold"))
+        if engine.kept and is_armed:
+            keys.append(key("undo", "Follow again", is_weighty=True))
         named = {"goto": "Go to", "tune": "Tune", "orbit": "Orbit", "note": "Note", "park": "Park"}
         if engine.holder == "autonomy":
             named = {"goto": "Go to", "mark": "Mark", **named}
@@ -171,24 +179,42 @@ def review_keys(
 def key_line(
     keys: list[Key], notice: tuple[str, Ink] = ("", "")
 ) -> Callable[[int, int], list[Line]]:
-    """What builds the line for a width: the keys that fit, most important first.
+    """What builds the last line for a width: the keys that fit, most important first.
 
-    A notice stands behind those that leave it room: whole, or shortened behind those that always
-    stay, or where that is too narrow, behind STOP alone.
+    A notice stands over them, on as many rows as there are; in a terminal without room for that
+    behind STOP.
     """
 
-    def build(width: int, _height: int) -> list[Line]:
-        line = _line(_kept(keys, notice[0], width), width)
+    def build(width: int, height: int) -> list[Line]:
+        words, ink = notice
+        if words and height > 1:
+            said: list[Line] = [
+                [(" ", ""), *((text, ink) for text, _ in row)]
+                for row in wrapped(words, width - 1, height - 1)
+            ]
+            said += [[("", "")] for _ in range(height - 1 - len(said))]
+            return [*said, _line(_kept(keys, width), width)]
+        line = _line(_kept(keys, width, words), width)
         columns = sum(len(text) for text, _ in line)
-        return [[*line, *clipped([notice], max(width - columns, 0))] if notice[0] else line]
+        return [[*line, *clipped([notice], max(width - columns, 0))] if words else line]
 
     return build
 
 
+def notice_rows(notice: str, width: int, height: int) -> int:
+    """How many rows over the keys a notice takes, in a terminal of that size."""
+    if not notice or height < LEAST_LINES:
+        return 0
+    return len(wrapped(notice, width - 1, MOST_NOTICE_ROWS))
+
+
 def key_at(keys: list[Key], notice: str, width: int, column: int) -> Key | None:
-    """The key that stands in a column of that line; None where none does."""
+    """The key that stands in a column of that line; None where none does.
+
+    ``notice``: what stands behind the keys, where there is no row for it.
+    """
     at = 1
-    for key in _kept(keys, notice, width):
+    for key in _kept(keys, width, notice):
         columns = len(f"{key.key} {key.name}")
         if at <= column < at + columns:
             return key
@@ -196,15 +222,9 @@ def key_at(keys: list[Key], notice: str, width: int, column: int) -> Key | None:
     return None
 
 
-def _kept(keys: list[Key], notice: str, width: int) -> list[Key]:
+def _kept(keys: list[Key], width: int, notice: str = "") -> list[Key]:
     """Those that there is room for."""
-    if not notice:
-        return _fitting(keys, width)
-    weighty = [key for key in keys if key.is_weighty]
-    kept = _fitting(keys, max(width - len(_GAP) - len(notice), 0))
-    if not set(weighty) <= set(kept):
-        kept = _fitting(weighty, max(width - _LEAST_NOTICE_COLUMNS, 0))
-    return kept if set(weighty) <= set(kept) else keys[:1]
+    return keys[:1] if notice else _fitting(keys, width)
 
 
 def _fitting(keys: list[Key], width: int) -> list[Key]:

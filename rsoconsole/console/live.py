@@ -14,6 +14,7 @@ from rsoconsole.console.key_line import Key, Mode, keys_for
 from rsoconsole.console.marks import Mark
 from rsoconsole.console.messages import EngineSeen, NightSeen
 from rsoconsole.console.night_screen import NightScreen
+from rsoconsole.console.orbit_lines import target_words
 from rsoconsole.console.review import HEAD, ReviewScreen
 from rsoconsole.console.streak_actions import StreakActions
 from rsoconsole.console.telescope_actions import TelescopeActions
@@ -25,6 +26,7 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
     """The operator's seat over a night, live or recorded."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("live")]
+    _key_before = ""
 
     def look_again(self) -> None:
         """A mark that is being made goes on in the other view."""
@@ -32,6 +34,9 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
 
     def on_key(self, event: events.Key) -> None:
         """While a mark is made, arrows and enter are the mark's."""
+        if event.key != self._key_before:
+            self.second_press.forget()
+        self._key_before = event.key
         if self.mark_key(event.key):
             event.stop()
             event.prevent_default()
@@ -87,6 +92,10 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
     def keys(self) -> list[Key]:
         """The keys that matter now."""
         return keys_for(self.engine, can_act=self.can_act, mode=self.mode, keymap=self.keymap)
+
+    def target_name(self) -> str:
+        """As the first line has it."""
+        return target_words(self.orbit)[0].rstrip("?") or super().target_name()
 
     @property
     def mode(self) -> Mode:

@@ -136,6 +136,8 @@ class NightView:
     slew: SlewCommand | None = None
     track_frame_id: int = 0
     """In which the last lead began."""
+    track_since_utc_ns: int | None = None
+    """When that was."""
     orbit: OrbitEstimate | None = None
     """Of the lead, or of what was the lead last."""
     orbit_utc_ns: int | None = None
@@ -181,6 +183,7 @@ class _Now:
     timing: CycleTiming | None = None
     slew: SlewCommand | None = None
     track_frame_id: int = 0
+    track_since_utc_ns: int | None = None
     orbit: OrbitEstimate | None = None
     orbit_utc_ns: int | None = None
     orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
@@ -188,7 +191,7 @@ class _Now:
     identifications: Mapping[int, Identified] = field(default_factory=dict)
     changed: Mapping[str, float | int | str] = field(default_factory=dict)
     set_aside: TrackState | None = None
-    """What was followed when the operator took the mount."""
+    """The track that ended last by somebody's word: it may be followed again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -244,6 +247,7 @@ class Night:
             timing=now.timing,
             slew=now.slew,
             track_frame_id=now.track_frame_id,
+            track_since_utc_ns=now.track_since_utc_ns,
             orbit=now.orbit,
             orbit_utc_ns=now.orbit_utc_ns,
             orbits=now.orbits,
@@ -448,6 +452,7 @@ class Night:
         self._now.track, self._now.beside = record, {}
         if record.kind == "initial":
             self._now.track_frame_id = record.frame_id
+            self._now.track_since_utc_ns = record.t_utc_ns
         if record.kind == "predicted":
             self._change(record.frame_id, sigma_arcsec=predicted_sigma_arcsec(record))
             self._detail(record.frame_id, predicted=record)
@@ -487,10 +492,11 @@ class Night:
     def _state_change(self, record: StateChange, t_utc_ns: int) -> None:
         now = self._now
         if record.after in {"TRACK", "COAST"}:
-            # What was followed before the operator took the mount is followed again.
+            # What was followed before the operator ended it is followed again.
             now.track, now.set_aside = now.track or now.set_aside, None
         else:
-            now.set_aside = now.track if record.after == "MANUAL" else None
+            if now.track is not None:
+                now.set_aside = None if record.after == "LOST" else now.track
             now.track, now.beside = None, {}
         now.state, now.state_since_utc_ns = record.after, t_utc_ns
         if record.before in {"IDLE", "FAULT"}:

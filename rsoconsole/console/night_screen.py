@@ -23,7 +23,8 @@ from rsoconsole.console.fold import (
     tune_box,
 )
 from rsoconsole.console.frame_sheet import FrameSheet
-from rsoconsole.console.key_line import Key, Mode, key_at, key_line
+from rsoconsole.console.kept_words import kept_words
+from rsoconsole.console.key_line import Key, Mode, key_at, key_line, notice_rows
 from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.marks import Mark
 from rsoconsole.console.messages import OrbitSeen, OutlookSeen
@@ -58,7 +59,7 @@ class NightScreen(TuneActions):
     NightScreen > #tune, NightScreen > #orbit { layer: over; }
     NightScreen > #orbit.-open { background: $surface; }
     NightScreen > #top { background: $panel; }
-    NightScreen > #keys { background: $panel; }
+    NightScreen > #keys { background: $panel; layer: over; }
     """
 
     def __init__(self, *arguments: Any, sessions_root: Path | None = None, **named: Any) -> None:
@@ -83,9 +84,9 @@ class NightScreen(TuneActions):
         for name in ("confidence", "east", "north", "nis", "facts", "sky"):
             yield LinesPane(id=name)
         yield self.LOG(id="log")
-        yield LinesPane(id="keys")
         yield LinesPane(id="orbit")
         yield TunePane(id="tune")
+        yield LinesPane(id="keys")
         yield StopBanner(id="stop")
 
     def on_mount(self) -> None:
@@ -176,7 +177,8 @@ class NightScreen(TuneActions):
     def top(self, width: int, rows: int) -> list[Line]:
         """State and since when, who holds the mount, the target, the frame clock."""
         night, engine, found = self.night, self.engine, target_words(self.orbit)
-        return words.top_lines(night, engine, self.read_only, width, rows, found=found)
+        kept = kept_words(engine, self.keymap)
+        return words.top_lines(night, engine, self.read_only, width, rows, found=found, kept=kept)
 
     @property
     def alert(self) -> str:
@@ -196,7 +198,16 @@ class NightScreen(TuneActions):
     def show_keys(self) -> None:
         """The keys that matter now, and a word about what was just done."""
         self._drawn_keys = self.keys, self.notice[0]
+        self._place_keys()
         self.pane("keys").show(key_line(self.keys, self.notice))
+
+    def _place_keys(self) -> None:
+        """The last line, and what is said over it."""
+        pane, (width, height) = self.pane("keys"), self.size
+        rows = 1 + notice_rows(self.notice[0], width, height)
+        if pane.styles.height is None or pane.styles.height.value != rows:
+            pane.styles.height = rows
+            pane.styles.offset = (0, height - rows)
 
     @property
     def keys(self) -> list[Key]:
@@ -206,12 +217,17 @@ class NightScreen(TuneActions):
     async def on_click(self, event: events.Click) -> None:
         """A key of the last line, by the mouse."""
         pane = self.pane("keys")
-        if event.widget is not pane:
+        if event.widget is not pane or event.y != pane.size.height - 1:
             return
-        key = key_at(*self._drawn_keys, pane.size.width, event.x)
+        keys, notice = self._drawn_keys
+        key = key_at(keys, notice if pane.size.height == 1 else "", pane.size.width, event.x)
         if key is not None and key.command:
             is_apps = BY_NAME[key.command].is_everywhere
-            await self.run_action(f"app.{key.command}" if is_apps else key.command)
+            self.is_click = True
+            try:
+                await self.run_action(f"app.{key.command}" if is_apps else key.command)
+            finally:
+                self.is_click = False
 
     @property
     def mode(self) -> Mode:
@@ -240,6 +256,7 @@ class NightScreen(TuneActions):
             if box is not None:
                 widget.styles.offset = (box.x, box.y)
                 widget.styles.width, widget.styles.height = box.width, box.height
+        self._place_keys()
         self._place_orbit(boxes.get("orbit"), alert_rows)
         tune = self.query_one("#tune", TunePane)
         has_own = has_tune_of_its_own(width, height)
@@ -352,6 +369,7 @@ class NightScreen(TuneActions):
         else:
             self.set_focus(None)
             log.scroll_home(animate=False)
+            self.forget_notice()
         self.show_keys()
 
     def action_orbit(self) -> None:
@@ -362,6 +380,8 @@ class NightScreen(TuneActions):
         self.is_orbit_open = not self.is_orbit_open
         if self.is_orbit_open and self.is_tune_open:
             self.close_tune()
+        if not self.is_orbit_open:
+            self.forget_notice()
         self.place_panes()
         self.show_keys()
 

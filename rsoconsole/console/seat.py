@@ -32,6 +32,9 @@ BANNER_S = 15.0
 class Seat(Screen[None]):
     """Holds what is known and sends commands; the screens above it show and ask."""
 
+    is_click = False
+    """The action that runs was clicked, not typed."""
+
     def __init__(
         self,
         orders: Orders,
@@ -66,12 +69,17 @@ class Seat(Screen[None]):
 
     # -- words --------------------------------------------------------------------------------
 
-    def say(self, text: str, ink: Ink = "title") -> None:
-        """A word in the last line, for a while."""
-        self._notice, self._notice_until_s = (text, ink), time.monotonic() + NOTICE_S
+    def say(self, text: str, ink: Ink = "title", seconds: float = NOTICE_S) -> None:
+        """A word over the last line, for a while."""
+        self._notice, self._notice_until_s = (text, ink), time.monotonic() + seconds
         self.show_keys()
         if text:
-            self.set_timer(NOTICE_S + 0.1, self.show_keys)
+            self.set_timer(seconds + 0.1, self.show_keys)
+
+    @staticmethod
+    def now_s() -> float:
+        """Seconds of a clock that nobody sets."""
+        return time.monotonic()
 
     @property
     def notice(self) -> tuple[str, Ink]:

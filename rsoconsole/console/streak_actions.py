@@ -1,11 +1,14 @@
 """What the operator says of the streaks in a frame: this one, not that one, here it is."""
 
+import math
+from collections.abc import Callable
+
 from rsoconsole.console.marking import Marking
 from rsoconsole.console.marks import Mark
 from rsoconsole.console.messages import Pointed
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.picture import Picture
-from rsoconsole.console.seat import Seat
+from rsoconsole.console.second_press import CarefulSeat, has_track
 from rsoconsole.control.commands import Accept, Choose, MarkByHand, Reject
 from rsoconsole.records import Detection
 
@@ -13,7 +16,7 @@ CLICK_PX = 60.0
 """A click so far from a streak is not meant for it, unless the picture is coarser than that."""
 
 
-class StreakActions(Seat):
+class StreakActions(CarefulSeat):
     """Follow, accept, reject, mark, seek."""
 
     picture_waiting: Picture | None = None
@@ -35,8 +38,29 @@ class StreakActions(Seat):
             return
         if self.picture is not None and self._chosen_in != self.picture.frame_id:
             self._chosen, self._chosen_in = -1, self.picture.frame_id
-        self._chosen = (self._chosen + 1) % len(streaks)
-        self._choose(streaks[self._chosen])
+        number = (self._chosen + 1) % len(streaks)
+
+        def choose() -> None:
+            self._chosen = number
+            self._choose(streaks[number])
+
+        self._choose_carefully("follow_next", streaks[number], choose)
+
+    def _choose_carefully(
+        self, name: str, streak: Detection, choose: Callable[[], None], *, key: str = ""
+    ) -> None:
+        """Another streak than that which is followed ends the track: that asks twice."""
+        if has_track(self.engine) and not self._is_followed(streak):
+            what = f"leaves {self.track_words()} for another streak"
+            self.twice(name, what, choose, key=key)
+        else:
+            choose()
+
+    def _is_followed(self, streak: Detection) -> bool:
+        followed = self.picture.detail.followed if self.picture is not None else None
+        if followed is None:
+            return False
+        return math.hypot(followed.x_px - streak.x_px, followed.y_px - streak.y_px) < 1.0
 
     def _streaks(self) -> tuple[Detection, ...]:
         found = self.picture.detail.detections if self.picture is not None else None
@@ -138,7 +162,8 @@ class StreakActions(Seat):
             return
         near = min(self._streaks(), key=lambda d: _away(d, message))
         if _away(near, message) <= max(CLICK_PX, 2.0 * message.px_per_square) and self.may_act():
-            self._choose(near)
+            name = f"click at {near.x_px:.0f}, {near.y_px:.0f}"
+            self._choose_carefully(name, near, lambda: self._choose(near), key="click")
 
     def _set_end(self, px_per_square: float | None = None) -> None:
         assert self.marking is not None

@@ -14,7 +14,7 @@ from rsoconsole.console.ask import (
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs import ConfirmDialog
 from rsoconsole.console.messages import OutcomeCame
-from rsoconsole.console.seat import Seat
+from rsoconsole.console.second_press import CarefulSeat, has_track
 from rsoconsole.control.commands import (
     Arm,
     Disarm,
@@ -23,8 +23,10 @@ from rsoconsole.control.commands import (
     Nudge,
     Park,
     Resume,
+    Seek,
     Set,
     Track,
+    Unpark,
 )
 from rsoconsole.records import Solution
 from rsoconsole.sky.wcs import pixel_to_sky
@@ -38,7 +40,7 @@ def step_words(arcsec: float) -> str:
     return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
 
 
-class TelescopeActions(Seat):
+class TelescopeActions(CarefulSeat):
     """Arm, hold, park, go to, nudge, expose."""
 
     step = FIRST_STEP
@@ -50,15 +52,28 @@ class TelescopeActions(Seat):
             self._is_nudging = False
 
     def action_arm_or_disarm(self) -> None:
-        """Whoever has the mount gives it up."""
-        if self.may_act():
-            self.send(Disarm() if self.engine.holder == "autonomy" else Arm())
+        """Whoever has the mount gives it up; a running track is not ended by one press."""
+        if not self.may_act():
+            return
+        is_armed = self.engine.holder == "autonomy"
+        if self.is_click and not has_track(self.engine):
+            key = first_key("arm_or_disarm", self.keymap)
+            does = "takes it from the engine" if is_armed else "hands the mount to the engine"
+            self.say(f"{key} {does}: by the key alone, not by the mouse")
+        elif not is_armed:
+            self.send(Arm())
+        elif has_track(self.engine):
+            what = f"ends the track of {self.track_words()}"
+            self.twice("arm_or_disarm", what, lambda: self.send(Disarm()))
+        else:
+            self.send(Disarm())
 
     def action_hold_or_resume(self) -> None:
         """No slews for now; or give the mount back to autonomy."""
         if not self.may_act():
             return
-        if self.engine.wants_resuming:
+        is_at_rest = self.engine.holder != "autonomy"
+        if self.engine.wants_resuming or (self.engine.kept is not None and is_at_rest):
             self.send(Resume())
         elif self.engine.holder == "autonomy":
             self.send(Hold())
@@ -84,8 +99,31 @@ class TelescopeActions(Seat):
                 self.send(Park())
 
         text = "The engine disarms and sends the mount to its park position."
+        if has_track(self.engine):
+            text += f" This ends the track of {self.track_words()}."
         dialog = ConfirmDialog("park the mount", text, yes="Park", letter="y")
         self.app.push_screen(dialog, decided)
+
+    def action_undo(self) -> None:
+        """Follow again what was ended; on a parked mount, release it."""
+        if not self.may_act():
+            return
+        if self.engine.is_parked:
+            self.send(Unpark())
+        elif self.engine.kept is not None or self.engine.wants_resuming:
+            self.send(Resume())
+        else:
+            self.say("nothing is kept that could be followed again", "warn")
+
+    def action_seek(self) -> None:
+        """Search round where it must be; that gives up a running track."""
+        if not self.may_act():
+            return
+        if has_track(self.engine):
+            what = f"gives up the track of {self.track_words()} and searches for it"
+            self.twice("seek", what, lambda: self.send(Seek()))
+        else:
+            self.send(Seek())
 
     def action_track_or_stand(self) -> None:
         """Sidereal tracking on and off."""
@@ -132,24 +170,37 @@ class TelescopeActions(Seat):
 
     def action_nudge_up(self) -> None:
         """By the step, as the picture is turned."""
-        self._nudge(0.0, -1.0)
+        self._nudge("nudge_up", 0.0, -1.0)
 
     def action_nudge_down(self) -> None:
         """By the step, as the picture is turned."""
-        self._nudge(0.0, 1.0)
+        self._nudge("nudge_down", 0.0, 1.0)
 
     def action_nudge_left(self) -> None:
         """By the step, as the picture is turned."""
-        self._nudge(-1.0, 0.0)
+        self._nudge("nudge_left", -1.0, 0.0)
 
     def action_nudge_right(self) -> None:
         """By the step, as the picture is turned."""
-        self._nudge(1.0, 0.0)
+        self._nudge("nudge_right", 1.0, 0.0)
 
-    def _nudge(self, right: float, down: float) -> None:
-        """Move the telescope so that it looks that way in the picture."""
+    def _nudge(self, name: str, right: float, down: float) -> None:
+        """Move the telescope so that it looks that way in the picture.
+
+        Arrows are what everybody presses to scroll: they take the mount from nobody unasked.
+        """
         # A key that is held down repeats: one nudge at a time, none on its way after a STOP.
         if self._is_nudging or not self.may_act():
+            return
+        if self.engine.holder == "autonomy":
+            back = first_key("hold_or_resume", self.keymap)
+            what = f"takes the mount from AUTO ({back} gives it back)"
+            self.twice(name, what, lambda: self._send_nudge(right, down))
+        else:
+            self._send_nudge(right, down)
+
+    def _send_nudge(self, right: float, down: float) -> None:
+        if self._is_nudging:
             return
         self._is_nudging = True
         east, north = self._on_the_sky(right, down)

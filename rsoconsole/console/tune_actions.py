@@ -72,6 +72,7 @@ class TuneActions(Seat):
         self.is_tune_open = False
         self.query_one("#tune", TunePane).can_focus = False
         self.set_focus(None)
+        self.forget_notice()  # what was said of the pane ends with it
         self.place_panes()
         self.show_keys()
 

@@ -1,8 +1,10 @@
 """The seat's lines of text, made to fit: what is said, never how it is drawn."""
 
+import bisect
 import math
 import textwrap
 from collections.abc import Sequence
+from functools import lru_cache
 
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.night import NightView
@@ -73,11 +75,13 @@ def top_lines(
     rows: int,
     *,
     found: tuple[str, str] = ("", ""),
+    kept: Sequence[str] = (),
 ) -> list[Line]:
     """State and since when, who holds the mount, the target, the frame clock.
 
     ``only_looks``: this seat may do nothing but STOP; ``found``: the target's name and its
-    orbit's size, each where it is known; as much of it is said as there is room for.
+    orbit's size, each where it is known; as much of it is said as there is room for. ``kept``:
+    what is kept of a track that was ended, the longest way to say it first.
     """
     now = present_utc_ns(night, engine)
     state_words, holder = _state_words(night, engine, now)
@@ -96,6 +100,10 @@ def top_lines(
         holder = (f"{holder[0]} (read only)", holder[1])
 
     def with_target(line: Line, room: int) -> Line:
+        if kept and not is_followed:
+            left = room - _columns(line)
+            said = next((each for each in kept if len(each) <= left), kept[-1])
+            return [*line, (said, "warn")]
         if not any(found) or not is_followed:
             return [*line, target_words]  # type: ignore[list-item]
         parts = [part for part in (found[0] or target_words[0], found[1]) if part]
@@ -291,9 +299,31 @@ def _sin_deg(angle_deg: float) -> float:
 
 
 def wrapped(text: str, width: int, rows: int) -> list[Line]:
-    """Text over as many rows as there are, broken between words."""
-    lines = textwrap.wrap(text, max(width, 1)) or [""]
-    kept = [[(line, "")] for line in lines[:rows]]
-    if len(lines) > rows and kept:
-        kept[-1] = [(lines[rows - 1][: max(width - 1, 0)] + "…", "")]
-    return kept  # type: ignore[return-value]
+    """Text over as many rows as there are, broken between words; what is too long loses its middle.
+
+    What happened stands first and the remedy last: neither is what is left out.
+    """
+    return [[(line, "")] for line in _broken(text, max(width, 1), rows)]
+
+
+@lru_cache(maxsize=256)
+def _broken(text: str, width: int, rows: int) -> tuple[str, ...]:
+    lines = textwrap.wrap(text, width) or [""]
+    if len(lines) <= rows:
+        return tuple(lines)
+    indent = text[: len(text) - len(text.lstrip())]
+    words = text.split()
+
+    def without(count: int) -> list[str]:
+        first = (len(words) - count + 1) // 2
+        return textwrap.wrap(
+            indent + " ".join([*words[:first], "…", *words[first + count :]]), width
+        )
+
+    fewest = bisect.bisect_left(
+        range(1, len(words)), True, key=lambda count: len(without(count)) <= rows
+    )
+    kept = without(fewest + 1)
+    if len(words) > 2 and len(kept) <= rows:
+        return tuple(kept)
+    return *lines[: rows - 1], lines[rows - 1][: width - 1] + "…"

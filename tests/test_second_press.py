@@ -1,0 +1,162 @@
+"""A running track is ended by no stray key and by no click; STOP stays one key."""
+
+import asyncio
+
+import pytest
+from textual.pilot import Pilot
+
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.dialogs import ConfirmDialog
+from rsoconsole.console.key_line import Key
+from rsoconsole.console.panes import FramePane
+from rsoconsole.console.second_press import (
+    RELEASED_S,
+    REPEAT_S,
+    SETTLES_S,
+    WITHIN_S,
+    SecondPress,
+)
+from tests.seat_rig import FakeWire, click, pane, play, until
+
+LARGE = (120, 40)
+NAMED = {"target": "INTELSAT 14"}
+
+
+async def twice(pilot: Pilot[str], key: str) -> None:
+    """As a person does it who means it."""
+    await pilot.press(key)
+    await asyncio.sleep(2 * REPEAT_S)
+    await pilot.press(key)
+
+
+@pytest.mark.parametrize("state", ["TRACK", "COAST"])
+@pytest.mark.parametrize(
+    ("key", "verb", "does"),
+    [
+        ("a", "disarm", "ends the track of INTELSAT 14 ("),
+        ("s", "seek", "gives up the track of INTELSAT 14 ("),
+        ("up", "nudge", "takes the mount from AUTO (h gives it back)"),
+        ("left", "nudge", "takes the mount from AUTO (h gives it back)"),
+    ],
+)
+def test_one_press_says_what_would_end_and_a_second_one_ends_it(
+    wire: FakeWire, state: str, key: str, verb: str, does: str
+):
+    wire.status |= NAMED | {"state": state}
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.state == state)
+        await pilot.press(key)
+        await until(pilot, lambda: f"again within 2 s {does}" in pane(app, "keys"))
+        await asyncio.sleep(SETTLES_S)
+        assert wire.verbs == []
+        await pilot.press(key)
+        await until(pilot, lambda: wire.verbs == [verb])
+
+    play(wire, scene, LARGE)
+
+
+def test_a_second_press_of_another_key_or_too_late_ends_nothing(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("a")
+        await pilot.press("s")
+        await asyncio.sleep(2 * REPEAT_S)
+        await pilot.press("a")
+        await asyncio.sleep(WITHIN_S + SETTLES_S)
+        await pilot.press("a")
+        await asyncio.sleep(2 * SETTLES_S)
+        assert wire.verbs == []
+        await pilot.press("x")
+        await until(pilot, lambda: wire.verbs == ["stop"])
+
+    play(wire, scene)
+
+
+def test_a_key_held_down_is_no_second_press():
+    pressed, now_s = SecondPress(), 100.0
+    assert pressed.hear("a", now_s) == "asked"
+    # The first repeat comes late, as a second press would; those behind it tell.
+    assert pressed.hear("a", now_s + 0.5) == "acts"
+    number = pressed.number
+    heard = [pressed.hear("a", now_s + 0.5 + 0.033 * n) for n in range(1, 40)]
+    assert set(heard) == {"held"}
+    assert pressed.number != number  # so what the second press led to is off
+    slow = [pressed.hear("a", now_s + 1.8 + 0.12 * n) for n in range(1, 20)]
+    assert set(slow) == {"held"}
+    assert pressed.hear("a", now_s + 4.2 + RELEASED_S) == "asked"
+
+
+def test_a_click_asks_and_never_acts(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: "a Disarm" in pane(app, "keys"))
+        for _ in range(3):
+            await click(app, pilot, "a Disarm")
+            await asyncio.sleep(2 * REPEAT_S)
+        assert "a again within 2 s ends the track" in pane(app, "keys")
+        await asyncio.sleep(SETTLES_S)
+        assert wire.verbs == []
+        await click(app, pilot, "p Park")
+        await until(pilot, lambda: isinstance(app.screen, ConfirmDialog))
+        assert "This ends the track of" in " ".join(
+            str(each.render()) for each in app.screen.query("Static")
+        )
+        await pilot.press("escape")
+        wire.status |= {"state": "IDLE", "holder": "nobody"}
+        await until(pilot, lambda: "a Arm" in pane(app, "keys"))
+        await click(app, pilot, "a Arm")
+        assert "by the key alone" in pane(app, "keys")
+        assert wire.verbs == []
+
+    play(wire, scene, LARGE)
+
+
+def test_another_streak_is_followed_by_two_presses_or_two_clicks(
+    wire: FakeWire, monkeypatch: pytest.MonkeyPatch
+):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        # As if the track had taken another one of the frame.
+        monkeypatch.setattr(app.live, "_is_followed", lambda _streak: False)
+        streak, known = app.live._streaks()[0], 0
+        await pilot.press("d")
+        await until(pilot, lambda: "d again within 2 s leaves" in pane(app, "keys"))
+        assert len(wire.sent) == known
+        await asyncio.sleep(2 * REPEAT_S)
+        await pilot.press("d")
+        await until(pilot, lambda: len(wire.sent) == known + 1)
+        assert wire.sent[-1][1]["x"] == streak.x_px
+        window = app.live.query_one("#frame", FramePane).drawing.window
+        column, row = window.cell(streak.x_px, streak.y_px)
+        await pilot.click("#frame", offset=(column, row + 1))
+        await until(pilot, lambda: "click again within 2 s leaves" in pane(app, "keys"))
+        assert len(wire.sent) == known + 1
+
+    play(wire, scene, LARGE)
+
+
+def test_what_is_kept_is_offered_where_it_can_be_followed_again(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        wire.status |= {"state": "IDLE", "holder": "nobody", "kept": "SES-10", "is_resumable": True}
+        await until(pilot, lambda: "SES-10 kept: h follows it again" in pane(app, "top"))
+        await pilot.press("h")
+        await until(pilot, lambda: wire.verbs == ["resume"])
+        wire.status |= {"state": "SEARCH", "holder": "autonomy"}
+        await until(pilot, lambda: "SES-10 kept: u follows it again" in pane(app, "top"))
+        keys: list[Key] = app.live.keys
+        assert ("u", "Follow again") in [key[:2] for key in keys]
+        await pilot.press("u")
+        await until(pilot, lambda: wire.verbs == ["resume", "resume"])
+        wire.status |= {"state": "MANUAL", "holder": "operator", "is_resumable": True}
+        await until(pilot, lambda: "SES-10 kept: h follows it again" in pane(app, "top"))
+        wire.status |= {"kept": None, "ra": None}
+        await until(pilot, lambda: "nothing kept: h searches again" in pane(app, "top"))
+        wire.status |= {"is_resumable": False}
+        await until(pilot, lambda: "nothing kept: a hands it over" in pane(app, "top"))
+        wire.status |= {"state": "SEARCH", "holder": "autonomy"}
+        await until(pilot, lambda: "kept" not in pane(app, "top"))
+        await pilot.press("u")
+        await until(pilot, lambda: "nothing is kept" in pane(app, "keys"))
+
+    play(wire, scene, LARGE)
