@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from tests.campaign import runner
-from tests.campaign.__main__ import PAGE, seeds_of
+from tests.campaign.__main__ import PAGE
+from tests.campaign.arguments import seeds_of
 from tests.campaign.cases import GROUPS, Case
 from tests.campaign.table import row, table
 

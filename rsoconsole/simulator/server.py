@@ -114,6 +114,8 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
     async def rxevent(self, event: Any) -> None:
         """A client asked something of a property."""
         if isinstance(event, getProperties):
+            if event.devicename == MOUNT_NAME and self._mount.faults.is_silent:
+                return  # a driver that hangs does not describe itself either
             # Definitions, too, are stamped with simulated time, and are of that instant.
             self._mount.refresh()
             await event.vector.send_defVector(timestamp=stamp(self._clock.now_utc_ns))

@@ -4,6 +4,7 @@
     python -m tests.campaign worlds --seeds 1-100
     python -m tests.campaign gps molniya --jobs 1
     python -m tests.campaign table --write
+    python -m tests.campaign faults --help
 
 A full-size frame costs two seconds of a core: 100 worlds of 40 frames take two hours of one.
 Stop it when you like; the same command goes on. Answers lie in ``--folder``; remove it to begin
@@ -15,21 +16,13 @@ import os
 import sys
 from pathlib import Path
 
-from tests.campaign import runner
+from tests.campaign import faults, runner
+from tests.campaign.arguments import seeds_of
 from tests.campaign.cases import ELEMENTS, GROUPS, Group
 from tests.campaign.table import table
 
 PAGE = Path(__file__).with_name("README.md")
 BEGIN, END = "<!-- table: begin -->\n", "<!-- table: end -->"
-
-
-def seeds_of(text: str) -> list[int]:
-    """``1-3,7`` as [1, 2, 3, 7]. Raises ValueError for anything else."""
-    seeds: list[int] = []
-    for part in text.split(","):
-        first, _, last = part.partition("-")
-        seeds += range(int(first), int(last or first) + 1)
-    return seeds
 
 
 def run_group(group: Group, seeds: list[int] | None, folder: Path, jobs: int) -> bool:
@@ -59,6 +52,8 @@ def run_group(group: Group, seeds: list[int] | None, folder: Path, jobs: int) ->
 
 def main() -> int:
     """Exit status 0 when every night came to its end."""
+    if sys.argv[1:2] == ["faults"]:
+        return faults.main(sys.argv[2:])
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -1,0 +1,251 @@
+"""One night of an engine to which a fault happens every few frames, and what became of it.
+
+A whole engine among simulated instruments, small frames, a wire in between that can be spoilt. An
+operator's notes and settings go on all the while; what was acknowledged is looked for afterwards.
+What the engine orders of the mount is read from the wire and judged with limits of its own.
+"""
+
+import random
+import subprocess
+import time
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+from rsoconsole.control import ControlClient, Outcome, Sender, command_of
+from rsoconsole.errors import ControlError, SessionError
+from rsoconsole.records import OperatorAction
+from rsoconsole.session.reader import SessionReader
+from rsoconsole.simulator.launch import start_observatory
+from tests.campaign.fault_wire import FaultyWire
+from tests.stop_witness import Ear
+from tests.whole_engine import CHILDREN, COMMAND, OVERRIDES, WholeEngine, wait_for
+
+SPEED = 20.0
+EXPOSURE = {"exposure_s": 2.0, "cadence_s": 4.0, "readout_s": 0.0}
+NEAR = {
+    "pattern": "targets",
+    "frames_per_field": 1,
+    "targets": [
+        {"name": "east", "hour_angle_deg": -40.0, "declination_deg": -5.0},
+        {"name": "west", "hour_angle_deg": -36.0, "declination_deg": -2.0},
+    ],
+}
+VERB_S, RECOVERED_S = 10.0, 60.0
+"""A verb that takes longer hangs; so long after a fault frames may stay away."""
+_SAMPLE_FRAMES = 3
+
+
+@dataclass(slots=True)
+class Row:
+    """One fault and what was seen of it."""
+
+    kind: str
+    frame: int
+    recovered_s: float = 0.0
+    """Until frames came again."""
+    armed_again: bool = False
+    """Autonomy had let go of the mount, and was asked again."""
+    slowest_verb_s: float = 0.0
+    stop_ordered_ms: float | None = None
+    stop_confirmed_ms: float | None = None
+    """Until the answer that the mount stands; None: no STOP was given, or the mount did not say."""
+    wrong: list[str] = field(default_factory=list)
+    """What should not have happened, in words."""
+
+
+@dataclass(slots=True)
+class Sample:
+    """The engine and its children at one frame."""
+
+    frame: int
+    mib: float
+    descriptors: int
+    threads: int
+    wall_s: float
+
+
+class FaultNight:
+    """An engine that runs, and the means to hurt it."""
+
+    def __init__(self, folder: Path, seed: int) -> None:
+        self.folder, self.random = folder, random.Random(f"faults {seed}")
+        self.acknowledged: list[str] = []
+        self.destroyed: set[str] = set()
+        """Acknowledged facts on a log that a fault has destroyed with all it held."""
+        self.said: list[str] = []
+        """Everything that verbs printed."""
+        self.sessions: list[Path] = []
+        self.samples: list[Sample] = []
+        self.frames_of_earlier = 0
+        self._stack = ExitStack()
+        self._notes = self._of_this = 0
+
+    def __enter__(self) -> Self:
+        sky = self._stack.enter_context(
+            start_observatory("intelsat-14", 1, SPEED, stage="tests.stub_stage:open_plain")
+        )
+        self.sky = sky
+        self.wire = self._stack.enter_context(FaultyWire(sky.host, sky.port))
+        self.ear = self._stack.enter_context(Ear(sky))
+        self.engine = WholeEngine(
+            self.folder,
+            sky,
+            indi={"port": self.wire.port, "simulated_latency_s": 0.0},
+            exposure=EXPOSURE,
+            search=NEAR,
+            session={"keep_frames": "all"},
+        )
+        self._stack.callback(self.engine.close)
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def start(self) -> None:
+        """Start the engine, again if need be."""
+        self.engine.start()
+        self.sessions.append(self.engine.session)
+
+    @property
+    def pid(self) -> int:
+        """Of the engine."""
+        assert self.engine.process is not None
+        return self.engine.process.pid
+
+    def frames(self) -> int:
+        """Exposed so far, by the engine's own count."""
+        self._of_this = int(self.ask("status").data.get("frame_id") or 0)
+        return self.frames_of_earlier + self._of_this
+
+    @property
+    def exposed(self) -> int:
+        """The frames seen last."""
+        return self.frames_of_earlier + self._of_this
+
+    def is_living(self) -> bool:
+        """Whether the engine's process is there."""
+        return self.engine.process is not None and self.engine.process.poll() is None
+
+    def restart(self) -> None:
+        """After an engine that was killed or ended."""
+        self.frames_of_earlier += self._of_this
+        self._of_this = 0
+        self.start()
+
+    def ask(self, verb: str, **arguments: Any) -> Outcome:
+        """A command by the socket; raises ControlError where no answer comes in time."""
+        client = ControlClient(self.engine.socket, sender=Sender(name="test"))
+        return client.send(command_of(verb, arguments), timeout_s=VERB_S)
+
+    def note(self) -> None:
+        """A fact for the record; kept where it is acknowledged."""
+        self._notes += 1
+        text = f"fact {self._notes}"
+        with suppress(ControlError):
+            if self.ask("note", text=text).ok:
+                self.acknowledged.append(text)
+
+    def run(self, *words: str, timeout_s: float = 30.0) -> tuple[int | None, float]:
+        """A verb from another terminal: its exit status (None: it hung) and how long it took."""
+        begun_s = time.monotonic()
+        try:
+            done = subprocess.run(
+                [*COMMAND, *words],
+                env=self.engine.environment,
+                capture_output=True,
+                text=True,
+                timeout=timeout_s,
+                check=False,
+                stdin=subprocess.DEVNULL,
+            )
+        except subprocess.TimeoutExpired:
+            return None, time.monotonic() - begun_s
+        self.said.append(done.stdout + done.stderr)
+        return done.returncode, time.monotonic() - begun_s
+
+    def family(self) -> list[int]:
+        """The engine and its children."""
+        children = [self.engine.child(kind) for kind in CHILDREN]
+        return [self.pid, *(pid for pid in children if pid is not None)]
+
+    def sample(self, frame: int) -> None:
+        """Note what the engine and its children hold."""
+        mib, descriptors, threads = 0.0, 0, 0
+        for pid in self.family():
+            with suppress(OSError):
+                rollup = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()[1:]
+                kib = {line.split()[0]: int(line.split()[1]) for line in rollup}
+                mib += (kib["Pss:"] - kib["Pss_File:"]) / 1024.0
+                descriptors += len(list(Path(f"/proc/{pid}/fd").iterdir()))
+                threads += len(list(Path(f"/proc/{pid}/task").iterdir()))
+        self.samples.append(Sample(frame, mib, descriptors, threads, time.monotonic()))
+
+    def stop(self, row: Row, *, mount_answers: bool = True) -> None:
+        """STOP by the wire while the mount moves, measured."""
+        with suppress(AssertionError):
+            self.ear.slew()
+        begun_s = time.monotonic()
+        seen = len(self.wire.orders.aborts_s)
+        outcome = self.ask("stop")
+        answered_ms = (time.monotonic() - begun_s) * 1e3
+        aborts = self.wire.orders.aborts_s[seen:]
+        if aborts:
+            row.stop_ordered_ms = (aborts[0] - begun_s) * 1e3
+        else:
+            row.wrong.append("STOP ordered nothing")
+        if mount_answers:
+            if outcome.data.get("stopped") is True:
+                row.stop_confirmed_ms = answered_ms
+            else:
+                row.wrong.append(f"STOP not confirmed: {outcome.text}")
+        slews = len(self.wire.orders.slews)
+        time.sleep(0.3)
+        if len(self.wire.orders.slews) > slews:
+            row.wrong.append("a slew after STOP was answered")
+
+    def recover(self, row: Row) -> None:
+        """Wait for frames again, arming where the fault has cost autonomy the mount."""
+        begun_s = time.monotonic()
+        try:
+            if not self.is_living():
+                self.restart()
+            goal = None
+
+            def goes_on() -> bool:
+                nonlocal goal
+                status = self.ask("status").data
+                if status["holder"] != "autonomy":
+                    row.armed_again = True
+                    self.ask("arm", override=[*OVERRIDES])
+                    return False
+                goal = self.frames() + 1 if goal is None else goal
+                return self.frames() >= goal
+
+            wait_for(goes_on, "a frame", RECOVERED_S)
+        except AssertionError as error:
+            row.wrong.append(f"frames do not come again: {str(error).splitlines()[0]}")
+        row.recovered_s = time.monotonic() - begun_s
+
+    def look(self, row: Row) -> None:
+        """``status`` by the wire: it answers, or says why not, in time."""
+        begun_s = time.monotonic()
+        with suppress(ControlError):
+            self.ask("status")
+        row.slowest_verb_s = max(row.slowest_verb_s, time.monotonic() - begun_s)
+
+    def kept(self) -> set[str]:
+        """Every fact on record, in whatever session."""
+        state = Path(self.engine.environment["XDG_STATE_HOME"])
+        found: set[str] = set()
+        for database in [*self.engine.root.rglob("session.db"), *state.rglob("session.db")]:
+            with suppress(SessionError):
+                records = SessionReader(database.parent).records(kinds=(OperatorAction,))
+                found |= {
+                    str(record.arguments["text"])
+                    for _, _, record in records
+                    if record.verb == "note" and record.outcome.kind == "accepted"
+                }
+        return found

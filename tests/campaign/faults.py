@@ -1,0 +1,240 @@
+"""Nights with a fault every few frames, from a seeded list, and the table of what became of them.
+
+    python -m tests.campaign faults --seeds 1-3
+    python -m tests.campaign faults --seeds 1 --frames 200 --write
+
+Each seed is one engine's night of 1,200 small frames with some 400 faults, twenty minutes of two
+cores. Answers lie in ``--folder``: the same command goes on with the seeds that have none.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import astropy.units as u
+import numpy as np
+from astropy.time import Time
+from scipy.stats import theilslopes
+
+from tests.campaign.arguments import seeds_of
+from tests.campaign.fault_kinds import KINDS
+from tests.campaign.fault_night import VERB_S, FaultNight, Row
+from tests.stub_stage import SITE
+from tests.whole_engine import wait_for
+
+PAGE = Path(__file__).with_name("FAULTS.md")
+RESULTS = Path(__file__).with_name("results") / "faults.json"
+BEGIN, END = "<!-- table: begin -->\n", "<!-- table: end -->"
+FRAMES, EVERY = 1200, 3
+BETWEEN_S = 20.0
+"""So long frames are waited for that go on anyhow."""
+LEAST_ALT_DEG = 15.0
+"""Below which this engine's configuration sends no mount."""
+ORDERED_MS, CONFIRMED_MS = 200.0, 500.0
+Answer = dict[str, Any]
+
+
+def night(seed: int, frames: int, folder: Path, kinds: Sequence[str] = tuple(KINDS)) -> Answer:
+    """One night to its figures."""
+    begun_s = time.monotonic()
+    with FaultNight(folder, seed) as running:
+        rows = _rows(running, frames, kinds)
+        running.engine.close()
+        lost = sorted(set(running.acknowledged) - running.destroyed - running.kept())
+        log = Path(running.engine.environment["XDG_STATE_HOME"])
+        said = "".join(running.said) + (running.folder / "said.txt").read_text(errors="replace")
+        return {
+            "seed": seed,
+            "frames": running.exposed,
+            "wall_s": round(time.monotonic() - begun_s, 1),
+            "rows": [_row_json(row) for row in rows],
+            "acknowledged": len(running.acknowledged),
+            "destroyed": len(running.destroyed),
+            "lost": lost,
+            "unsafe_slews": _unsafe(running),
+            "slews": len(running.wire.orders.slews),
+            "tracebacks": said.count("Traceback (most recent call last)")
+            + said.count("something broke"),
+            "tracebacks_in_logs": sum(
+                path.read_text(errors="replace").count("Traceback (most recent call last)")
+                for path in log.rglob("*.log*")
+            ),
+            "slopes": _slopes(running),
+        }
+
+
+def _rows(running: FaultNight, frames: int, kinds: Sequence[str]) -> list[Row]:
+    """Faults until so many frames are exposed: every kind once before any comes again."""
+    rows: list[Row] = []
+    names: list[str] = []
+    frame = running.exposed
+    while frame < frames:
+        if not names:
+            names = list(kinds)
+            running.random.shuffle(names)
+        row = Row(kind=names.pop(), frame=frame)
+        running.note()
+        try:
+            KINDS[row.kind](running, row)
+        except Exception as error:
+            row.wrong.append(f"{type(error).__name__}: {error}"[:200])
+        running.recover(row)
+        running.look(row)
+        if row.slowest_verb_s > VERB_S:
+            row.wrong.append(f"a verb took {row.slowest_verb_s:.0f} s")
+        rows.append(row)
+        if not running.is_living():
+            break
+        frame = running.exposed
+        running.sample(frame)
+        goal = frame + EVERY - 1
+        with suppress(AssertionError):
+            wait_for(lambda goal=goal: running.frames() >= goal, "frames", BETWEEN_S)
+        frame = running.exposed
+        print(
+            f"{frame:5} {row.kind:30} {row.recovered_s:5.1f} s  {'; '.join(row.wrong)}", flush=True
+        )
+    return rows
+
+
+def _unsafe(running: FaultNight) -> list[str]:
+    """Orders to go below the limit, by the time that the observatory had."""
+    wrong = []
+    for slew in running.wire.orders.slews:
+        if not slew.utc:
+            continue
+        sidereal = Time(slew.utc, scale="utc").sidereal_time("apparent", SITE.longitude_deg * u.deg)
+        hour = np.radians((float(sidereal.hour) - slew.ra_date_hours) * 15.0)
+        dec, latitude = np.radians(slew.dec_date_deg), np.radians(SITE.latitude_deg)
+        alt = np.sin(dec) * np.sin(latitude) + np.cos(dec) * np.cos(latitude) * np.cos(hour)
+        alt_deg = float(np.degrees(np.arcsin(alt)))
+        if not alt_deg >= LEAST_ALT_DEG:
+            wrong.append(f"sent to altitude {alt_deg:.1f} deg")
+    return wrong
+
+
+def _row_json(row: Row) -> dict[str, Any]:
+    return {name: getattr(row, name) for name in row.__dataclass_fields__}
+
+
+def _slopes(running: FaultNight) -> dict[str, Any]:
+    """Growth of what the engine holds over the night: Theil-Sen's slope and its 95 % interval.
+
+    An engine that was started again begins again, so only what its own life tells is used: the
+    values after each start are counted from that life's median of the first ones.
+    """
+    told: dict[str, Any] = {}
+    frames = np.array([each.frame for each in running.samples], float)
+    if len(frames) < 10:
+        return told
+    for name in ("mib", "descriptors", "threads"):
+        values = np.array([getattr(each, name) for each in running.samples], float)
+        told[name] = {
+            "first": float(np.median(values[:10])),
+            "last": float(np.median(values[-10:])),
+        }
+        slope, _, low, high = theilslopes(values, frames)
+        told[name] |= {"per_1000": slope * 1e3, "low": low * 1e3, "high": high * 1e3}
+    return told
+
+
+def table(answers: Sequence[Mapping[str, Any]]) -> str:
+    """Markdown: the whole, and each kind."""
+    rows = [row for answer in answers for row in answer["rows"]]
+    ordered = [r["stop_ordered_ms"] for r in rows if r["stop_ordered_ms"] is not None]
+    confirmed = [r["stop_confirmed_ms"] for r in rows if r["stop_confirmed_ms"] is not None]
+    lines = [
+        f"Seeds {', '.join(str(a['seed']) for a in answers)}: {len(rows)} faults of "
+        f"{len({r['kind'] for r in rows})} kinds in {sum(a['frames'] for a in answers)} frames.",
+        "",
+        "| promised | seen |",
+        "|---|---|",
+        f"| acknowledged facts lost | {sum(len(a['lost']) for a in answers)} of "
+        f"{sum(a['acknowledged'] - a['destroyed'] for a in answers)} |",
+        f"| unsafe slews | {sum(len(a['unsafe_slews']) for a in answers)} of "
+        f"{sum(a['slews'] for a in answers)} |",
+        f"| tracebacks shown | {sum(a['tracebacks'] for a in answers)} |",
+        f"| slowest verb | {max(r['slowest_verb_s'] for r in rows):.1f} s |",
+        f"| faults after which something was wrong | {sum(bool(r['wrong']) for r in rows)} |",
+    ]
+    for words, values, bar in (
+        ("ordered", ordered, ORDERED_MS),
+        ("confirmed", confirmed, CONFIRMED_MS),
+    ):
+        if values:
+            late = sum(value > bar for value in values)
+            lines.append(
+                f"| STOP {words} | median {np.median(values):.0f} ms, worst {max(values):.0f} ms,"
+                f" {late} of {len(values)} over {bar:.0f} ms |"
+            )
+    for answer in answers:
+        for name, s in answer["slopes"].items():
+            lines.append(
+                f"| {name} over the night, seed {answer['seed']} | {s['first']:.0f} to"
+                f" {s['last']:.0f}, {s['per_1000']:+.1f} per 1,000 frames"
+                f" ({s['low']:+.1f} to {s['high']:+.1f}) |"
+            )
+    lines += ["", "| fault | n | frames again after, median and worst | armed again | wrong |"]
+    lines.append("|---|---|---|---|---|")
+    for kind in KINDS:
+        of_kind = [r for r in rows if r["kind"] == kind]
+        if not of_kind:
+            continue
+        again = [r["recovered_s"] for r in of_kind]
+        wrong = sorted({words for r in of_kind for words in r["wrong"]})
+        lines.append(
+            f"| {kind} | {len(of_kind)} | {np.median(again):.1f} s, {max(again):.1f} s |"
+            f" {sum(r['armed_again'] for r in of_kind)} | {'; '.join(wrong)} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Exit status 0 where nothing was wrong."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.campaign faults",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--seeds", "--seed", type=seeds_of, default=[1], help="such as 1-3 or 1,4")
+    parser.add_argument("--frames", type=int, default=FRAMES, help="of each night")
+    parser.add_argument("--folder", type=Path, default=Path(".cache/campaign/faults"))
+    parser.add_argument(
+        "--kind", action="append", choices=[*KINDS], help="only this one (repeatable), not kept"
+    )
+    parser.add_argument("--write", action="store_true", help="put the table into FAULTS.md")
+    chosen = parser.parse_args(arguments)
+    chosen.folder.mkdir(parents=True, exist_ok=True)
+    answers = []
+    for seed in chosen.seeds:
+        path = chosen.folder / f"seed-{seed}-{chosen.frames}.json"
+        if path.exists() and not chosen.kind:
+            answers.append(json.loads(path.read_text(encoding="utf-8")))
+            continue
+        with tempfile.TemporaryDirectory(prefix="faults-") as scratch:
+            answer = night(seed, chosen.frames, Path(scratch), chosen.kind or tuple(KINDS))
+        answers.append(answer)
+        if not chosen.kind:
+            path.write_text(json.dumps(answer), encoding="utf-8")
+    text = table(answers)
+    print(text)
+    if chosen.write:
+        RESULTS.write_text(json.dumps(answers) + "\n", encoding="utf-8")
+        page = PAGE.read_text(encoding="utf-8")
+        head, tail = page.partition(BEGIN)[0], page.partition(END)[2]
+        PAGE.write_text(f"{head}{BEGIN}{text}{END}{tail}", encoding="utf-8")
+    is_well = not any(
+        a["lost"] or a["unsafe_slews"] or a["tracebacks"] or any(r["wrong"] for r in a["rows"])
+        for a in answers
+    )
+    return 0 if is_well else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
