@@ -296,12 +296,30 @@ def test_a_forked_child_that_outlives_the_engine_does_not_hold_its_lock(path: Pa
         child.join(10)
 
 
-def test_what_is_no_socket_is_never_removed(path: Path) -> None:
+def test_what_is_no_socket_is_put_aside_and_kept(path: Path) -> None:
     path.parent.mkdir()
     path.write_text("precious")
-    with pytest.raises(ControlError, match="is not a socket"):
-        ControlServer(path, echo).start()
-    assert path.read_text() == "precious"
+    found: list[str] = []
+    with ControlServer(path, echo, on_found=found.append):
+        assert ControlClient(path).send(AskStatus()).ok
+    aside = path.with_name(f"{path.name}.aside-1")
+    assert aside.read_text() == "precious"
+    assert str(aside) in found[0]
+
+
+def test_a_living_engine_is_reached_again_whatever_takes_the_place_of_its_socket(
+    path: Path,
+) -> None:
+    with ControlServer(path, echo):
+        path.unlink()
+        path.mkdir()
+        (path / "file").touch()
+        deadline = time.monotonic() + 10.0
+        while not path.is_socket():
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        assert ControlClient(path).send(AskStatus()).ok
+    assert (path.with_name(f"{path.name}.aside-1") / "file").exists()
 
 
 def test_the_socket_is_for_its_owner_alone_and_goes_with_the_server(path: Path) -> None:

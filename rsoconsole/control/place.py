@@ -43,18 +43,24 @@ def address_of(path: Path) -> Path:
     return short
 
 
-def remove_socket(address: Path) -> None:
-    """Remove a socket that nobody serves; what is no socket is left alone.
+def remove_socket(address: Path) -> Path | None:
+    """Remove a socket that nobody serves; what is no socket is put aside: where, else None.
 
-    The caller holds the engine's lock. Raises ControlError when something else lies there.
+    The caller holds the engine's lock. Raises OSError where it can be moved nowhere.
     """
     try:
         mode = address.lstat().st_mode
     except FileNotFoundError:
-        return
-    if not stat.S_ISSOCK(mode):
-        raise ControlError(f"{address} is not a socket")
-    address.unlink(missing_ok=True)
+        return None
+    if stat.S_ISSOCK(mode):
+        address.unlink(missing_ok=True)
+        return None
+    # An engine without its socket takes no STOP from a console: whatever lies there must go.
+    number = 1
+    while os.path.lexists(aside := address.with_name(f"{address.name}.aside-{number}")):
+        number += 1
+    address.rename(aside)
+    return aside
 
 
 def engine_pid(socket_path: Path) -> int | None:

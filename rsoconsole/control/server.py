@@ -111,7 +111,7 @@ class ControlServer:
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             self._address.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            remove_socket(self._address)
+            aside = remove_socket(self._address)
             listener.bind(str(self._address))
             self._address.chmod(0o600)
             listener.listen(BACKLOG)
@@ -119,6 +119,8 @@ class ControlServer:
             listener.close()
             raise
         self._inode = self._address.lstat().st_ino
+        if aside is not None:
+            self._on_found(f"{self._address} was no socket: what lay there is now {aside}")
         return listener
 
     def _keep(self) -> None:
@@ -182,7 +184,8 @@ class ControlServer:
         for thread in self._threads:
             if thread is not threading.current_thread():  # a handler may close the wire itself
                 thread.join(timeout_s)
-        remove_socket(self._address)
+        if self._is_reachable():
+            remove_socket(self._address)
         if self._own_lock is not None:
             self._own_lock.release()
 
