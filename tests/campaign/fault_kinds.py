@@ -345,7 +345,7 @@ def busy_machine(night: FaultNight, row: Row) -> None:
 
 def verbs_at_once(night: FaultNight, row: Row) -> None:
     """Three terminals ask at the same time, one of them about the whole session."""
-    words = (["status"], ["sessions", "list"], ["status", "--json"])
+    words = (["status"], ["sessions"], ["status", "--json"])
     begun_s = time.monotonic()
     asked = [
         subprocess.Popen(
@@ -443,3 +443,12 @@ KINDS: dict[str, Kind] = {
     "orders at random": orders_at_random,
     "STOP twice": stop_at_once,
 }
+ENDS_IT = (
+    "engine killed",
+    "engine ended",
+    "log removed",
+    "session folder deleted",
+    "log cut short",
+    "log written over",
+)
+"""After which another engine is started: they come last, so that one lives through the rest."""

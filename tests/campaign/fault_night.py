@@ -63,7 +63,8 @@ class Sample:
     mib: float
     descriptors: int
     threads: int
-    wall_s: float
+    cycle_s: float
+    """Of one frame, measured while nothing was done to it."""
 
 
 class FaultNight:
@@ -141,12 +142,16 @@ class FaultNight:
         return client.send(command_of(verb, arguments), timeout_s=VERB_S)
 
     def note(self) -> None:
-        """A fact for the record; kept where it is acknowledged."""
+        """A remark and a setting for the record; kept where they are acknowledged."""
         self._notes += 1
-        text = f"fact {self._notes}"
-        with suppress(ControlError):
-            if self.ask("note", text=text).ok:
-                self.acknowledged.append(text)
+        value = round(0.1 + self._notes * 1e-6, 6)
+        for fact, verb, arguments in (
+            (f"fact {self._notes}", "note", {"text": f"fact {self._notes}"}),
+            (f"tau {value}", "set", {"name": "detector.tau", "value": value}),
+        ):
+            with suppress(ControlError):
+                if self.ask(verb, **arguments).ok:
+                    self.acknowledged.append(fact)
 
     def run(self, *words: str, timeout_s: float = 30.0) -> tuple[int | None, float]:
         """A verb from another terminal: its exit status (None: it hung) and how long it took."""
@@ -171,8 +176,8 @@ class FaultNight:
         children = [self.engine.child(kind) for kind in CHILDREN]
         return [self.pid, *(pid for pid in children if pid is not None)]
 
-    def sample(self, frame: int) -> None:
-        """Note what the engine and its children hold."""
+    def sample(self, frame: int, cycle_s: float) -> None:
+        """Note what the engine and its children hold, and how fast they are."""
         mib, descriptors, threads = 0.0, 0, 0
         for pid in self.family():
             with suppress(OSError):
@@ -181,7 +186,7 @@ class FaultNight:
                 mib += (kib["Pss:"] - kib["Pss_File:"]) / 1024.0
                 descriptors += len(list(Path(f"/proc/{pid}/fd").iterdir()))
                 threads += len(list(Path(f"/proc/{pid}/task").iterdir()))
-        self.samples.append(Sample(frame, mib, descriptors, threads, time.monotonic()))
+        self.samples.append(Sample(frame, mib, descriptors, threads, cycle_s))
 
     def stop(self, row: Row, *, mount_answers: bool = True) -> None:
         """STOP by the wire while the mount moves, measured."""
@@ -217,7 +222,7 @@ class FaultNight:
             def goes_on() -> bool:
                 nonlocal goal
                 status = self.ask("status").data
-                if status["holder"] != "autonomy":
+                if status.get("holder") != "autonomy":
                     row.armed_again = True
                     self.ask("arm", override=[*OVERRIDES])
                     return False
@@ -243,9 +248,10 @@ class FaultNight:
         for database in [*self.engine.root.rglob("session.db"), *state.rglob("session.db")]:
             with suppress(SessionError):
                 records = SessionReader(database.parent).records(kinds=(OperatorAction,))
-                found |= {
-                    str(record.arguments["text"])
-                    for _, _, record in records
-                    if record.verb == "note" and record.outcome.kind == "accepted"
-                }
+                for _, _, record in records:
+                    if record.outcome.kind in ("accepted", "done"):
+                        told = record.arguments
+                        found.add(
+                            f"tau {told['value']}" if "value" in told else str(told.get("text"))
+                        )
         return found
