@@ -378,7 +378,9 @@ class CatalogueConfig(_Section):
     )
 
 
-Graphics = Literal["blocks", "auto", "kitty", "sixel"]
+Graphics = Literal[
+    "auto", "kitty", "sixel", "blocks", "octants", "sextants", "quadrants", "half-blocks"
+]
 Alert = Literal["acquisition", "loss", "limit", "fault"]
 
 
@@ -389,7 +391,9 @@ class ConsoleConfig(_Section):
         None, description="letters only; null: where the terminal's encoding is not UTF-8"
     )
     graphics: Graphics = Field(
-        "blocks", description="how pictures are drawn; auto: by the terminal's own graphics, if any"
+        "auto",
+        description="how pictures are drawn; auto: by the terminal's own graphics, if any; blocks:"
+        " by the finest of its characters",
     )
     bell: tuple[Alert, ...] = Field(
         ("loss", "limit", "fault"), description="what the terminal's bell is rung for"

@@ -23,6 +23,7 @@ _OWN_TERMINAL = (
 _ESCAPE = re.compile(
     r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)|[P_^][^\x1b]*\x1b\\|[^\[\]P_^])"
 )
+_ASKS_ATTRIBUTES = b"\x1b[c"
 EVERY_S = 0.02
 
 
@@ -121,6 +122,9 @@ class Terminal:
                 time.sleep(EVERY_S)
                 continue
             self._chunks.append(chunk)
+            if _ASKS_ATTRIBUTES in chunk:
+                # As every terminal does: a plain one, without graphics of its own.
+                os.write(self._master, b"\x1b[?62;22c")
             decoded += chunk
             with contextlib.suppress(UnicodeDecodeError):
                 self._take(decoded.decode())

@@ -116,16 +116,18 @@ def test_the_streak_of_a_close_up_is_seen_whole_between_its_brackets(angle_deg, 
     assert drawing is not None
     window = drawing.window
     written = overlay(picture.marks, window)
-    for bracket, (x, y) in zip("()", picture.marks[0].ends_px, strict=True):
-        at = window.cell(x, y)
-        assert window.has(*at)
+    for bracket, beside, (x, y) in zip("()", (-1, 1), picture.marks[0].ends_px, strict=True):
+        column, row = window.cell(x, y)
+        assert window.has(column, row)
+        assert (column, row) not in written
         if angle_deg < 90.0:
-            assert written[at][0] == bracket
-    # The brightest squares are the streak's.
+            assert written[column + beside, row][0] == bracket
+    # The brightest parts of cells are the streak's.
     rows, columns = np.nonzero(drawing.greys >= GREYS - 2)
     squares = drawing.px_per_square
-    x_px = window.x0_px + (columns + 0.5) * squares - 2000.0
-    y_px = window.y0_px + (rows + 0.5) * squares - 1500.0
+    part_rows, part_columns = drawing.greys.shape
+    x_px = window.x0_px + (columns + 0.5) * window.width_px / part_columns - 2000.0
+    y_px = window.y0_px + (rows + 0.5) * window.height_px / part_rows - 1500.0
     across = -x_px * math.sin(math.radians(angle_deg)) + y_px * math.cos(math.radians(angle_deg))
     assert np.median(np.abs(across)) <= 2.0 + squares
 
@@ -154,7 +156,8 @@ def test_every_stretch_keeps_the_order_of_light(stretch):
     codes[200:230, 300:330] = 250
     bright = Picture(frame_id=1, codes=codes, light=light_of(codes), detail=picture.detail)
     drawing = draw_field(bright, stretch, 60, 20)
-    column, row = round(315 / 582 * drawing.window.columns), round(215 / 440 * 40)
+    rows, columns = drawing.greys.shape
+    column, row = round(315 / 582 * columns), round(215 / 440 * rows)
     assert drawing.greys[row, column] == drawing.greys.max()
     assert drawing.greys.max() == GREYS - 1
     assert np.median(drawing.greys) < GREYS / 2
@@ -207,3 +210,27 @@ def test_rejected_candidates_are_pointed_at_only_from_near():
     window = Window(x0_px=0.0, y0_px=0.0, width_px=600.0, height_px=400.0, columns=60, rows=20)
     assert overlay(marks, window) == {}
     assert {sign for sign, _ in overlay(marks, window, has_rejected=True).values()} >= {"‹", "›"}
+
+
+def test_signs_stand_beside_a_streak_and_never_on_it():
+    """Brackets, cross and outline: what one looks for is not written over."""
+    window = Window(x0_px=0.0, y0_px=0.0, width_px=600.0, height_px=400.0, columns=60, rows=20)
+    ends = ((200.0, 200.0), (320.0, 200.0))
+    streak = Mark(x_px=260.0, y_px=200.0, kind="followed", ends_px=ends, label=".97")
+    turns = np.linspace(0.0, 2 * np.pi, 72)
+    outline = tuple((260.0 + 60 * math.cos(t), 200.0 + 30 * math.sin(t)) for t in turns)
+    expected = Mark(x_px=260.0, y_px=200.0, kind="predicted", outline_px=outline)
+    written = overlay((streak, expected), window)
+    on_it = {window.cell(x, 200.0) for x in np.linspace(200.0, 320.0, 200)}
+    assert not on_it & set(written)
+    column, row = window.cell(260.0, 200.0)
+    assert written[column, row - 1] == ("▾", "predicted")
+    assert written[column, row + 1] == ("▴", "predicted")
+    assert written[19, 10][0] == "["
+    assert written[33, 10][0] == "]"
+
+
+def test_a_cross_on_empty_sky_stays_a_cross():
+    window = Window(x0_px=0.0, y0_px=0.0, width_px=600.0, height_px=400.0, columns=60, rows=20)
+    written = overlay((Mark(x_px=100.0, y_px=100.0, kind="predicted"),), window)
+    assert written == {(10, 5): ("+", "predicted")}

@@ -135,7 +135,9 @@ def drawn(sheet: FrameSheet) -> str:
 def test_the_kept_frame_shows_its_streak_between_its_marks(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         assert "whole field" in title(sheet)
-        assert re.search(r"\{\[.*╋.*\]\}", drawn(sheet))
+        # The cross is on the streak: signs above and below it, none upon it.
+        assert re.search(r"\{\[[ ▖-▟▀-▐]+\]\}", drawn(sheet))
+        assert "▾" in drawn(sheet)
         await press(pilot, sheet, "d", "plus")
         view = sheet.sheet.view
         assert view is not None
@@ -148,8 +150,9 @@ def test_the_kept_frame_shows_its_streak_between_its_marks(impatient_seat: None)
         along = np.linspace(0.05, 0.95, 90)
         x = 1908.84 + along * (2028.78 - 1908.84)
         y = 1766.84 + along * (1763.21 - 1766.84)
-        columns = np.floor(x - drawing.window.x0_px).astype(int)
-        rows = np.floor(y - drawing.window.y0_px).astype(int)
+        across, down = drawing.blocks.across, drawing.blocks.down / 2
+        columns = np.floor((x - drawing.window.x0_px) * across).astype(int)
+        rows = np.floor((y - drawing.window.y0_px) * down).astype(int)
         on = greys[rows, columns].mean()
         beside = np.concatenate([greys[rows + k, columns] for k in (-9, -6, 6, 9)])
         assert on > beside.mean() + 0.5 * beside.std()
@@ -207,7 +210,7 @@ def test_zoom_goes_from_the_whole_field_to_a_quarter_pixel_and_back(impatient_se
 
 def test_the_stretch_changes_the_light_and_not_the_place(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
-        await press(pilot, sheet, "d")
+        await press(pilot, sheet, "d", "minus")
         before = sheet.picture.drawing
         await pilot.press("f")
         after = sheet.picture.drawing
@@ -225,7 +228,7 @@ def test_marks_can_be_put_away_to_see_what_they_cover(impatient_seat: None):
         assert "[" in drawn(sheet)
         await pilot.press("o")
         assert "[" not in drawn(sheet)
-        assert "╋" in drawn(sheet)
+        assert "▾" in drawn(sheet)
 
     look(act)
 

@@ -67,10 +67,11 @@ def test_sixels_are_sent_where_they_are_asked_for(session: Path):
         wait_for(lambda: re.search(rb"\x1bP[0-9;]*q", terminal.written), "sixels")
 
 
-def test_a_terminal_that_offers_none_gets_half_blocks(session: Path):
-    command = [*COMMAND, "--session", str(session), "--graphics", "auto"]
+def test_a_terminal_that_offers_none_gets_quadrants(session: Path):
+    command = [*COMMAND, "--session", str(session)]
     with Terminal(command, os.environ, (120, 40)) as terminal:
-        wait_for(lambda: terminal.shows("frame 0008", "▀"), "half blocks")
+        wait_for(lambda: terminal.shows("frame 0008", "▞"), "quadrants")
+        assert not re.search("[\U0001cd00-\U0001cde5\U0001fb00-\U0001fb3b]", terminal.text)
         assert not kitty_pictures(terminal.written)
 
 

@@ -166,7 +166,7 @@ def test_a_bright_pixel_shines_in_its_own_square_at_every_scale(look: dict[str, 
     pixels[at_y, at_x] = 65000
     view = _zoomed(whole(width, height, *look["room"]).at(at_x, at_y), zooms)
     window = view.window
-    shares = SheetPixels(pixels).shares(window, look["stretch"], finer)
+    shares = SheetPixels(pixels).shares(window, look["stretch"], finer, 2 * finer)
     assert shares.shape == (2 * window.rows * finer, window.columns * finer)
     rows_px, columns_px = (
         window.height_px / shares.shape[0],
@@ -260,8 +260,8 @@ def test_then_and_now_are_written_about_one_another():
     now = Mark(x_px=15, y_px=10, kind="now", ends_px=ends, label="=", is_outer=True)
     cells = overlay((now, then), window)
     row = "".join(cells.get((column, 5), (" ", ""))[0] for column in range(40))
-    assert row.strip() == "{[         ]}.97"
-    assert cells[22, 6] == ("=", "now")
+    assert row.strip() == "{[           ]}.97"
+    assert cells[23, 6] == ("=", "now")
 
 
 def test_a_boxs_outline_runs_along_its_sides():

@@ -36,8 +36,9 @@ def console(
     x or ctrl+x is STOP, q leaves, F1 shows every other key, ctrl+p finds each
     action by its name; a keymap.toml beside the configuration gives actions
     other keys. Works from 40 x 12 on, at its best from 80 x 24; NO_COLOR=1 is
-    heeded, ctrl+t changes the colours (night: red only). Pictures are half
-    blocks; --graphics auto uses the terminal's own graphics where it has any.
+    heeded, ctrl+t changes the colours (night: red only). Pictures are drawn by
+    the terminal's own graphics, or by the finest characters that it draws;
+    --graphics chooses.
 
     Example: rsoconsole console
     """

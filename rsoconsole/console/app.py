@@ -19,6 +19,7 @@ from textual.widgets import Input, TextArea
 
 from rsoconsole.config import ConsoleConfig, IndiConfig
 from rsoconsole.console.alerts import alerts_between, notification
+from rsoconsole.console.blocks import HALF_BLOCKS, QUADRANTS, Blocks
 from rsoconsole.console.colours import COLOURS, NIGHT_CSS, THEMES
 from rsoconsole.console.command import KeyCommand, Place
 from rsoconsole.console.commands import bindings, commands_in
@@ -109,18 +110,21 @@ class ConsoleApp(App[str]):
         settings: ConsoleConfig | None = None,
         seat_name: str = "",
         graphics: "Kind | None" = None,
+        blocks: Blocks = QUADRANTS,
         review: tuple[Path | None, str] | None = None,
         sessions_root: Path | None = None,
         tour: "TourMemory | None" = None,
     ) -> None:
         """``keymap``: other keys for commands, by name; ``seat_name``: for the engine;
-        ``graphics``: the terminal's own, for the pictures; ``review``: open no live seat but a
+        ``graphics``: the terminal's own, for the pictures; ``blocks``: the characters that they
+        are made of elsewhere; ``review``: open no live seat but a
         review, of that session (None: asks which) from that frame or time on;
         ``sessions_root``: where recorded nights lie; ``tour``: whether the first F1 shows one,
         None: it does not."""
         super().__init__()
         self.graphics = graphics
         self._tour = tour
+        self.blocks = blocks
         self._settings = settings or ConsoleConfig()
         self._last: tuple[NightView, EngineView] = (NightView(), EngineView())
         self._waiting_night: NightSeen | None = None
@@ -172,6 +176,7 @@ class ConsoleApp(App[str]):
             wants_ascii = not is_utf8()
         if wants_ascii:
             self._filters.append(PlainFilter())
+            self.graphics, self.blocks = None, HALF_BLOCKS
         self._loop_of_app = asyncio.get_running_loop()
         with contextlib.suppress(RuntimeError, ValueError):  # not in the main thread
             for number in (signal.SIGTERM, signal.SIGINT):

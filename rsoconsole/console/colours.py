@@ -62,14 +62,14 @@ COLOURS = {
 """Themes that ctrl+t goes through, and what they are called."""
 
 NIGHT_CSS = """
-ConsoleApp.-theme-night FramePane > .frame--followed { color: black; background: #d84028; }
+ConsoleApp.-theme-night FramePane > .frame--followed { color: #d84028; }
 ConsoleApp.-theme-night FramePane > .frame--candidate { color: #d84028; }
 ConsoleApp.-theme-night FramePane > .frame--rejected { color: #8a1a10; }
-ConsoleApp.-theme-night FramePane > .frame--operator { color: black; background: #b03020; }
+ConsoleApp.-theme-night FramePane > .frame--operator { color: #b03020; }
 ConsoleApp.-theme-night FramePane > .frame--predicted { color: #c83c28; }
-ConsoleApp.-theme-night FramePane > .frame--now { color: black; background: #c83c28; }
+ConsoleApp.-theme-night FramePane > .frame--now { color: #c83c28; }
 ConsoleApp.-theme-night FramePane > .frame--now_rejected { color: #b83420; }
 ConsoleApp.-theme-night FramePane > .frame--box { color: #8a1a10; }
-ConsoleApp.-theme-night FramePane > .frame--cursor { color: black; background: #e04830; }
+ConsoleApp.-theme-night FramePane > .frame--cursor { color: #e04830; }
 """
 """The picture's marks, which are bright elsewhere."""

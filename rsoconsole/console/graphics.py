@@ -1,16 +1,19 @@
-"""The picture in the terminal's own graphics, where it has them and the operator asks for it.
+"""The picture in the terminal's own graphics, where it has them.
 
 Kitty's protocol or sixels, both by textual-image. What is pointed at is drawn into the picture.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.config import Graphics
+from rsoconsole.console.blocks import BY_NAME, QUADRANTS, Blocks
 from rsoconsole.console.marks import Mark, Window
+from rsoconsole.console.terminal_query import asked, blocks_of
 
 if TYPE_CHECKING:
     from textual.widget import Widget
@@ -23,26 +26,45 @@ RedGreenBlue = npt.NDArray[np.uint8]
 
 MARGIN_PX = 6
 """By which a streak's brackets stand off it."""
+CROSS_GAP_PX = 4
+"""From a cross's middle to its arms."""
 FONT_SCALE, FONT_ROOM_PX = 0.42, 4
 
 
-def offered(wanted: Graphics) -> Kind | None:
-    """Which graphics to use; None: half blocks.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawn:
+    """How pictures are drawn in a terminal."""
+
+    graphics: Kind | None = None
+    """By its own graphics; None: by its characters."""
+    blocks: Blocks = QUADRANTS
+    """Those of its characters."""
+
+
+def offered(wanted: Graphics) -> Drawn:
+    """How to draw: as wanted, or the finest that the terminal has.
 
     Asks the terminal where that is left to it: to be called before the application runs.
     """
-    if wanted == "blocks":
-        return None
-    # Importing it asks the terminal for the size of its cells, which is not possible later.
-    from textual_image import widget
-    from textual_image.renderable import sixel, tgp
+    if wanted in BY_NAME:
+        return Drawn(blocks=BY_NAME[wanted])
+    if wanted in {"kitty", "sixel"}:
+        kind: Kind | None = "kitty" if wanted == "kitty" else "sixel"
+        return _made_ready(Drawn(graphics=kind))
+    terminal = asked()
+    kind = None
+    if wanted == "auto":
+        kind = "kitty" if terminal.has_kitty else "sixel" if terminal.has_sixel else None
+    return _made_ready(Drawn(graphics=kind, blocks=blocks_of(terminal)))
 
-    _ = widget
-    if wanted != "auto":
-        return wanted
-    if tgp.query_terminal_support():
-        return "kitty"
-    return "sixel" if sixel.query_terminal_support() else None
+
+def _made_ready(drawn: Drawn) -> Drawn:
+    if drawn.graphics is not None:
+        # Importing it asks the terminal for the size of its cells, which is not possible later.
+        from textual_image import widget
+
+        _ = widget
+    return drawn
 
 
 def image_widget(kind: Kind) -> "Widget":
@@ -101,9 +123,11 @@ def _draw(canvas: RedGreenBlue, mark: Mark, window: Window, colour: Colour) -> N
     if mark.kind == "box":
         return
     if mark.kind in {"predicted", "cursor"}:
-        arm = MARGIN_PX if mark.kind == "predicted" else 2 * MARGIN_PX
-        cv2.line(canvas, (x - arm, y), (x + arm, y), colour, 1)
-        cv2.line(canvas, (x, y - arm), (x, y + arm), colour, 1)
+        # Open in its middle: what lies there is what one wants to see.
+        gap, arm = CROSS_GAP_PX, CROSS_GAP_PX + MARGIN_PX * (1 + (mark.kind == "cursor"))
+        for side in (-1, 1):
+            cv2.line(canvas, (x + side * gap, y), (x + side * arm, y), colour, 1)
+            cv2.line(canvas, (x, y + side * gap), (x, y + side * arm), colour, 1)
         label_at = (x + arm + FONT_ROOM_PX, y)
     else:
         ends = mark.ends_px or ((mark.x_px, mark.y_px),) * 2

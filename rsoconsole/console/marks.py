@@ -41,7 +41,9 @@ _BRACKETS: dict[Kind, tuple[str, str]] = {
     "cursor": ("", ""),
 }
 _SHORT_COLUMNS = 4
-"""A streak of so few cells is drawn as one; a longer one has its ends pointed at."""
+"""A streak of so few cells has its signs in one row; a longer one has its ends pointed at."""
+MOST_STEPS = 2000
+"""Cells along a streak: nobody's terminal has more."""
 
 
 Cells = dict[tuple[int, int], tuple[str, str]]
@@ -174,46 +176,103 @@ def outline_px(track: TrackState, solution: Solution) -> tuple[tuple[float, floa
 
 
 def overlay(marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = False) -> Cells:
-    """What is written over a picture; what is followed is written last."""
+    """What is written over a picture; what is followed is written last.
+
+    Everything stands beside the streaks: their own cells are kept free of signs.
+    """
+    shown = [mark for mark in marks if mark.kind != "rejected" or has_rejected]
+    streaks = _streak_cells(shown, window)
     cells: Cells = {}
-    for mark in sorted(marks, key=lambda m: _ORDER[m.kind]):
-        if mark.kind == "rejected" and not has_rejected:
-            continue
+    for mark in sorted(shown, key=lambda m: _ORDER[m.kind]):
         centre = window.cell(mark.x_px, mark.y_px)
         for point in mark.outline_px:
             at = window.cell(*point)
-            if window.has(*at) and at != centre:
+            if window.has(*at) and at != centre and at not in streaks:
                 cells[at] = "·", mark.kind
-        for column, row, text in _signs(mark, centre, window):
+        for column, row, text in _signs(mark, centre, window, streaks):
             for offset, character in enumerate(text):
                 if window.has(column + offset, row):
                     cells[column + offset, row] = character, mark.kind
     return cells
 
 
-def _signs(mark: Mark, centre: tuple[int, int], window: Window) -> list[tuple[int, int, str]]:
+def _streak_cells(marks: list[Mark], window: Window) -> dict[tuple[int, int], bool]:
+    """The cells through which a streak goes, each with whether it runs rather across than down."""
+    cells: dict[tuple[int, int], bool] = {}
+    for mark in marks:
+        if mark.ends_px is None:
+            continue
+        (xa, ya), (xb, yb) = mark.ends_px
+        (column_a, row_a), (column_b, row_b) = window.cell(xa, ya), window.cell(xb, yb)
+        is_across = abs(column_b - column_a) >= abs(row_b - row_a)
+        count = min(max(abs(column_b - column_a), abs(row_b - row_a)), MOST_STEPS) * 2 + 1
+        for step in range(count + 1):
+            share = step / count
+            at = window.cell(xa + share * (xb - xa), ya + share * (yb - ya))
+            cells[at] = is_across
+    return cells
+
+
+def _signs(
+    mark: Mark,
+    centre: tuple[int, int],
+    window: Window,
+    streaks: dict[tuple[int, int], bool],
+) -> list[tuple[int, int, str]]:
     """(column, row, text) of what a mark writes."""
     column, row = centre
     if mark.kind == "box":
         return []
     if mark.kind == "predicted":
-        return [(column, row, "+")]
+        return _predicted_signs(column, row, streaks)
     if mark.kind == "cursor":
-        return [(column, row, mark.label or "╋")]
+        if mark.label:
+            return [(column, row, mark.label)]
+        return _cursor_signs(column, row, streaks)
     opening, closing = _BRACKETS[mark.kind]
     left = right = centre
     if mark.ends_px is not None:
         end_a, end_b = mark.ends_px
         left, right = window.cell(*end_a), window.cell(*end_b)
     if right[0] - left[0] <= _SHORT_COLUMNS:
-        # One row, with a line for the streak, which is hardly seen at this scale.
-        half = max(1, (right[0] - left[0]) // 2 + 1)
-        left, right = (column - half, row), (column + half, row)
-        opening += "" if mark.is_outer else "━" * (2 * half - 1)
-    if mark.is_outer:
-        left, right = (left[0] - 1, left[1]), (right[0] + 1, right[1])
+        left, right = (left[0], row), (right[0], row)
+    beside = 2 if mark.is_outer else 1
+    left = (_edged(left[0], -beside, window), left[1])
+    right = (_edged(right[0], beside, window), right[1])
     columns = mark.gap + len(mark.label)
     fits_right = right[0] + 1 + columns <= window.columns
     label_at = right[0] + 1 + mark.gap if fits_right else left[0] - columns
     label_row = (right[1] if fits_right else left[1]) + mark.is_outer
     return [(*left, opening), (*right, closing), (label_at, label_row, mark.label)]
+
+
+def _edged(column: int, beside: int, window: Window) -> int:
+    """A column beside a streak's end; of an end at the picture's rim the outermost one."""
+    if not 0 <= column < window.columns:
+        return column + beside
+    return min(max(column + beside, 0), window.columns - 1)
+
+
+def _predicted_signs(
+    column: int, row: int, streaks: dict[tuple[int, int], bool]
+) -> list[tuple[int, int, str]]:
+    """A cross; where it would lie on a streak, two signs that point at the place from beside."""
+    is_across = streaks.get((column, row))
+    if is_across is None:
+        return [(column, row, "+")]
+    if is_across:
+        return _above_and_below(column, row)
+    return [(column - 1, row, "▸"), (column + 1, row, "◂")]
+
+
+def _cursor_signs(
+    column: int, row: int, streaks: dict[tuple[int, int], bool]
+) -> list[tuple[int, int, str]]:
+    """Open in its middle: the pixel is what one wants to see."""
+    if (column, row) in streaks:
+        return _predicted_signs(column, row, streaks)
+    return [(column - 1, row, "╴"), (column + 1, row, "╶"), *_above_and_below(column, row)]
+
+
+def _above_and_below(column: int, row: int) -> list[tuple[int, int, str]]:
+    return [(column, row - 1, "▾"), (column, row + 1, "▴")]

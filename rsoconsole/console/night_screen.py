@@ -1,5 +1,6 @@
 """The panes over one instant of a night, and the keys that only look: live and review have them."""
 
+import math
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -31,7 +32,7 @@ from rsoconsole.console.messages import OrbitSeen, OutlookSeen
 from rsoconsole.console.orbit_lines import orbit_lines, target_words
 from rsoconsole.console.orbit_view import OrbitShown, orbit_shown
 from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBanner
-from rsoconsole.console.picture import STRETCHES, Drawing, Picture
+from rsoconsole.console.picture import STRETCHES, Drawing, Picture, fitted_cells
 from rsoconsole.console.plot import Line
 from rsoconsole.console.sky_view import sky_lines
 from rsoconsole.console.tune import TunePane
@@ -40,6 +41,8 @@ from rsoconsole.console.verdicts import VerdictsDialog
 from rsoconsole.control.stop import StopNews
 
 DEFAULT_ASPECT = 4 / 3
+SEEN_COLUMNS = 3.0
+"""A streak that is shorter in the field is a dot among stars there."""
 
 
 class NightScreen(TuneActions):
@@ -72,7 +75,8 @@ class NightScreen(TuneActions):
         """The keys and the notice that the last line shows."""
         self._rows_of_alert = 0
         """For which the panes have been laid out."""
-        self._sight = 0
+        self._sight: int | None = None
+        """Of SIGHTS, as chosen; None: the field, or the close-up where that shows no streak."""
         self._stretch = 0
 
     def compose(self) -> ComposeResult:
@@ -98,7 +102,11 @@ class NightScreen(TuneActions):
     def on_resize(self) -> None:
         """Another terminal, other places."""
         self.place_panes()
-        self.call_after_refresh(self.look_again)
+        self.call_after_refresh(self._look_after_resize)
+
+    def _look_after_resize(self) -> None:
+        self.show_picture()
+        self.look_again()
 
     def look_again(self) -> None:
         """The picture lies elsewhere, or shows another piece of the frame."""
@@ -138,11 +146,33 @@ class NightScreen(TuneActions):
 
     def show_picture(self) -> None:
         """The sight chosen in the large pane; in the small one the other."""
-        large, stretch = SIGHTS[self._sight], STRETCHES[self._stretch]
+        large, stretch = SIGHTS[self._sight_now], STRETCHES[self._stretch]
         small: Sight = "close-up" if large == "field" else "field"
         told, marks = (self.night.frame, stretch), self.marks_by_hand()
         self.query_one("#frame", FramePane).show(self.picture, large, stretch, told, marks)
         self.query_one("#closeup", FramePane).show(self.picture, small, stretch, told, marks)
+
+    @property
+    def _sight_now(self) -> int:
+        """Which of SIGHTS has the large pane."""
+        if self._sight is not None:
+            return self._sight
+        return SIGHTS.index("close-up") if self._is_streak_too_small() else 0
+
+    def _is_streak_too_small(self) -> bool:
+        """Whether the field would show a dot, in the only pane for pictures there is."""
+        picture, pane = self.picture, self.query_one("#frame", FramePane)
+        has_both = self.query_one("#closeup").display or not pane.display
+        if picture is None or picture.closeup is None or has_both:
+            return False
+        detail = picture.detail
+        if detail.followed is None and detail.predicted is None:
+            return False
+        streak = next((mark for mark in picture.marks if mark.kind == "followed"), None)
+        if streak is None or streak.ends_px is None or detail.detections is None:
+            return True
+        columns, _ = fitted_cells(picture.aspect, pane.size.width, max(pane.size.height - 2, 1))
+        return math.dist(*streak.ends_px) / detail.detections.width_px * columns < SEEN_COLUMNS
 
     def picture_words(
         self, picture: Picture | None, sight: Sight, drawing: Drawing | None
@@ -324,7 +354,7 @@ class NightScreen(TuneActions):
 
     def action_zoom(self) -> None:
         """The whole field, the close-up, the close-up pixel by pixel."""
-        self._sight = (self._sight + 1) % len(SIGHTS)
+        self._sight = (self._sight_now + 1) % len(SIGHTS)
         self.show_picture()
         self.look_again()
         self.say(f"picture: {SIGHTS[self._sight]}")

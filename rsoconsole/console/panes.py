@@ -12,6 +12,7 @@ from textual.events import MouseDown, MouseEvent, MouseUp, Resize
 from textual.strip import Strip
 from textual.widget import Widget
 
+from rsoconsole.console.blocks import QUADRANTS, Blocks, RunKey, fitted, runs
 from rsoconsole.console.colours import NIGHT
 from rsoconsole.console.marks import Kind, Mark, overlay
 from rsoconsole.console.messages import Pointed
@@ -23,11 +24,10 @@ from rsoconsole.console.picture import (
     Stretch,
     draw_closeup,
     draw_field,
-    runs,
     shares,
 )
 from rsoconsole.console.plot import Line
-from rsoconsole.console.words import fitted
+from rsoconsole.console.words import fitted as fitted_words
 
 Build = Callable[[int, int], list[Line]]
 """(width, height) -> the lines to show."""
@@ -83,6 +83,8 @@ class LinesPane(Widget):
         return Content("\n").join(rows)
 
 
+TOO_BRIGHT_STEPS = round(0.55 * GREYS)
+"""Of the grey behind a sign: it is written in black then."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
 Sight = Literal["field", "close-up", "full resolution"]
 """What of a frame is shown: all, the followed streak's surroundings, those pixel by pixel."""
@@ -92,7 +94,7 @@ Words = Callable[[Picture | None, Sight, Drawing | None], tuple[list[str], list[
 
 
 class FramePane(Widget):
-    """A title, the picture in half blocks with its marks, a caption."""
+    """A title, the picture with its marks, a caption."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "frame--followed",
@@ -108,15 +110,15 @@ class FramePane(Widget):
         "frame--caption",
     }
     DEFAULT_CSS = """
-    FramePane > .frame--followed { color: black; background: #ffd75f; text-style: bold; }
-    FramePane > .frame--candidate { color: #ffd75f; background: black; }
-    FramePane > .frame--rejected { color: #af875f; background: black; }
-    FramePane > .frame--operator { color: black; background: #87d7ff; text-style: bold; }
-    FramePane > .frame--predicted { color: #87d7ff; background: black; text-style: bold; }
-    FramePane > .frame--now { color: black; background: #ff87d7; text-style: bold; }
-    FramePane > .frame--now_rejected { color: #ff87d7; background: black; }
-    FramePane > .frame--box { color: #af875f; background: black; }
-    FramePane > .frame--cursor { color: black; background: #87ffaf; text-style: bold; }
+    FramePane > .frame--followed { color: #ffd75f; text-style: bold; }
+    FramePane > .frame--candidate { color: #ffd75f; }
+    FramePane > .frame--rejected { color: #d7a787; }
+    FramePane > .frame--operator { color: #87d7ff; text-style: bold; }
+    FramePane > .frame--predicted { color: #87d7ff; text-style: bold; }
+    FramePane > .frame--now { color: #ff87d7; text-style: bold; }
+    FramePane > .frame--now_rejected { color: #ff87d7; }
+    FramePane > .frame--box { color: #d7a787; }
+    FramePane > .frame--cursor { color: #87ffaf; text-style: bold; }
     FramePane > .frame--title { text-style: bold; }
     FramePane > .frame--caption { color: $text-muted; }
     """
@@ -133,10 +135,10 @@ class FramePane(Widget):
         self._marks: tuple[Mark, ...] = ()
         self.absent = "no picture yet"
         """What stands where there is none."""
-        self._styles_made: dict[tuple[int, int] | str, Style] = {}
+        self._styles_made: dict[RunKey, Style] = {}
         """By what they are for: made once for a theme."""
         self._pixels: Any = None
-        """Shows the picture by the terminal's own graphics; None: by half blocks."""
+        """Shows the picture by the terminal's own graphics; None: by its characters."""
 
     def compose(self) -> ComposeResult:
         """Where the terminal draws pictures itself, a place for one."""
@@ -160,6 +162,12 @@ class FramePane(Widget):
         if not self._strips:
             self._strips = self._make_strips()
         return self._drawn
+
+    @property
+    def blocks(self) -> Blocks:
+        """The characters that pictures are made of."""
+        blocks: Blocks = getattr(self.app, "blocks", QUADRANTS)
+        return blocks
 
     def show(
         self,
@@ -272,10 +280,12 @@ class FramePane(Widget):
         drawing = self._drawn = self._drawing(width, rows)
         title, caption = self._words(self._picture, self._sight, drawing)
         return [
-            self._text(f"─ {fitted(title, width - 4)} ".ljust(width, "─")[:width], "frame--title"),
+            self._text(
+                f"─ {fitted_words(title, width - 4)} ".ljust(width, "─")[:width], "frame--title"
+            ),
             *self._picture_strips(drawing, width, rows),
             self._text(
-                f" {fitted(caption, width - 1, ' ')}".ljust(width)[:width], "frame--caption"
+                f" {fitted_words(caption, width - 1, ' ')}".ljust(width)[:width], "frame--caption"
             ),
         ]
 
@@ -284,9 +294,15 @@ class FramePane(Widget):
         if not width or not rows or picture is None:
             return None
         if self._sight == "field":
-            return draw_field(picture, self._stretch, width, rows)
-        is_native = self._sight == "full resolution"
-        return draw_closeup(picture, self._stretch, width, rows, is_native=is_native)
+            return draw_field(picture, self._stretch, width, rows, self.blocks)
+        return draw_closeup(
+            picture,
+            self._stretch,
+            width,
+            rows,
+            is_native=self._sight == "full resolution",
+            blocks=self.blocks,
+        )
 
     def _picture_strips(self, drawing: Drawing | None, width: int, rows: int) -> list[Strip]:
         if not width or not rows:
@@ -305,25 +321,30 @@ class FramePane(Widget):
         blank = Strip.blank(width, style)
         if self._pixels is not None:
             return [blank] * rows
+        cells = fitted(drawing.greys, drawing.blocks)
         return [
-            self._row(runs(drawing.greys, marks, row)).adjust_cell_length(width, style)
+            self._row(runs(cells, drawing.blocks, marks, row)).adjust_cell_length(width, style)
             for row in range(window.rows)
         ] + [blank] * (rows - window.rows)
 
-    def _row(self, parts: list[tuple[str, tuple[int, int] | str]]) -> Strip:
+    def _row(self, parts: list[tuple[str, RunKey]]) -> Strip:
         return Strip([Segment(text, self._style(key)) for text, key in parts])
 
-    def _style(self, key: tuple[int, int] | str) -> Style:
+    def _style(self, key: RunKey) -> Style:
         style = self._styles_made.get(key)
         if style is None:
             style = self._styles_made[key] = self._made_style(key)
         return style
 
-    def _made_style(self, key: tuple[int, int] | str) -> Style:
-        if isinstance(key, str):
-            return self.get_component_rich_style(f"frame--{key}")
-        upper, lower = (self._colour(grey * 255 / (GREYS - 1)) for grey in key)
-        return Style(color=upper, bgcolor=lower)
+    def _made_style(self, key: RunKey) -> Style:
+        front, back = key
+        behind = self._colour(back * 255 / (GREYS - 1))
+        if isinstance(front, str):
+            style = self.get_component_rich_style(f"frame--{front}")
+            if back >= TOO_BRIGHT_STEPS:
+                style += Style(color="black")
+            return style + Style(bgcolor=behind)
+        return Style(color=self._colour(front * 255 / (GREYS - 1)), bgcolor=behind)
 
     def _colour(self, grey: float) -> Color:
         """Grey, or red for eyes that are used to the dark."""

@@ -1,6 +1,5 @@
-"""A frame's small pictures as cells of a terminal: two squares a cell, one above the other."""
+"""A frame's small pictures as greys for the cells of a terminal; a cell is two squares high."""
 
-import itertools
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +8,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.console.marks import Cells, Mark, Window
+from rsoconsole.console.blocks import QUADRANTS, Blocks
+from rsoconsole.console.marks import Mark, Window
 from rsoconsole.console.night import FrameDetail
 from rsoconsole.records import Closeup
 
@@ -21,6 +21,7 @@ FLOOR = 0.08
 SKY_BLOCK_PX = 24
 NOISE_SIGMAS = 6.0
 DARK_PERCENT, BRIGHT_PERCENT = 65.0, 99.7
+BRIGHTEST_SHARE = 0.5
 MARGIN = 1.3
 """How much more than its streak a close-up shows."""
 
@@ -69,10 +70,12 @@ class Drawing:
     """A picture in cells."""
 
     greys: ByteImage
-    """(2 * rows, columns): steps of grey, 0 to GREYS - 1."""
+    """(blocks.down * rows, blocks.across * columns): steps of grey, 0 to GREYS - 1."""
+    blocks: Blocks
+    """The characters that it is for."""
     window: Window
     px_per_square: float
-    """Pixels of the frame along one side of a square."""
+    """Pixels of the frame across a cell, or down half of one."""
 
 
 def read_codes(path: Path) -> ByteImage | None:
@@ -109,7 +112,9 @@ def _sky_of(codes: ByteImage) -> LightImage:
     return np.asarray(sky, np.float32)
 
 
-def draw_field(picture: Picture, stretch: Stretch, columns: int, rows: int) -> Drawing:
+def draw_field(
+    picture: Picture, stretch: Stretch, columns: int, rows: int, blocks: Blocks = QUADRANTS
+) -> Drawing:
     """The whole frame in the most cells that fit."""
     columns, rows = fitted_cells(picture.aspect, columns, rows)
     light = picture.light if stretch == "streaks" else _light(picture.codes, stretch)
@@ -124,14 +129,21 @@ def draw_field(picture: Picture, stretch: Stretch, columns: int, rows: int) -> D
         rows=rows,
     )
     return Drawing(
-        greys=_greys(_sums(light, columns, 2 * rows), stretch),
+        greys=_greys(_reduced(light, columns, rows, blocks), stretch),
+        blocks=blocks,
         window=window,
         px_per_square=window.width_px / columns,
     )
 
 
 def draw_closeup(
-    picture: Picture, stretch: Stretch, columns: int, rows: int, *, is_native: bool = False
+    picture: Picture,
+    stretch: Stretch,
+    columns: int,
+    rows: int,
+    *,
+    is_native: bool = False,
+    blocks: Blocks = QUADRANTS,
 ) -> Drawing | None:
     """The close-up about its middle, at a whole number of pixels a square; None without one.
 
@@ -158,8 +170,9 @@ def draw_closeup(
         columns=columns,
         rows=rows,
     )
-    greys = _greys(_sums(light, columns, 2 * rows), "asinh" if stretch == "streaks" else stretch)
-    return Drawing(greys=greys, window=window, px_per_square=float(n))
+    shown = "asinh" if stretch == "streaks" else stretch
+    greys = _greys(_reduced(light, columns, rows, blocks), shown)
+    return Drawing(greys=greys, blocks=blocks, window=window, px_per_square=float(n))
 
 
 def _pixels_a_square(
@@ -181,14 +194,20 @@ def _light(codes: ByteImage, stretch: Stretch) -> LightImage:
     return np.sinh(light * np.float32(_LINEAR_PER_CODE) - 1.0) if stretch == "linear" else light
 
 
-def _sums(light: LightImage, columns: int, rows: int) -> LightImage:
-    """Mean light of each square."""
+def _reduced(light: LightImage, columns: int, rows: int, blocks: Blocks) -> LightImage:
+    """Light of each part of a cell: its mean, or half its brightest where that is more.
+
+    The mean of many squares of dark sky would hide a streak that is one square wide.
+    """
+    down, across = rows * blocks.down, columns * blocks.across
     height, width = light.shape
-    y_edges = np.linspace(0, height, rows, endpoint=False).astype(np.intp)
-    x_edges = np.linspace(0, width, columns, endpoint=False).astype(np.intp)
+    y_edges = np.linspace(0, height, down, endpoint=False).astype(np.intp)
+    x_edges = np.linspace(0, width, across, endpoint=False).astype(np.intp)
     total = np.add.reduceat(np.add.reduceat(light, y_edges, axis=0), x_edges, axis=1)
     count = np.diff(np.append(y_edges, height))[:, None] * np.diff(np.append(x_edges, width))
-    return np.asarray(total / np.maximum(count, 1), np.float32)
+    mean = total / np.maximum(count, 1)
+    most = np.maximum.reduceat(np.maximum.reduceat(light, y_edges, axis=0), x_edges, axis=1)
+    return np.asarray(np.maximum(mean, BRIGHTEST_SHARE * most), np.float32)
 
 
 def _greys(light: LightImage, stretch: Stretch) -> ByteImage:
@@ -231,16 +250,3 @@ def fitted_cells(aspect: float, columns: int, rows: int) -> tuple[int, int]:
     """(columns, rows) of the largest picture of that aspect: a cell is twice as high as wide."""
     fitting = min(columns, max(1, round(2 * rows * aspect)))
     return fitting, min(rows, max(1, round(fitting / aspect / 2)))
-
-
-def runs(greys: ByteImage, marks: Cells, row: int) -> list[tuple[str, tuple[int, int] | str]]:
-    """One row of cells as (text, (upper grey, lower grey) or the mark's kind); equals joined."""
-    upper, lower = greys[2 * row].tolist(), greys[2 * row + 1].tolist()
-    cells: list[tuple[str, tuple[int, int] | str]] = [
-        marks.get((column, row), ("▀", (a, b)))
-        for column, (a, b) in enumerate(zip(upper, lower, strict=True))
-    ]
-    return [
-        ("".join(text for text, _ in group), key)
-        for key, group in itertools.groupby(cells, key=lambda cell: cell[1])
-    ]

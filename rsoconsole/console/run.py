@@ -57,6 +57,7 @@ def run_console(
     from rsoconsole.console.tour import TourMemory
 
     name = _seat_name()
+    drawn = offered(graphics or settings.graphics)
     app = ConsoleApp(
         lambda: ControlClient(socket, sender=Sender.console(name)),
         session=session,
@@ -67,8 +68,9 @@ def run_console(
         settings=settings,
         seat_name=name,
         sessions_root=config.session.root,
-        graphics=offered(graphics or settings.graphics),
         tour=TourMemory(state_dir()),
+        graphics=drawn.graphics,
+        blocks=drawn.blocks,
     )
     _settle()
     ending = app.run()
@@ -104,6 +106,7 @@ def run_review(
     from rsoconsole.console.graphics import offered
 
     name = _seat_name()
+    drawn = offered(graphics or config.console.graphics)
     app = ConsoleApp(
         lambda: ControlClient(socket, sender=Sender.console(name)),
         review=(session, start),
@@ -111,7 +114,8 @@ def run_review(
         keymap=keymap,
         settings=config.console,
         sessions_root=config.session.root,
-        graphics=offered(graphics or config.console.graphics),
+        graphics=drawn.graphics,
+        blocks=drawn.blocks,
     )
     _settle()
     app.run()

@@ -1,4 +1,4 @@
-"""The picture of a frame at full resolution: half blocks, or the terminal's own graphics."""
+"""The picture of a frame at full resolution: its characters, or the terminal's own graphics."""
 
 from rsoconsole.console.marks import Mark
 from rsoconsole.console.panes import SIGHTS, FramePane, Sight
@@ -47,7 +47,8 @@ class SheetPane(FramePane):
         if not width or not rows:
             return None
         return Drawing(
-            greys=greys(self._shares_of(1)),
+            greys=greys(self._shares_of(self.blocks.across, self.blocks.down)),
+            blocks=self.blocks,
             window=view.window,
             px_per_square=view.px_per_square,
         )
@@ -56,17 +57,19 @@ class SheetPane(FramePane):
         if self._sheet.pixels is None:
             return super()._light(drawing, cell_px)
         finer = min(int(drawing.px_per_square), cell_px[0], MOST_FINER)
-        return self._shares_of(max(finer, 1))
+        finer = max(finer, 1)
+        return self._shares_of(finer, 2 * finer)
 
-    def _shares_of(self, finer: int) -> LightImage:
+    def _shares_of(self, across: int, down: int) -> LightImage:
+        """Of so many parts across and down a cell."""
         from rsoconsole.console.sheet_pixels import map_shares
 
         sheet = self._sheet
         assert sheet.pixels is not None
         assert sheet.view is not None
         if sheet.map is not None:
-            return map_shares(sheet.map, sheet.view.window, finer)
-        return sheet.pixels.shares(sheet.view.window, sheet.stretch, finer)
+            return map_shares(sheet.map, sheet.view.window, across, down)
+        return sheet.pixels.shares(sheet.view.window, sheet.stretch, across, down)
 
     def _shown_marks(self) -> tuple[Mark, ...]:
         sheet = self._sheet

@@ -54,13 +54,15 @@ class SheetPixels:
         row = min(max(math.floor(y_px + 0.5), 0), height - 1)
         return float(self.pixels[row, column])
 
-    def shares(self, window: Window, stretch: Stretch, finer: int = 1) -> LightImage:
-        """(2 * rows * finer, columns * finer), from dark 0 to bright 1, of what is seen.
+    def shares(
+        self, window: Window, stretch: Stretch, across: int = 1, down: int = 2
+    ) -> LightImage:
+        """(rows * down, columns * across), from dark 0 to bright 1, of what is seen.
 
-        ``finer``: so many squares along a side of one of the terminal's. Streaks stand out of
-        sky and noise from afar; from near the eye does better with all of the light.
+        ``across``, ``down``: parts of a cell of the terminal. Streaks stand out of sky and noise
+        from afar; from near the eye does better with all of the light.
         """
-        size = 2 * window.rows * finer, window.columns * finer
+        size = window.rows * down, window.columns * across
         px = min(window.width_px / size[1], window.height_px / size[0])
         is_far = px >= 1 << COARSE
         kind: Kind = "streaks" if stretch == "streaks" and is_far else "means"
@@ -157,9 +159,9 @@ def averaged(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
     return out
 
 
-def map_shares(frame_map: FrameMap, window: Window, finer: int = 1) -> LightImage:
-    """What the network sees, at its own brightness; of several cells in a square the brightest."""
-    size = 2 * window.rows * finer, window.columns * finer
+def map_shares(frame_map: FrameMap, window: Window, across: int = 1, down: int = 2) -> LightImage:
+    """What the network sees, at its own brightness; of several cells in a part the brightest."""
+    size = window.rows * down, window.columns * across
     shape = frame_map.height_px, frame_map.width_px
     y, x, inside = _edges(window, size, shape, frame_map.block)
     seen = _gathered(frame_map.values, y, x, np.maximum).astype(np.float32)

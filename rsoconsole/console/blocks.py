@@ -1,0 +1,221 @@
+"""Pictures in a terminal's own block characters: two colours a cell, the pattern that fits best.
+
+A cell is divided into 1 x 2 parts (half blocks), 2 x 2 (quadrants), 2 x 3 (sextants, Unicode 13)
+or 2 x 4 (octants, Unicode 16), as far as the terminal draws them.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+ByteImage = npt.NDArray[np.uint8]
+Name = Literal["half-blocks", "quadrants", "sextants", "octants"]
+Key = tuple[int, int]
+"""Grey of what is drawn, grey of what is behind it."""
+
+LEAST_STEPS = 1
+"""Parts of a cell that differ by no more are all one: a change of colour is twenty bytes."""
+FULL_BLOCK = "█"
+LOWER_HALF = 2
+"""The pattern of which the lower half is the brighter."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blocks:
+    """One set of characters."""
+
+    name: Name
+    across: int
+    down: int
+    glyphs: str
+    """By the parts that are drawn: bit ``row * across + column``."""
+
+
+def _quadrant_glyphs() -> str:
+    return " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
+
+
+def _sextant_glyphs() -> str:
+    """U+1FB00 on, in the order of the patterns; those that Unicode had before are left out."""
+    known = {0: " ", 0b010101: "▌", 0b101010: "▐", 0b111111: FULL_BLOCK}
+    return _in_order(64, known, 0x1FB00)
+
+
+def _octant_glyphs() -> str:
+    """U+1CD00 on, likewise."""
+    upper_left, upper_right, lower_left, lower_right = 0x05, 0x0A, 0x50, 0xA0
+    quadrants = _quadrant_glyphs()
+    known = {
+        sum(
+            part
+            for bit, part in enumerate((upper_left, upper_right, lower_left, lower_right))
+            if pattern >> bit & 1
+        ): quadrants[pattern]
+        for pattern in range(16)
+    }
+    known |= {
+        0x01: "\U0001cea8",
+        0x02: "\U0001ceab",
+        0x03: "\U0001fb82",
+        0x14: "\U0001fbe6",
+        0x28: "\U0001fbe7",
+        0x3F: "\U0001fb85",
+        0x40: "\U0001cea3",
+        0x80: "\U0001cea0",
+        0xC0: "▂",
+        0xFC: "▆",
+    }
+    return _in_order(256, known, 0x1CD00)
+
+
+def _in_order(count: int, known: dict[int, str], first: int) -> str:
+    glyphs = []
+    for pattern in range(count):
+        if pattern in known:
+            glyphs.append(known[pattern])
+        else:
+            glyphs.append(chr(first))
+            first += 1
+    return "".join(glyphs)
+
+
+HALF_BLOCKS = Blocks(name="half-blocks", across=1, down=2, glyphs=" ▀▄█")
+QUADRANTS = Blocks(name="quadrants", across=2, down=2, glyphs=_quadrant_glyphs())
+SEXTANTS = Blocks(name="sextants", across=2, down=3, glyphs=_sextant_glyphs())
+OCTANTS = Blocks(name="octants", across=2, down=4, glyphs=_octant_glyphs())
+BY_NAME: dict[str, Blocks] = {
+    each.name: each for each in (HALF_BLOCKS, QUADRANTS, SEXTANTS, OCTANTS)
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cells:
+    """A picture fitted into cells, (rows, columns) each."""
+
+    pattern: npt.NDArray[np.intp]
+    """Which parts have the brighter grey."""
+    bright: ByteImage
+    dark: ByteImage
+    behind: ByteImage
+    """Grey for what is written over a cell: light that fills only a part of it still shows."""
+
+
+def fitted(greys: ByteImage, blocks: Blocks) -> Cells:
+    """The two greys and the pattern that lie nearest to each cell's parts, by least squares.
+
+    ``greys``: (rows * down, columns * across). In one dimension the best two groups are parted
+    by a threshold, so every threshold is tried.
+    """
+    down, across = blocks.down, blocks.across
+    rows, columns = greys.shape[0] // down, greys.shape[1] // across
+    by_cell = greys.reshape(rows, down, columns, across).transpose(0, 2, 1, 3)
+    parts = by_cell.reshape(rows * columns, down * across).astype(np.float32)
+    n = parts.shape[1]
+    ordered = np.sort(parts, axis=1)
+    lower = np.cumsum(ordered, axis=1)
+    total = lower[:, -1:]
+    counts = np.arange(1, n, dtype=np.float32)
+    below = lower[:, :-1]
+    # Of all divisions of the same numbers, the one whose groups' means explain most.
+    explained = below**2 / counts + (total - below) ** 2 / (n - counts)
+    at = np.argmax(explained, axis=1) + 1
+    threshold = np.take_along_axis(ordered, at[:, None], axis=1)
+    is_bright = parts >= threshold
+    bright_count = is_bright.sum(axis=1)
+    bright_sum = np.where(is_bright, parts, 0.0).sum(axis=1)
+    bright = bright_sum / bright_count
+    dark_count = n - bright_count
+    dark = np.where(dark_count > 0, (total[:, 0] - bright_sum) / np.maximum(dark_count, 1), bright)
+    mean = total[:, 0] / n
+    is_flat = (dark_count == 0) | (ordered[:, -1] - ordered[:, 0] <= LEAST_STEPS)
+    bright, dark = np.where(is_flat, mean, bright), np.where(is_flat, mean, dark)
+    pattern = is_bright @ (1 << np.arange(n))
+    shape = rows, columns
+    return Cells(
+        pattern=np.where(is_flat, 0, pattern).reshape(shape),
+        bright=np.rint(bright).astype(np.uint8).reshape(shape),
+        dark=np.rint(dark).astype(np.uint8).reshape(shape),
+        behind=np.rint(np.maximum(mean, 0.75 * ordered[:, -1])).astype(np.uint8).reshape(shape),
+    )
+
+
+Written = dict[tuple[int, int], tuple[str, str]]
+"""(column, row) -> (character, kind of mark)."""
+RunKey = tuple[int, int] | tuple[str, int]
+"""Greys of a part of the picture, or a mark's kind and the grey behind it."""
+
+
+def runs(cells: Cells, blocks: Blocks, marks: Written, row: int) -> list[tuple[str, RunKey]]:
+    """One row of cells as (text, colours); as few changes of colour as the cells allow.
+
+    Half blocks are always the upper one: letters are made of them where a terminal has no more.
+    """
+    if blocks is HALF_BLOCKS:
+        return _joined(_halves(cells, marks, row))
+    patterns, brights = cells.pattern[row].tolist(), cells.bright[row].tolist()
+    darks, behinds = cells.dark[row].tolist(), cells.behind[row].tolist()
+    glyphs, inverse = blocks.glyphs, len(blocks.glyphs) - 1
+    done: list[tuple[str, RunKey]] = []
+    text: list[str] = []
+    front: int | None = None
+    back: int | None = None
+
+    def close() -> None:
+        if text:
+            assert back is not None
+            done.append(("".join(text), (back if front is None else front, back)))
+            text.clear()
+
+    for column, (pattern, bright, dark) in enumerate(zip(patterns, brights, darks, strict=True)):
+        written = marks.get((column, row))
+        if written is not None:
+            close()
+            front = back = None
+            done.append((written[0], (written[1], behinds[column])))
+        elif bright == dark:
+            if back is not None and dark == back:
+                text.append(" ")
+            elif front is not None and dark == front:
+                text.append(FULL_BLOCK)
+            else:
+                close()
+                front, back = None, dark
+                text.append(" ")
+        elif back == dark and front in {None, bright}:
+            front = bright
+            text.append(glyphs[pattern])
+        elif back == bright and front in {None, dark}:
+            front = dark
+            text.append(glyphs[inverse - pattern])
+        else:
+            close()
+            front, back = bright, dark
+            text.append(glyphs[pattern])
+    close()
+    return _joined(done)
+
+
+def _halves(cells: Cells, marks: Written, row: int) -> list[tuple[str, RunKey]]:
+    parts: list[tuple[str, RunKey]] = []
+    for column, pattern in enumerate(cells.pattern[row].tolist()):
+        at = column, row
+        bright, dark = int(cells.bright[row, column]), int(cells.dark[row, column])
+        if at in marks:
+            text, kind = marks[at]
+            parts.append((text, (kind, int(cells.behind[row, column]))))
+        else:
+            parts.append(("▀", (dark, bright) if pattern == LOWER_HALF else (bright, dark)))
+    return parts
+
+
+def _joined(parts: list[tuple[str, RunKey]]) -> list[tuple[str, RunKey]]:
+    """Neighbours of the same colours as one."""
+    joined: list[tuple[str, RunKey]] = []
+    for text, key in parts:
+        if joined and joined[-1][1] == key:
+            joined[-1] = (joined[-1][0] + text, key)
+        else:
+            joined.append((text, key))
+    return joined
