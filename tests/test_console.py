@@ -92,7 +92,7 @@ def test_where_the_field_shows_no_streak_the_close_up_has_its_place(wire: FakeWi
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         frame = app.live.query_one("#frame", FramePane)
-        assert "─ close-up 0020" in screen_text(app)
+        assert "─ frame 0020 · 10 s · close-up" in screen_text(app)
         shown = frame.drawing
         assert shown is not None
         # Not all of the light in the streak's row is that of the sky.
@@ -101,7 +101,7 @@ def test_where_the_field_shows_no_streak_the_close_up_has_its_place(wire: FakeWi
         await pilot.press("z")
         assert "picture: full resolution" in screen_text(app)
         await pilot.press("z")
-        assert "─ frame 0020" in screen_text(app)
+        assert "─ frame 0020 · 10 s ─" in screen_text(app)
         await pilot.resize_terminal(120, 40)
         assert "─ frame 0020" in screen_text(app)
 

@@ -447,7 +447,7 @@ def test_no_dialog_breaks_in_a_small_terminal(wire, size, keys):
 def test_without_colour_every_cell_is_grey_and_the_picture_is_still_there(told, home):
     with console(home, "NO_COLOR=1") as seat:
         wait_for(lambda: seat.shows("TRACK", "x STOP", f"frame {FRAMES:04d} · 10 s"), "a screen")
-        wait_for(lambda: "▀" in seat.text, "the picture")
+        wait_for(lambda: "▚" in seat.text, "the picture")
         true, of_palette = colours(seat.raw)
         assert len(true) > 3, "nothing was looked at"
         assert [colour for colour in true if len(set(colour)) > 1] == []

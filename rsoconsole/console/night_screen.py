@@ -183,6 +183,9 @@ class NightScreen(TuneActions):
             title, caption = words.frame_title(self.night, picture), words.frame_caption(picture)
         else:
             title = words.closeup_title(picture, drawing)
+            if picture is not None and drawing is not None and self._sight_now:
+                # In the large pane, where the frame's own title stands as a rule.
+                title = [*words.frame_title(self.night, picture), "close-up", *title[1:]]
             caption = words.closeup_caption(picture)
         return title if stretch == "streaks" else [*title, stretch], caption
 

@@ -64,7 +64,11 @@ def refined_mark(
             trace = trace_line(
                 piece.pixels, piece.sky, _shifted(ends, piece), piece.stars, fwhm, off_px=off_px
             )
-            if trace is None or not _is_believed(trace, sigma) or not _is_meant(trace, piece, mark, sigma):
+            if (
+                trace is None
+                or not _is_believed(trace, sigma)
+                or not _is_meant(trace, piece, mark, sigma)
+            ):
                 continue
             if best is None or trace.snr > best.snr:
                 best = trace
@@ -149,9 +153,7 @@ def _measured(trace: Trace, piece: _Piece, mark: Detection, fwhm: float) -> Dete
     if length > LONGEST_FIT_PX or is_clipped:
         return found
     box = min(ends[0], ends[2]), min(ends[1], ends[3]), max(ends[0], ends[2]), max(ends[1], ends[3])
-    fit = fit_streak(
-        piece.pixels, piece.sky, box, stars=piece.stars, psf_fwhm_px=fwhm, ends=ends
-    )
+    fit = fit_streak(piece.pixels, piece.sky, box, stars=piece.stars, psf_fwhm_px=fwhm, ends=ends)
     if not isinstance(fit, StreakFit) or math.dist((fit.x_px, fit.y_px), _middle(ends)) > length:
         return found
     return replace(
