@@ -612,7 +612,7 @@ def test_zoom_and_stretch_go_round(wire: FakeWire):
             assert f"stretch: {stretch}" in pane(app, "keys")
             assert (f"· {stretch}" in screen_text(app)) is (stretch != "streaks")
 
-    play(wire, scene)
+    play(wire, scene, LARGE)
 
 
 def test_the_log_is_filtered_by_words(wire: FakeWire, writer: SessionWriter):
