@@ -15,11 +15,13 @@ from rsoconsole.engine.hands import Hands
 from rsoconsole.engine.loop import Engine
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import (
+    ClockFault,
     GuardPort,
     Instruments,
     MountReport,
     PierSide,
     SiteCheck,
+    SlewEnd,
     StopResult,
 )
 from rsoconsole.pipeline.reduce import Reduction
@@ -47,7 +49,12 @@ class StillClock:
 
     def __init__(self) -> None:
         self.t_utc_ns = T0_UTC_NS
-        self.step_s = 0.0
+        self.faults: list[ClockFault] = []
+        self.is_steady = True
+
+    def set_by(self, step_s: float) -> None:
+        """Have somebody set it; what it says then is up to the test."""
+        self.faults.append(ClockFault(kind="set", seconds=step_s))
 
     def now_utc_ns(self) -> int:
         return self.t_utc_ns
@@ -59,10 +66,10 @@ class StillClock:
     def wake(self) -> None:
         pass
 
-    def take_step_s(self) -> float:
-        """What a test has set it by, once."""
-        step_s, self.step_s = self.step_s, 0.0
-        return step_s
+    def take_faults(self) -> tuple[ClockFault, ...]:
+        """What a test has done to it, once."""
+        faults, self.faults = tuple(self.faults), []
+        return faults
 
 
 class PlainMount:
@@ -77,6 +84,7 @@ class PlainMount:
         self.is_parked = False
         self.is_tracking = True
         self.pier_side: PierSide | None = "west"
+        self.slew_end: SlewEnd | None = None
 
     def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
         self.slews.append((ra_icrs_deg, dec_icrs_deg))
@@ -115,6 +123,11 @@ class PlainMount:
 
     def utc_offset_s(self) -> float | None:
         return 0.0
+
+    def take_slew_end(self) -> SlewEnd | None:
+        """What a test has had its own process do, once."""
+        taken, self.slew_end = self.slew_end, None
+        return taken
 
 
 class PlainCamera:

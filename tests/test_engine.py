@@ -186,7 +186,7 @@ def test_a_clock_that_somebody_sets_is_an_alarm_and_the_loop_goes_on_by_the_new_
     r = rig(set(range(1, 30)))
     r.engine.arm()
     r.engine.run(frames=5)
-    r.clock.step_s = -300.0
+    r.clock.set_by(-300.0)
     r.clock.t_utc_ns -= 300 * NS
     r.engine.run(frames=8)
     assert any("set the clock by -300.0 s" in event.text for event in r.memory.of(Event))
@@ -214,7 +214,7 @@ def test_a_clock_that_is_set_while_the_mount_slews_waits_for_it_and_takes_nothin
     start = r.camera.start_exposure
     r.camera.start_exposure = lambda *a: (opened.append(slewing_for > 0), start(*a))[1]
     r.mount.report = report
-    r.clock.step_s = 30.0
+    r.clock.set_by(30.0)
     r.engine.run(frames=5)
     assert any("set the clock" in event.text for event in r.memory.of(Event))
     assert opened
@@ -235,7 +235,7 @@ def test_a_clock_that_is_set_under_cloud_ends_no_night_and_leaves_nothing_to_see
         return dataclasses.replace(solved, solution=reason)
 
     r.reducer.reduce = clouded
-    r.clock.step_s = -60.0
+    r.clock.set_by(-60.0)
     r.engine.run(frames=8)
     assert r.engine.charge.state == "SEARCH"
     answer = desk_of(r).handle(asked("seek"))

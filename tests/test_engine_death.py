@@ -166,3 +166,40 @@ def test_a_slew_whose_engine_hangs_is_ended_by_the_mounts_process(engine, observ
     frames = engine.frames()
     wait_for(lambda: engine.frames() >= frames + 2, "frames of the engine that came back")
     assert any("nobody has watched this slew" in words for words in engine.words())
+
+
+FAR_APART = {
+    "pattern": "targets",
+    "targets": [
+        {"name": "east", "slot_longitude_deg": -50.0},
+        {"name": "west", "slot_longitude_deg": -112.0},
+    ],
+}
+"""Slews of some 60 deg, which take seconds of the wall."""
+LEASE = "because the engine had not renewed its lease for"
+
+
+def test_a_suspended_engine_says_what_became_of_its_slew_and_goes_on(tmp_path, observatory):
+    """As by a laptop's lid or Ctrl+Z; nobody has to say 'resume'."""
+    settings: dict[str, dict[str, Any]] = {
+        "exposure": EXPOSURE,
+        "mount": {"lease_s": LEASE_S},
+        "search": FAR_APART,
+    }
+    with an_engine(tmp_path, observatory, **settings) as engine:
+        engine.start()
+        wait_for(lambda: engine.frames() >= 1, "a frame")
+        assert engine.process is not None
+        frames, seq = engine.frames(), engine.reader.last_seq()
+        wait_for(lambda: is_slewing(mount_by_itself(observatory)), "a slew of its own")
+        os.kill(engine.process.pid, signal.SIGSTOP)
+        try:
+            wait_for(lambda: not is_slewing(mount_by_itself(observatory)), "the end of the slew")
+        finally:
+            os.kill(engine.process.pid, signal.SIGCONT)
+        wait_for(lambda: any(LEASE in words for words in engine.words(seq)), "why it ended")
+        wait_for(lambda: engine.frames() >= frames + 2, "frames again")
+        said = engine.words(seq)
+        assert any("within its limits: autonomy goes on" in words for words in said)
+        assert not any("somebody else" in words for words in said)
+        assert engine.status()["holder"] == "autonomy"

@@ -8,11 +8,12 @@ from rsoconsole.config import Config
 from rsoconsole.engine import health
 from rsoconsole.engine.doctor_system import ClockReading
 from rsoconsole.engine.health import HealthMeter
+from rsoconsole.engine.interruptions import TimeTrouble
 from rsoconsole.engine.machine import MachineReading, troubles_of
 from rsoconsole.engine.machine_watch import MachineState
 from rsoconsole.engine.medium import Medium
 from rsoconsole.engine.time_source import TimeSource
-from rsoconsole.instruments.ports import MountReport
+from rsoconsole.instruments.ports import ClockFault, MountReport
 from tests.makers import NS, T0_UTC_NS
 
 
@@ -30,8 +31,10 @@ class StandingClock:
     def wake(self) -> None:
         raise AssertionError("a reading wakes nobody")
 
-    def take_step_s(self) -> float:
+    def take_faults(self) -> tuple[ClockFault, ...]:
         raise AssertionError("the loop alone asks for that")
+
+    is_steady = True
 
 
 def report(age_s: float = 1.0, **other: bool) -> MountReport:
@@ -130,9 +133,21 @@ def test_what_was_read_is_told_again_for_a_while(tmp_path, monkeypatch):
     assert meter.read(report(25.0))[0].ok is False
 
 
-def test_a_clock_that_was_set_is_said_for_a_while(tmp_path: Path):
+def test_what_happened_to_the_clock_is_said_for_a_while(tmp_path: Path):
     meter = HealthMeter(Config, StandingClock(), tmp_path)
     now_ns = StandingClock().now_utc_ns()
-    said = [each for each in meter.read(None, (now_ns - 60 * NS, -5.0)) if "set by" in each.text]
-    assert [(each.ok, each.text) for each in said] == [(False, "set by -5.0 s")]
-    assert not any("set by" in h.text for h in meter.read(None, (now_ns - 3600 * NS, -5.0)))
+
+    def said(ago_s: int) -> list[tuple[bool, str]]:
+        trouble = TimeTrouble(t_utc_ns=now_ns - ago_s * NS, text="set by -5.0 s")
+        return [(h.ok, h.text) for h in meter.read(None, trouble) if "set by" in h.text]
+
+    assert said(60) == [(False, "set by -5.0 s")]
+    assert said(3600) == []
+
+
+def test_a_clock_that_runs_wrong_is_said_as_long_as_it_does(tmp_path: Path):
+    clock = StandingClock()
+    clock.is_steady = False
+    meter = HealthMeter(Config, clock, tmp_path)
+    trouble = TimeTrouble(t_utc_ns=clock.now_utc_ns() - 3600 * NS, text="runs 2.00 times as fast")
+    assert any(h.text == trouble.text and not h.ok for h in meter.read(None, trouble))

@@ -194,7 +194,7 @@ class Desk:
         """What the loop says of itself, and what only the wire's end knows beside it."""
         status = self._engine.status()
         report = self._engine.watch.last_report
-        health = self._health.read(report, self._engine.clock_set)
+        health = self._health.read(report, self._engine.interruptions.trouble)
         machine, seat = self._machine(), self._seats.view()
         alt_deg, az_deg = self._horizontal(status.ra_icrs_deg, status.dec_icrs_deg, status.t_utc_ns)
         mount_alt_deg, mount_az_deg = self._horizontal(

@@ -1,10 +1,13 @@
 """Takes the exposures of the loop, one after another, and numbers them."""
 
 import time
+from collections.abc import Callable
+from typing import NoReturn
 
 from rsoconsole.config import Config
 from rsoconsole.engine.chronicle import Chronicle
 from rsoconsole.engine.command_queue import CommandQueue
+from rsoconsole.engine.frame_times import FrameTimes
 from rsoconsole.engine.hands import NS, Hands, Interrupted
 from rsoconsole.engine.plan import Plan, Planner
 from rsoconsole.engine.states import LimitMet
@@ -33,6 +36,9 @@ class Exposures:
         """When the next exposure is to begin; None while the shutter is open, or nobody knows."""
         self.open_until_utc_ns: int | None = None
         """When the shutter closes; None while it is closed."""
+        self.frame_times = FrameTimes()
+        self.on_camera_set: Callable[[float], None] = lambda _step_s: None
+        """Called when the camera's clock turns out to have been set, by so many seconds."""
         self._hands = hands
         self._planner = planner
         self._watch = watch
@@ -58,9 +64,7 @@ class Exposures:
         end_ns = opened_ns + round((exposure.start_latency_s + exposure.exposure_s) * NS)
         ahead = self._watch.limit_before(end_ns)
         if ahead is not None:
-            words = f"before the end of this exposure: {ahead.text}"
-            self._queue.stop(LimitMet(words=words), self._end_tracking)
-            raise Interrupted
+            self.end_at_limit(f"before the end of this exposure: {ahead.text}")
         self.frame_id += 1
         self._chronicle.frame_id = self.frame_id
         self.open_until_utc_ns, self.next_start_utc_ns = end_ns, None
@@ -68,6 +72,7 @@ class Exposures:
             frame = self._hands.expose(opened_ns, self.frame_id)
         finally:
             self.open_until_utc_ns = None
+        self._expect_believable(frame, opened_ns)
         arrived_s = frame.header.get(ARRIVED_KEY)
         read_ms = 0.0 if arrived_s is None else (time.monotonic() - float(arrived_s)) * 1e3
         self._chronicle.append(taken_record(frame, plan.blocked))
@@ -77,6 +82,20 @@ class Exposures:
         if clocks_apart is not None:
             self._chronicle.say("warning", clocks_apart)
         return frame, read_ms
+
+    def _expect_believable(self, frame: Frame, opened_ns: int) -> None:
+        """Raises Interrupted for a frame whose time does not go with those before it."""
+        if frame.t_start_utc_ns is None:
+            return
+        found = self.frame_times.judge(frame.t_start_utc_ns, opened_ns)
+        if found.is_set:
+            self.on_camera_set(found.off_s)
+        if not found.is_believed:
+            words = f"frame {frame.frame_id} is not followed: by the camera's clock it began"
+            self._chronicle.say(
+                "alarm", f"{words} {found.off_s:+.1f} s from when it was ordered", "clock"
+            )
+            raise Interrupted
 
     def pass_processing_time(self) -> None:
         """Read-out and processing cost virtual time, not the wall's: stopwatches stand still."""
@@ -89,6 +108,11 @@ class Exposures:
         wanted = self._config.session.keep_frames
         is_wanted = wanted == "all" or (wanted == "detected" and state in ("ACQUIRE", "TRACK"))
         self._chronicle.keep(frame, is_wanted=is_wanted, place_px=place_px)
+
+    def end_at_limit(self, words: str) -> NoReturn:
+        """End motion and tracking for a limit. Raises Interrupted: the loop is to hear of it."""
+        self._queue.stop(LimitMet(words=words), self._end_tracking)
+        raise Interrupted
 
     def _end_tracking(self) -> StopResult:
         mount = self._hands.instruments.mount

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from rsoconsole.config import Config
 from rsoconsole.errors import InstrumentError
-from rsoconsole.instruments.ports import Instruments, MountReport
+from rsoconsole.instruments.ports import ClockFault, Instruments, MountReport
 from rsoconsole.records import Frame
 from rsoconsole.sky.angles import separation_deg
 
@@ -40,8 +40,8 @@ class Hands:
         """Where the mount was sent last (ICRS, by its own word), and when; None: nowhere yet."""
         self.on_tick: Callable[[], None] = lambda: None
         """Called at every step of a wait, at least once a second."""
-        self.on_clock_set: Callable[[float], None] = lambda _step_s: None
-        """Called when somebody has set the machine's clock, by so many seconds."""
+        self.on_clock_fault: Callable[[ClockFault], None] = lambda _fault: None
+        """Called when something has gone wrong with the machine's time."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -59,21 +59,26 @@ class Hands:
     def wait_until(self, t_utc_ns: int) -> None:
         """Let time pass in steps of at most a second.
 
-        Raises Interrupted; also when somebody sets the clock meanwhile: the instant waited for is
-        then another one, and the times of what is under way are worth nothing.
+        Raises Interrupted; also when the clock is set or nothing ran meanwhile: the instant waited
+        for is then another one, and the times of what is under way are worth nothing.
         """
         clock = self.instruments.clock
         while True:
             self.heed()
+            self.heed_clock()
             now_ns = clock.now_utc_ns()
             if now_ns >= t_utc_ns:
                 return
             clock.wait_until(min(t_utc_ns, now_ns + NS))
-            step_s = clock.take_step_s()
-            if step_s:
-                self.on_clock_set(step_s)
-                raise Interrupted
             self.on_tick()
+
+    def heed_clock(self) -> None:
+        """Raise Interrupted when something has gone wrong with time."""
+        faults = self.instruments.clock.take_faults()
+        for fault in faults:
+            self.on_clock_fault(fault)
+        if faults:
+            raise Interrupted
 
     def mount_report(self) -> MountReport:
         """Where the mount says it is, no older than now under simulation."""
@@ -139,7 +144,8 @@ class Hands:
     def expose(self, t_start_utc_ns: int, frame_id: int) -> Frame:
         """Open the shutter at the instant and bring the frame.
 
-        Raises InstrumentError when no frame comes, Interrupted on STOP (the exposure is given up).
+        Raises InstrumentError when no frame comes, Interrupted on STOP (the exposure is given up)
+        and where the clock was set or nothing ran meanwhile: the frame's time is worth nothing.
         """
         exposure = self._config.exposure
         camera = self.instruments.camera
@@ -149,8 +155,11 @@ class Hands:
         length_s = exposure.start_latency_s + exposure.exposure_s
         try:
             self.wait_until(opened_ns + math.ceil(length_s * NS))
-            return camera.wait_frame(exposure.frame_timeout_s)
         except Interrupted:
             with contextlib.suppress(InstrumentError):
                 camera.abort()
             raise
+        frame = camera.wait_frame(exposure.frame_timeout_s)
+        # Some drivers write a frame's time when they have read it.
+        self.heed_clock()
+        return frame

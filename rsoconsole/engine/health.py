@@ -7,6 +7,7 @@ from pathlib import Path
 from rsoconsole.config import Config
 from rsoconsole.control import Health
 from rsoconsole.engine.doctor_system import free_bytes, read_clock
+from rsoconsole.engine.interruptions import TimeTrouble
 from rsoconsole.engine.machine_watch import MachineState
 from rsoconsole.engine.retention import session_bytes
 from rsoconsole.instruments.ports import Clock, MountReport
@@ -17,7 +18,7 @@ SILENT_S = 10.0
 """A mount that has not reported for so long does not answer."""
 LOW_HOURS = 4.0
 SAID_S = 900.0
-"""For so long it is said that somebody has set the clock."""
+"""For so long it is said what happened to the clock."""
 
 
 class HealthMeter:
@@ -39,18 +40,17 @@ class HealthMeter:
         self._readings: tuple[Health, ...] = ()
 
     def read(
-        self, report: MountReport | None, clock_set: tuple[int, float] | None = None
+        self, report: MountReport | None, trouble: TimeTrouble | None = None
     ) -> tuple[Health, ...]:
         """Mount, clock, disk, temperature; what cannot be read is left out.
 
-        ``clock_set``: when somebody last set the machine's clock, and by how many seconds.
+        ``trouble``: what happened to the machine's clock last.
         """
-        if clock_set is not None:
-            since_s = (self._clock.now_utc_ns() - clock_set[0]) / 1e9
-            if 0.0 <= since_s < SAID_S:
-                text = f"set by {clock_set[1]:+.1f} s"
+        if trouble is not None:
+            since_s = (self._clock.now_utc_ns() - trouble.t_utc_ns) / 1e9
+            if 0.0 <= since_s < SAID_S or not self._clock.is_steady:
                 others = (each for each in self._all(report) if each.name != "clock")
-                return (*others, Health(name="clock", ok=False, text=text))
+                return (*others, Health(name="clock", ok=False, text=trouble.text))
         return self._all(report)
 
     def _all(self, report: MountReport | None) -> tuple[Health, ...]:

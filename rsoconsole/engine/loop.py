@@ -22,6 +22,7 @@ from rsoconsole.engine.exposures import Exposures
 from rsoconsole.engine.guide import Guide
 from rsoconsole.engine.handlers import joined
 from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
+from rsoconsole.engine.interruptions import Interruptions
 from rsoconsole.engine.kept import KeptTrack
 from rsoconsole.engine.modes import Modes
 from rsoconsole.engine.pace import Pace
@@ -147,9 +148,16 @@ class Engine:
         )
         """How each command of the operator is checked and done."""
         hands.on_tick = self.watch.hear_loop
-        hands.on_clock_set = self._hear_clock_set
-        self.clock_set: tuple[int, float] | None = None
-        """When somebody last set the machine's clock, and by how many seconds."""
+        self.interruptions = Interruptions(
+            self,
+            parts,
+            self.by_hand,
+            forget=self._forget_times,
+            end_at_limit=self._exposures.end_at_limit,
+        )
+        """What nobody ordered: faults of the clock, slews ended by the mount's own process."""
+        hands.on_clock_fault = self.interruptions.hear
+        self._exposures.on_camera_set = self.interruptions.camera_set
 
     @property
     def frame_id(self) -> int:
@@ -242,7 +250,7 @@ class Engine:
                 except Interrupted:
                     continue
                 except StoppedElsewhere as stopped:
-                    self._yield_mount(str(stopped))
+                    self._not_where_left(str(stopped))
                 except _RunFailed as error:
                     raise InstrumentError(f"the run ended {error}") from error
                 except NowhereError as error:
@@ -269,7 +277,12 @@ class Engine:
     def _one_turn(self, *, is_bounded: bool) -> None:
         if self._kept.is_over(self.hands.now_utc_ns()):
             self._enter(without_kept(self.charge), None)
-        if self.charge.is_autonomous:
+        self.interruptions.look_at_mount()
+        is_at_work = self.charge.is_autonomous or self.charge.state == "MANUAL"
+        if is_at_work and not self.hands.instruments.clock.is_steady:
+            # What is measured now has no time.
+            self.hands.wait_until(self.hands.now_utc_ns() + IDLE_TICK_NS)
+        elif self.charge.is_autonomous:
             self._one_exposure()
         elif self.charge.state == "MANUAL":
             self._one_look()
@@ -282,8 +295,16 @@ class Engine:
                 raise _RunFailed(f"early: {self._gave_up}")
             self.hands.wait_until(self.hands.now_utc_ns() + IDLE_TICK_NS)
 
-    def _yield_mount(self, words: str) -> None:
-        """Somebody else moves the mount: autonomy waits until it is asked to go on."""
+    def _not_where_left(self, words: str) -> None:
+        """The mount's own process did that, or somebody else: autonomy waits for those."""
+        try:
+            if self.interruptions.goes_on_after():
+                return
+        except Interrupted:
+            return
+        except InstrumentError as error:
+            self._on_failure(str(error))
+            return
         self.chronicle.say("alarm", f"{words}: somebody else did that, autonomy waits for 'resume'")
         self.happen(Taken(by="somebody else"))
 
@@ -461,16 +482,11 @@ class Engine:
             self._on_cycle(self, result.reduction)
         return result.reduction
 
-    def _hear_clock_set(self, step_s: float) -> None:
-        self.clock_set = (self.hands.now_utc_ns(), step_s)
+    def _forget_times(self) -> None:
+        """What lives by times that are wrong."""
         self.last_track = None
         self.orbits.forget()
-        self.chronicle.say(
-            "alarm",
-            f"somebody has set the clock by {step_s:+.1f} s: what was under way is given up, and"
-            " times on record before this are off by as much",
-        )
-        self.happen(ClockSet(step_s=step_s))
+        self._exposures.frame_times.forget()
 
     def _check_pointing(self, reduction: Reduction) -> None:
         """The first frame after arming must agree with where the mount says it looks."""

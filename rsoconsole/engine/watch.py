@@ -31,6 +31,7 @@ SILENCE_S = 5.0
 AHEAD_S = 6 * 3600.0
 FORECAST_HOLDS_NS = 300 * NS
 MOVED_DEG = 0.05
+STOOD_STILL_S = 5.0
 LOOP_SILENCE_S = 180.0
 """No camera, solver or mount keeps the loop waiting for so long, as long as their own time limits
 are the usual ones: beyond it, the loop hangs."""
@@ -117,8 +118,13 @@ class Watch:
             thread.join(SILENCE_S + 1.0)
 
     def _run(self) -> None:
+        looked_s = time.monotonic()
         while not self._end.wait(EVERY_S):
+            if time.monotonic() - looked_s > STOOD_STILL_S:
+                # Nothing ran, this watch no more than the loop: that is no loop that hangs.
+                self._loop_heard_s = time.monotonic()
             self.look()
+            looked_s = time.monotonic()
 
     def hear_loop(self) -> None:
         """The loop is alive: it says so at every step of a wait."""

@@ -6,41 +6,87 @@ from collections.abc import Callable
 
 from rsoconsole.config import WaitsConfig
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.clock_watch import ClockReadings, ClockWatch
 from rsoconsole.instruments.indi_wire import IndiVector, IndiWire
+from rsoconsole.instruments.ports import ClockFault
 from rsoconsole.waits import LongWait
 
 CLOCK_DEVICE = "Simulated Clock"
 _NS = 1_000_000_000
 _WAKE_EVERY_S = 0.05
 _LOOK_S = 0.5
-LEAST_STEP_S = 0.2
+_LOOK_EVERY_S = 0.25
+_READ_WITHIN_NS = 2_000_000
+_READ_TRIES = 5
+
+
+def read_clocks() -> ClockReadings:
+    """The machine's clocks at one instant."""
+    for _ in range(_READ_TRIES):
+        before_ns = time.monotonic_ns()
+        utc_ns, boottime_ns = time.time_ns(), _boottime_ns()
+        now_ns = time.monotonic_ns()
+        if now_ns - before_ns < _READ_WITHIN_NS:
+            break  # else this thread was put off between them
+    return ClockReadings(utc_ns=utc_ns, monotonic_ns=now_ns, boottime_ns=boottime_ns)
+
+
+def _boottime_ns() -> int:
+    """Where the system has no such clock a machine that slept is one whose clock was set."""
+    if not hasattr(time, "CLOCK_BOOTTIME"):
+        return time.monotonic_ns()
+    return time.clock_gettime_ns(time.CLOCK_BOOTTIME)
 
 
 class SystemClock:
-    """The machine's clock; a wait really waits."""
+    """The machine's clock; a wait really waits.
+
+    A thread of its own holds it against the clocks that nobody can set, a few times a second: a
+    step that is set back before anybody asks is found, too.
+    """
 
     is_simulated = False
 
-    def __init__(self) -> None:
+    def __init__(self, read: Callable[[], ClockReadings] = read_clocks) -> None:
+        """``read``: where the readings come from."""
+        self._read = read
         self._wake = threading.Event()
-        self._offset_ns = _offset_ns()
+        self._watch = ClockWatch(read())
+        self._faults: list[ClockFault] = []
+        self._looking = threading.Lock()
+        self._is_over = threading.Event()
+        threading.Thread(target=self._look_on, daemon=True, name="clock").start()
 
     def now_utc_ns(self) -> int:
         """The present instant."""
         return time.time_ns()
 
-    def take_step_s(self) -> float:
-        """By how much somebody has set the clock since this was last asked; 0 where nobody has.
+    def take_faults(self) -> tuple[ClockFault, ...]:
+        """What has gone wrong with time since this was last asked, up to now."""
+        self._look()
+        with self._looking:
+            taken, self._faults = tuple(self._faults), []
+        return taken
 
-        A clock that is only drawn in to the true time is not set: it moves by less than a
-        thousandth of a second in a second.
-        """
-        before, self._offset_ns = self._offset_ns, _offset_ns()
-        step_s = (self._offset_ns - before) / _NS
-        return step_s if abs(step_s) > LEAST_STEP_S else 0.0
+    @property
+    def is_steady(self) -> bool:
+        """False while this clock does not run as fast as the others."""
+        return self._watch.is_steady
+
+    def _look_on(self) -> None:
+        while not self._is_over.wait(_LOOK_EVERY_S):
+            if self._look():
+                self._wake.set()
+
+    def _look(self) -> bool:
+        """Whether something has happened."""
+        with self._looking:
+            found = self._watch.look(self._read())
+            self._faults += found
+        return bool(found)
 
     def wait_until(self, t_utc_ns: int) -> bool:
-        """Sleep until then; False when ``wake`` cut it short."""
+        """Sleep until then; False when ``wake`` or a fault of the clock cut it short."""
         left_s = (t_utc_ns - time.time_ns()) / _NS
         was_woken = self._wake.wait(max(0.0, left_s))
         self._wake.clear()
@@ -51,12 +97,8 @@ class SystemClock:
         self._wake.set()
 
     def close(self) -> None:
-        """Nothing to release."""
-
-
-def _offset_ns() -> int:
-    """Of the clock that may be set against the one that may not."""
-    return time.time_ns() - time.monotonic_ns()
+        """Look no more."""
+        self._is_over.set()
 
 
 class SimulatedClock:
@@ -93,10 +135,12 @@ class SimulatedClock:
         """The instant the observatory stands at (while waiting: stood at)."""
         return self._now_utc_ns
 
+    is_steady = True
+
     @staticmethod
-    def take_step_s() -> float:
+    def take_faults() -> tuple[ClockFault, ...]:
         """Nobody sets this one."""
-        return 0.0
+        return ()
 
     def wait_until(self, t_utc_ns: int) -> bool:
         """Have the observatory live until then; False when ``wake`` cut it short."""

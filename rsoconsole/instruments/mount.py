@@ -14,7 +14,7 @@ from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.indi_process import IndiProcess
 from rsoconsole.instruments.indi_wire import WatchedStop, stop_mount
 from rsoconsole.instruments.mount_stop import MountStop
-from rsoconsole.instruments.ports import MountReport, SiteCheck, StopResult, unheard
+from rsoconsole.instruments.ports import MountReport, SiteCheck, SlewEnd, StopResult, unheard
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import separation_deg
 
@@ -46,6 +46,7 @@ class IndiMount:
         self._latest: MountReport | None = None
         self._tracks_after_stop: bool | None = None
         self._messages: deque[str] = deque(maxlen=_MAX_MESSAGES)
+        self._slew_end: SlewEnd | None = None
         self._stops: dict[int, MountStop] = {}
         """Those under way, by their numbers."""
         self._stop_numbers = itertools.count(1)
@@ -75,6 +76,7 @@ class IndiMount:
 
     def slew(self, ra_icrs_deg: float, dec_icrs_deg: float, now_utc_ns: int) -> None:
         """Go there and track; returns once the mount has taken the order."""
+        self._slew_end = None
         self.process.request(
             "slew",
             self._order_s,
@@ -216,6 +218,11 @@ class IndiMount:
             taken.append(self._messages.popleft())
         return tuple(taken)
 
+    def take_slew_end(self) -> SlewEnd | None:
+        """What its own process has done to the slew ordered last; None: nothing, or told before."""
+        taken, self._slew_end = self._slew_end, None
+        return taken
+
     def restart(self) -> None:
         """A fresh process and a fresh connection."""
         self.process.restart()
@@ -228,6 +235,10 @@ class IndiMount:
         if message.get("event") == "report":
             self._latest = _to_report(message["report"])
             self._tracks_after_stop = message["tracks_after_stop"]
+        elif message.get("event") == "slew ended":
+            self._slew_end = SlewEnd(
+                unwatched_s=float(message["unwatched_s"]), lease_s=float(message["lease_s"])
+            )
         elif message.get("event") in ("stop ordered", "stands"):
             stop = self._stops.get(message["number"])
             if stop is None:

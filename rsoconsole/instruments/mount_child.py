@@ -63,6 +63,9 @@ class MountChild:
             stop=lambda: self._stop("track"),
             track=self._track,
             say=lambda text: self._mouth.say({"event": "message", "text": text}),
+            tell_ended=lambda unwatched_s, lease_s: self._mouth.say(
+                {"event": "slew ended", "unwatched_s": unwatched_s, "lease_s": lease_s}
+            ),
         )
         self._watch.start()
         if self._is_simulated:
@@ -264,11 +267,19 @@ class MountChild:
                 self._await_report(stands.serial)
         is_tracking = None
         if stands is not None:
-            is_tracking = mirror.is_tracking if wanted is None else self._track(wanted)
+            is_tracking = mirror.is_tracking if wanted is None else self._settled(wanted)
             if wanted is not None and self._watch is not None:
                 self._watch.hold_tracking(wanted)
         detail = "" if stands else f"the mount still moves after {aborts} aborts in {_STOP_S:g} s"
         return {"stopped": stands is not None, "is_tracking": is_tracking, "detail": detail}
+
+    def _settled(self, is_on: bool) -> bool | None:
+        """As ``_track``, again where the driver goes back to its own idea at its next look."""
+        ends_s = time.monotonic() + _TRACKING_S
+        while (is_tracking := self._track(is_on)) is not is_on and is_tracking is not None:
+            if time.monotonic() > ends_s:
+                break
+        return is_tracking
 
     def _track(self, is_on: bool) -> bool | None:
         """Tracking on or off, and whether it is then; None for a mount that does not tell."""

@@ -30,6 +30,10 @@ class Lease:
         """Whether nobody has been heard of for too long."""
         return self._ends_s is not None and now_s >= self._ends_s
 
+    def unwatched_s(self, now_s: float) -> float:
+        """For how long nobody has been heard of; 0 before the first slew."""
+        return 0.0 if self._ends_s is None else max(0.0, now_s - self._ends_s + self.lease_s)
+
     def set_limit(self, track_until_utc_ns: int | None) -> None:
         """The instant at which tracking is to end, in place of the one before; None: no such."""
         self._limit_utc_ns = track_until_utc_ns

@@ -51,6 +51,16 @@ class StopResult:
     """Whether the mount tracked afterwards, by read-back; None where that is not known."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlewEnd:
+    """The mount's own process has ended a slew that nobody watched."""
+
+    unwatched_s: float
+    """For so long it had heard of nobody."""
+    lease_s: float
+    """For so long it may."""
+
+
 def unheard(_result: StopResult) -> None:
     """For who waits for the end only."""
 
@@ -87,6 +97,23 @@ class GuardPort(Protocol):
         """Hang up."""
 
 
+ClockFaultKind = Literal["set", "leap second", "runs wrong", "runs right", "slept", "stood still"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockFault:
+    """What went wrong with the machine's time."""
+
+    kind: ClockFaultKind
+    """"set": UTC was stepped, by somebody or a time service; "leap second": by one; "runs wrong":
+    its seconds are none, until "runs right"; "slept": the whole machine; "stood still": this
+    process was not run."""
+    seconds: float
+    """How far UTC was stepped, or how long nothing ran."""
+    rate: float = 1.0
+    """Of "runs wrong": seconds of UTC in a second."""
+
+
 class Clock(Protocol):
     """The one source of time for the engine."""
 
@@ -109,8 +136,12 @@ class Clock(Protocol):
     def wake(self) -> None:
         """End a wait that is in progress (from any thread); without one, the next wait."""
 
-    def take_step_s(self) -> float:
-        """By how much somebody has set the clock since this was last asked; 0: nobody has."""
+    def take_faults(self) -> tuple[ClockFault, ...]:
+        """What has gone wrong with time since this was last asked, in order."""
+
+    @property
+    def is_steady(self) -> bool:
+        """False while a second of this clock is none: what is measured has no time."""
 
 
 class MountPort(Protocol):
@@ -161,6 +192,9 @@ class MountPort(Protocol):
         back to sidereal tracking; at ``track_until_utc_ns`` (the instant of the next limit, by
         the machine's clock) tracking ends unless a later one has been given. Never raises.
         """
+
+    def take_slew_end(self) -> SlewEnd | None:
+        """What its own process has done to the slew ordered last; None: nothing, or told before."""
 
     def utc_offset_s(self) -> float | None:
         """The mount's own clock minus the engine's; None when it does not tell the time."""

@@ -1,0 +1,123 @@
+"""What is wrong with a machine's time: pure, the readings of its clocks are arguments.
+
+UTC can be set, monotonic time cannot, and time since boot goes on while the machine sleeps: what
+one does and the other does not tells a clock that is set from one that runs wrong and from a
+machine that slept. Nobody looking for a while tells a process that stood still.
+"""
+
+import datetime
+from dataclasses import dataclass
+
+from rsoconsole.instruments.ports import ClockFault
+
+_NS = 1_000_000_000
+LEAST_STEP_S = 0.1
+"""1.5 arcsec of a geostationary satellite."""
+MOST_DRIFT = 1e-3
+"""Time services draw a clock in by half of that."""
+LOOKED_BACK_S = 60.0
+"""For so long drift adds up before it is taken for granted."""
+SOON_S = 30.0
+"""Two steps that follow each other so soon are a clock that runs wrong."""
+STEADY_S = 10.0
+"""So long it must run right before it is believed again."""
+LEAST_SLEEP_S = 0.5
+LEAST_PAUSE_S = 5.0
+"""No look is that late on a machine that merely has much to do."""
+_READ_S = 0.01
+"""Between the readings of two clocks."""
+_MIDNIGHT_S = 5.0
+_LEAP_S = 1.0
+_LEAP_MONTHS = (1, 7)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockReadings:
+    """The clocks of one machine at one instant."""
+
+    utc_ns: int
+    monotonic_ns: int
+    boottime_ns: int
+    """As monotonic, but it goes on while the machine sleeps."""
+
+
+class ClockWatch:
+    """Looked at a few times a second; says once what has happened since."""
+
+    def __init__(self, first: ClockReadings) -> None:
+        self._last = self._reference = first
+        self._step: ClockReadings | None = None
+        """When the clock was last found to be off."""
+        self._unsteady_since: ClockReadings | None = None
+        self._steady_since = first
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether a second of this clock is one: False while it runs wrong."""
+        return self._unsteady_since is None
+
+    def look(self, now: ClockReadings) -> tuple[ClockFault, ...]:
+        """What has happened since the last look."""
+        last, self._last = self._last, now
+        found = [self._time_fault(last, now)]
+        stood_s = (now.monotonic_ns - last.monotonic_ns) / _NS
+        slept_s = _since_s(last, now) - stood_s
+        if slept_s > LEAST_SLEEP_S:
+            found.append(ClockFault(kind="slept", seconds=slept_s))
+        if stood_s > LEAST_PAUSE_S:
+            found.append(ClockFault(kind="stood still", seconds=stood_s))
+        return tuple(each for each in found if each is not None)
+
+    def _time_fault(self, last: ClockReadings, now: ClockReadings) -> ClockFault | None:
+        if self._unsteady_since is not None:
+            return self._while_unsteady(self._unsteady_since, now)
+        off_s = _offset_s(now) - _offset_s(self._reference)
+        since_s = _since_s(self._reference, now)
+        if abs(off_s) > LEAST_STEP_S + MOST_DRIFT * since_s:
+            return self._stepped(last, now, off_s)
+        if since_s > LOOKED_BACK_S:
+            self._reference = now
+        return None
+
+    def _stepped(self, last: ClockReadings, now: ClockReadings, off_s: float) -> ClockFault:
+        before, self._step = self._step, now
+        start, self._reference = self._reference, now
+        if before is not None and _since_s(before, now) <= SOON_S:
+            self._unsteady_since, self._steady_since = start, now
+            return ClockFault(kind="runs wrong", seconds=off_s, rate=_rate(start, now))
+        is_leap = abs(abs(off_s) - _LEAP_S) < LEAST_STEP_S and _is_leap_instant(last, now)
+        return ClockFault(kind="leap second" if is_leap else "set", seconds=off_s)
+
+    def _while_unsteady(self, begun: ClockReadings, now: ClockReadings) -> ClockFault | None:
+        steady_s = _since_s(self._steady_since, now)
+        moved_s = _offset_s(now) - _offset_s(self._steady_since)
+        if abs(moved_s) > MOST_DRIFT * steady_s + _READ_S:
+            self._steady_since = now
+            return None
+        if steady_s < STEADY_S:
+            return None
+        self._unsteady_since = self._step = None
+        self._reference = now
+        return ClockFault(kind="runs right", seconds=_offset_s(now) - _offset_s(begun))
+
+
+def _offset_s(at: ClockReadings) -> float:
+    return (at.utc_ns - at.boottime_ns) / _NS
+
+
+def _since_s(before: ClockReadings, now: ClockReadings) -> float:
+    return (now.boottime_ns - before.boottime_ns) / _NS
+
+
+def _rate(before: ClockReadings, now: ClockReadings) -> float:
+    return (now.utc_ns - before.utc_ns) / max(now.boottime_ns - before.boottime_ns, 1)
+
+
+def _is_leap_instant(last: ClockReadings, now: ClockReadings) -> bool:
+    """Whether one of the two was just beside the first midnight of a half year."""
+    for utc_ns in (last.utc_ns, now.utc_ns):
+        near = datetime.datetime.fromtimestamp(utc_ns / _NS + _MIDNIGHT_S, datetime.UTC)
+        seconds = near.hour * 3600 + near.minute * 60 + near.second
+        if near.day == 1 and near.month in _LEAP_MONTHS and seconds <= 2 * _MIDNIGHT_S:
+            return True
+    return False
