@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app, main
-from rsoconsole.cli.orbit_words import orbit_words
+from rsoconsole.cli.orbit_words import orbit_lines
 from rsoconsole.config import Config
 from rsoconsole.errors import OrbitError, SessionError
 from rsoconsole.orbit.elements import ElementSet
@@ -249,7 +249,7 @@ def test_two_nights_make_one_orbit_and_say_that_they_are_of_one_object(
     first, then = found["parts"]
     assert first["same_object_probability"] is None
     assert then["same_object_probability"] > 0.9
-    assert "the same object: " in orbit_words(["both"], found)
+    assert "the same object: " in "\n".join(orbit_lines(["both"], found))
 
 
 def test_nights_that_part_by_forces_nobody_knows_still_make_an_orbit(

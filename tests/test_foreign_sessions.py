@@ -3,6 +3,7 @@
 import shutil
 import sqlite3
 import tarfile
+import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -10,13 +11,17 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.errors import SessionError
+from rsoconsole.session import bounds
 from rsoconsole.session.archive import archive_session
+from rsoconsole.session.bounds import is_interrupted
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.repair import repair_session
+from rsoconsole.session.schema import VIEWS as VIEWS_OF_TODAY
 from rsoconsole.session.store import cut_off_session, list_sessions
 from rsoconsole.session.verify import verify_session
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sessions" / "intelsat-14"
+MOST_S = 10.0
 NOW_NS = 1_700_000_000_000_000_000
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i+1 FROM n) SELECT "
 
@@ -104,3 +109,114 @@ def test_verifying_one_comes_to_an_end(foreign, name):
     except SessionError:
         return
     assert not found.is_sound
+
+
+COMPUTED: dict[str, tuple[str, ...]] = {
+    "a trigger": (
+        "UPDATE meta SET value = 'false' WHERE key = 'is_closed'",
+        "CREATE TRIGGER t AFTER UPDATE ON meta BEGIN DELETE FROM log; END",
+    ),
+    "a generated column": (
+        "ALTER TABLE files ADD COLUMN x AS (hex(zeroblob(50000000)))",
+        "UPDATE meta SET value = 'false' WHERE key = 'is_closed'",
+    ),
+    "an index of an expression": ("CREATE INDEX i ON log (hex(zeroblob(10)))",),
+    "a partial index": ("CREATE INDEX i ON log (seq) WHERE seq > 3",),
+    "a check": (
+        "ALTER TABLE files RENAME TO f",
+        "CREATE TABLE files (frame_id, role, path, bytes, ms, reason, sha256 CHECK (sha256 > ''))",
+        "INSERT INTO files SELECT * FROM f WHERE sha256 > ''",
+    ),
+    "a virtual table": (
+        "DROP TABLE files",
+        "CREATE VIRTUAL TABLE files USING fts5(frame_id, role, path, bytes, ms, reason, sha256)",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", COMPUTED)
+def test_a_database_that_computes_is_refused_and_its_records_are_saved(foreign, name):
+    records = SessionReader(foreign).counts().records
+    sql(foreign, *(f"{each};" for each in COMPUTED[name]))
+    began_s = time.monotonic()
+    with pytest.raises(SessionError, match="is no session of this program"):
+        SessionReader(foreign)
+    assert not verify_session(foreign).is_sound
+    saved = repair_session(foreign, NOW_NS).recovered
+    assert saved is not None
+    assert SessionReader(saved.folder).counts().records == records
+    assert verify_session(saved.folder).is_sound
+    with closing(sqlite3.connect(foreign / "session.db")) as connection:
+        assert connection.execute("SELECT count(*) FROM log").fetchone() == (records,)
+    assert time.monotonic() - began_s < MOST_S
+
+
+def test_a_query_without_end_is_ended(foreign):
+    began_s = time.monotonic()
+    with closing(SessionReader(foreign).connect()) as connection:
+        with pytest.raises(sqlite3.OperationalError, match="interrupted") as error:
+            connection.execute(f"{ENDLESS} count(*) FROM n").fetchall()
+        assert is_interrupted(error.value)
+    assert time.monotonic() - began_s < MOST_S
+
+
+def test_reading_that_does_not_end_is_said_so(foreign, monkeypatch):
+    monkeypatch.setattr(bounds, "LEAST_CALLS", 0)
+    monkeypatch.setattr(bounds, "STEPS_A_CALL", 10)
+    monkeypatch.setattr(bounds, "BYTES_A_CALL", 10**9)
+    with pytest.raises(SessionError, match="does not come to an end"):
+        SessionReader(foreign).counts()
+
+
+def test_what_the_program_asks_of_a_session_takes_a_hundredth_of_what_it_may(foreign):
+    size = (foreign / "session.db").stat().st_size
+    steps = 0
+
+    def count() -> int:
+        nonlocal steps
+        steps += 100
+        return 0
+
+    for name in VIEWS_OF_TODAY:
+        with closing(SessionReader(foreign).connect()) as connection:
+            connection.set_progress_handler(count, 100)
+            connection.execute(f"SELECT * FROM {name}").fetchall()
+    assert steps
+    assert steps < 0.01 * len(VIEWS_OF_TODAY) * size * bounds.STEPS_A_CALL / bounds.BYTES_A_CALL
+
+
+@pytest.mark.parametrize("size", [70_000_000, 300_000_000])
+def test_a_record_that_no_session_has_is_damage_and_the_others_are_saved(foreign, size):
+    records = SessionReader(foreign).counts().records
+    with closing(sqlite3.connect(foreign / "session.db")) as connection:
+        values = (99999, NOW_NS, "Event", None)
+        connection.execute("INSERT INTO log VALUES (?, ?, ?, ?, zeroblob(?))", (*values, size))
+        connection.commit()
+    began_s = time.monotonic()
+    with pytest.raises(SessionError, match="damaged"):
+        list(SessionReader(foreign).records())
+    assert not verify_session(foreign).is_sound
+    saved = repair_session(foreign, NOW_NS).recovered
+    assert saved is None or SessionReader(saved.folder).counts().records == records
+    assert time.monotonic() - began_s < MOST_S
+
+
+@pytest.mark.parametrize(
+    "path", [b"\x00\xff", 7, "", ".", "frames", "a\0b", "/etc/passwd", "../x", "frames/../../x"]
+)
+def test_a_row_that_names_no_file_of_the_session_names_none(foreign, path):
+    with closing(sqlite3.connect(foreign / "session.db")) as connection:
+        connection.execute("UPDATE files SET path = ?", (path,))
+        connection.commit()
+    reader = SessionReader(foreign)
+    for place in (reader.frame_path(9), reader.preview_path(9), reader.closeup_path(9)):
+        assert place is None
+    reader.not_kept_because(9)
+    assert not verify_session(foreign).is_sound
+
+
+def test_a_frame_behind_a_link_is_none_of_the_session(foreign, tmp_path):
+    assert SessionReader(foreign).frame_path(9) is not None
+    (foreign / "frames").rename(tmp_path / "elsewhere")
+    (foreign / "frames").symlink_to(tmp_path / "elsewhere")
+    assert SessionReader(foreign).frame_path(9) is None

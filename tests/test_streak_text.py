@@ -1,6 +1,6 @@
 """A streak is called by what it is, on every screen and in ``detect`` alike."""
 
-from rsoconsole.cli.frames import _detect_words
+from rsoconsole.cli.frames import _detect_lines
 from rsoconsole.console.log_lines import line_of
 from rsoconsole.console.marks import mark_of
 from rsoconsole.pipeline.reports import detections_report
@@ -43,7 +43,7 @@ def test_detect_says_it_in_words_and_in_json():
     ]
     assert report["detections"][1]["modulation_period_s"] is None
     assert [each["clipped"] for each in report["detections"]] == [False, True, False]
-    _, first, second, third = _detect_words(report).splitlines()
+    _, first, second, third = _detect_lines(report)
     assert first.endswith(", satellite 0.97")
     assert second.endswith(", crossing, aircraft 0.83, pulses every 14.2 px, depth 0.70")
     assert third.endswith("SNR 60")

@@ -15,6 +15,7 @@ from rsoconsole.cli import (
     frames,
     house,
     orbit,
+    output,
     review,
     seat,
     service,
@@ -24,6 +25,7 @@ from rsoconsole.cli import (
 )
 from rsoconsole.cli.usage import USAGE_EXIT, UsageError, help_of, is_help, usage_line
 from rsoconsole.config import APP
+from rsoconsole.control.text import one_line
 from rsoconsole.errors import RsoconsoleError
 
 log = logging.getLogger(APP)
@@ -54,7 +56,7 @@ for group in (
 
 def _version(is_asked: bool) -> None:
     if is_asked:
-        typer.echo(f"{APP} {__version__}")
+        output.say(f"{APP} {__version__}")
         raise typer.Exit
 
 
@@ -74,27 +76,34 @@ def main() -> None:
         sys.exit(app(standalone_mode=False, prog_name=APP))
     except UsageError as error:
         if is_help(error):
-            print(help_of(error), end="", file=sys.stderr)
+            print(help_of(error), end="", file=sys.stderr)  # the program's own words
         else:
-            print(usage_line(error), file=sys.stderr)
+            output.complain(usage_line(error))
         sys.exit(USAGE_EXIT)
     except typer.Abort:
-        print(f"{APP}: interrupted", file=sys.stderr)
+        output.complain(f"{APP}: interrupted")
         sys.exit(130)
     except RsoconsoleError as error:
         log.error("%s", error)
-        print(f"{APP}: {error}", file=sys.stderr)
+        output.complain(f"{APP}: {error}")
         sys.exit(1)
     except KeyboardInterrupt:
-        print(f"{APP}: interrupted", file=sys.stderr)
+        output.complain(f"{APP}: interrupted")
         sys.exit(130)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)
     except Exception as error:
         log.exception("unexpected")
-        print(f"{APP}: something broke ({error}); the details are in {log_path}", file=sys.stderr)
+        output.complain(f"{APP}: something broke ({error}); the details are in {log_path}")
         sys.exit(1)
+
+
+class _CleanFormatter(logging.Formatter):
+    """Whoever reads the log in a terminal sees text, and one line a message."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's own name
+        return one_line(super().formatMessage(record))
 
 
 def _open_log() -> str:
@@ -110,7 +119,7 @@ def _open_log() -> str:
     except OSError:
         handler = logging.NullHandler()
     handler.setFormatter(
-        logging.Formatter("%(asctime)s %(levelname)s %(process)d %(name)s: %(message)s")
+        _CleanFormatter("%(asctime)s %(levelname)s %(process)d %(name)s: %(message)s")
     )
     root.addHandler(handler)
     return str(folder / f"{APP}.log")

@@ -152,7 +152,7 @@ def demo(
         plan = plan_targets(target, config, at=at, seed=seed, frames=frames or NIGHT_FRAMES)
         config = planned_config(config, plan)
         night = replace(night, scenario=plan.title, plan=plan.to_table())
-        heading = plan_words(plan)
+        heading: tuple[str, ...] = (plan_words(plan),)
     elif at or site:
         raise typer.BadParameter("--at and --site belong to a night of --target")
     else:
@@ -160,12 +160,12 @@ def demo(
         config = demo_config(
             known.site, preset=preset, keep_frames=keep_frames, catalogue=catalogue
         )
-        heading = f"{known.title}\n{known.description}"
+        heading = (known.title, *known.description.splitlines())
     imperfect = _world_of(world, seed)
     config = config_in(imperfect, config)
     night = replace(night, world=imperfect.named())
     if not (headless or json_):
-        output.say(heading)
+        output.say(*heading)
     if is_seen and not lines:
         _watch_night(config, night)
         return
@@ -215,7 +215,7 @@ def _watch_night(config: Config, night: Night) -> None:
     process = NightProcess(config, night, on_wait=output.say)
     at = _socket_words(process.socket)
     if at:
-        output.say(_beside_words(process.socket))
+        output.say(*_beside_lines(process.socket))
     ending = run_console(socket=process.socket, owns_engine=True, stop_directly=stop_past_engine)
     if ending == "stop engine":
         output.say("the engine ends ...")
@@ -223,7 +223,7 @@ def _watch_night(config: Config, night: Night) -> None:
         return
     output.say(f"the demo's engine runs on; session {process.session}")
     output.say("left alone it ends some time after its night; the seat again, and its end:")
-    output.say(f"rsoconsole console{at}\nrsoconsole quit{at}")
+    output.say(f"rsoconsole console{at}", f"rsoconsole quit{at}")
 
 
 def _socket_words(socket: Path) -> str:
@@ -233,10 +233,10 @@ def _socket_words(socket: Path) -> str:
     return "" if socket == default_socket_path() else f" --socket {shlex.quote(str(socket))}"
 
 
-def _beside_words(socket: Path) -> str:
+def _beside_lines(socket: Path) -> tuple[str, ...]:
     return (
-        "another engine runs, to which every verb goes; this demo is reached by"
-        f"\nrsoconsole status{_socket_words(socket)}"
+        "another engine runs, to which every verb goes; this demo is reached by",
+        f"rsoconsole status{_socket_words(socket)}",
     )
 
 
@@ -246,7 +246,7 @@ def _print_night(config: Config, night: Night) -> dict[str, Any]:
 
     def has_started(_folder: Path, socket: Path) -> None:
         if _socket_words(socket):
-            output.say(_beside_words(socket))
+            output.say(*_beside_lines(socket))
         output.say(HEADING)
 
     return run_night(

@@ -121,7 +121,7 @@ def _export(wish: _Wish, options: Any, json_: bool) -> None:
     new_folder = _folder_to_make(wish)
     if wish.out == STDOUT:
         text, made = render(wish.session, kind, options)
-        typer.echo(text, nl=False)
+        output.hand_over(text)
     else:
         made = write(wish.session, kind, None if wish.out is None else Path(wish.out), options)
     if json_:
@@ -186,7 +186,7 @@ def _report(wish: _Wish, json_: bool) -> None:
 
     report = render_report(wish.session)
     if wish.out == STDOUT:
-        typer.echo(report.html, nl=False)
+        output.hand_over(report.html)
         return
     path = default_path(wish.session, "html") if wish.out is None else Path(wish.out)
     new_folder = _folder_to_make(wish)

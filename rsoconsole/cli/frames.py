@@ -52,7 +52,7 @@ def _each(
     frames: list[Path],
     json_: bool,
     work: Callable[[Path, int], Iterator[dict[str, Any]]],
-    words: Callable[[dict[str, Any]], str],
+    lines: Callable[[dict[str, Any]], list[str]],
 ) -> None:
     """Run ``work`` over the files in order; broken ones are reported and the others go on."""
     failures = 0
@@ -60,7 +60,7 @@ def _each(
     for number, path in enumerate(frames, start=1):
         try:
             for found in work(path, number):
-                output.emit_json(found) if json_ else output.say(words(found))
+                output.emit_json(found) if json_ else output.say(*lines(found))
                 _warn(_name(found), found["notes"], told)
         except FrameError as error:
             failures += 1
@@ -228,7 +228,7 @@ def detect(
                 notes=[each.words for each in (*told, *cautions(frame, None, whole))],
             )
 
-    _each(frames, json_, work, _detect_words)
+    _each(frames, json_, work, _detect_lines)
 
 
 def solve(
@@ -293,7 +293,7 @@ def solve(
                     notes=[each.words for each in told if not each.kind.endswith(" hint")],
                 )
 
-        _each(frames, json_, work, _solve_words)
+        _each(frames, json_, work, _solve_lines)
 
 
 def _process_words(found: dict[str, Any]) -> str:
@@ -314,7 +314,7 @@ def _process_words(found: dict[str, Any]) -> str:
     return "  ".join(words)
 
 
-def _detect_words(found: dict[str, Any]) -> str:
+def _detect_lines(found: dict[str, Any]) -> list[str]:
     lines = [f"{_name(found)}: {len(found['detections'])} streak(s)"]
     lines.extend(
         f"  confidence {d['confidence']:.2f} at ({d['x']:.1f}, {d['y']:.1f})"
@@ -322,7 +322,7 @@ def _detect_words(found: dict[str, Any]) -> str:
         for d in found["detections"]
     )
     lines.extend(f"  rejected: {r['reason']}" for r in found["rejected"])
-    return "\n".join(lines)
+    return lines
 
 
 def _named_words(detection: dict[str, Any]) -> str:
@@ -341,12 +341,12 @@ def _named_words(detection: dict[str, Any]) -> str:
     return "".join(f", {words}" for words in (name, pulse) if words)
 
 
-def _solve_words(found: dict[str, Any]) -> str:
+def _solve_lines(found: dict[str, Any]) -> list[str]:
     if not found["solved"]:
-        return f"{_name(found)}: not solved: {found['reason']}"
+        return [f"{_name(found)}: not solved: {found['reason']}"]
     solved = (
         f"{_name(found)}: {output.direction_text(found['ra'], found['dec'])}"
         f" {found['scale_arcsec_px']:.4f} arcsec/px, rotation {found['rotation_deg']:.2f} deg,"
         f" {found['matched']} stars, rms {found['rms_arcsec']:.2f} arcsec"
     )
-    return "\n".join([solved, *(f"  {wrong['reason']}" for wrong in found["wrong_hints"])])
+    return [solved, *(f"  {wrong['reason']}" for wrong in found["wrong_hints"])]

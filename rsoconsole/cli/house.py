@@ -122,7 +122,7 @@ def config_check(config: ConfigOption = None, json_: JsonOption = False) -> None
         output.complain(f"rsoconsole: {len(faults)} fault(s) in the configuration")
         raise typer.Exit(1)
     if not json_:
-        output.say("\n".join(sound_lines(config)))
+        output.say(*sound_lines(config))
 
 
 def sound_lines(config: Path | None) -> list[str]:

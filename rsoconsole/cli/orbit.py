@@ -117,9 +117,9 @@ def orbit(
     if json_:
         output.emit_json(report)
         return
-    from rsoconsole.cli.orbit_words import orbit_words
+    from rsoconsole.cli.orbit_words import orbit_lines
 
-    output.say(orbit_words([path.name for path in paths], report))
+    output.say(*orbit_lines([path.name for path in paths], report))
 
 
 def identify(
@@ -170,6 +170,6 @@ def identify(
     if json_:
         output.emit_json(report)
         return
-    from rsoconsole.cli.orbit_words import identification_words
+    from rsoconsole.cli.orbit_words import identification_lines
 
-    output.say(identification_words(report))
+    output.say(*identification_lines(report))

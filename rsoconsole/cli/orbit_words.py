@@ -22,7 +22,7 @@ _HALF_SKY_ARCSEC = 648_000.0
 _NAME_WIDTH = 28
 
 
-def orbit_words(names: Sequence[str], report: dict[str, Any]) -> str:
+def orbit_lines(names: Sequence[str], report: dict[str, Any]) -> list[str]:
     """The report of ``rsoconsole orbit`` as a page."""
     lines = [f"{', '.join(names)}: {report['label']}", *_wrapped(report["reason"])]
     lines.extend(_wrapped(_data_words(report)))
@@ -40,10 +40,10 @@ def orbit_words(names: Sequence[str], report: dict[str, Any]) -> str:
         lines += ["", *_ahead_lines(report), "", *_event_lines(report)]
     if report["tle"]:
         lines += ["", "  Elements for SGP4 (--out writes them):", *report["tle"]]
-    return "\n".join(lines)
+    return lines
 
 
-def identification_words(report: dict[str, Any]) -> str:
+def identification_lines(report: dict[str, Any]) -> list[str]:
     """The report of ``rsoconsole identify`` as a page."""
     lines = [f"{report['name']}: {report['verdict']}", *_wrapped(report["reason"])]
     if report["hint"]:
@@ -55,7 +55,7 @@ def identification_words(report: dict[str, Any]) -> str:
     if report["not_propagated"]:
         lines.append(f"  {report['not_propagated']} of them have no place then by SGP4 (decayed?)")
     lines.append("  off: measured minus predicted; along > 0: ahead, across > 0: north of eastward")
-    return "\n".join(lines)
+    return lines
 
 
 def _wrapped(text: str) -> list[str]:

@@ -1,7 +1,12 @@
-"""JSON objects on stdout, words for people elsewhere. JSON.md beside this file has their keys."""
+"""JSON objects on stdout, words for people elsewhere. JSON.md beside this file has their keys.
+
+All that the verbs print passes through here: sessions, INDI servers, headers, element files and
+names of files may say whatever they like, and nothing of it reaches the terminal as a command.
+"""
 
 import json
 import math
+import sys
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -9,6 +14,7 @@ from typing import Any
 import typer
 
 from rsoconsole.control.status import SCHEMA
+from rsoconsole.control.text import one_line, printable
 from rsoconsole.sky.angles import format_dec, format_ra
 
 WITH_UNITS: Mapping[str, str] = MappingProxyType(
@@ -46,14 +52,21 @@ def emit_json(value: Mapping[str, Any]) -> None:
     typer.echo(json.dumps(_finite(whole), allow_nan=False))
 
 
-def say(text: str) -> None:
-    """A line for a person on stdout."""
-    typer.echo(text)
+def say(*lines: str) -> None:
+    """Lines for a person on stdout; a line break inside one of them becomes a space."""
+    for line in lines:
+        typer.echo(one_line(line))
 
 
-def complain(text: str) -> None:
-    """A line for a person on stderr."""
-    typer.echo(text, err=True)
+def complain(*lines: str) -> None:
+    """Lines for a person on stderr, likewise."""
+    for line in lines:
+        typer.echo(one_line(line), err=True)
+
+
+def hand_over(text: str) -> None:
+    """A document on stdout, to the last character where that is a file or a pipe."""
+    typer.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
 
 
 def direction_text(ra_deg: float, dec_deg: float) -> str:

@@ -42,7 +42,7 @@ def service_show(config: ConfigOption = None) -> None:
 
     Example: rsoconsole service show
     """
-    typer.echo(unit_text(exec_start(config), os.environ), nl=False)
+    output.hand_over(unit_text(exec_start(config), os.environ))
 
 
 @service_app.command("install")
@@ -76,10 +76,10 @@ def service_install(config: ConfigOption = None) -> None:
     if not default_config_path().exists() and config is None:
         output.say("there is no configuration yet: 'rsoconsole config init' writes one")
     output.say(
-        f"start it now and at every login: systemctl --user enable --now {APP}\n"
-        "start it at boot, without a login: loginctl enable-linger\n"
-        f"what it says:                     journalctl --user -u {APP} -f\n"
-        "it moves nothing until:           rsoconsole arm"
+        f"start it now and at every login: systemctl --user enable --now {APP}",
+        "start it at boot, without a login: loginctl enable-linger",
+        f"what it says:                     journalctl --user -u {APP} -f",
+        "it moves nothing until:           rsoconsole arm",
     )
 
 

@@ -20,6 +20,7 @@ from textual.widgets import Input, TextArea
 from rsoconsole.config import ConsoleConfig, IndiConfig
 from rsoconsole.console.alerts import alerts_between, notification
 from rsoconsole.console.blocks import HALF_BLOCKS, QUADRANTS, Blocks
+from rsoconsole.console.clean import CleanFilter
 from rsoconsole.console.colours import COLOURS, NIGHT_CSS, THEMES
 from rsoconsole.console.command import KeyCommand, Place
 from rsoconsole.console.commands import bindings, commands_in
@@ -174,6 +175,7 @@ class ConsoleApp(App[str]):
         wants_ascii = self._settings.ascii
         if wants_ascii is None:
             wants_ascii = not is_utf8()
+        self._filters.append(CleanFilter())
         if wants_ascii:
             self._filters.append(PlainFilter())
             self.graphics, self.blocks = None, HALF_BLOCKS

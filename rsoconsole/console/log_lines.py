@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
-from rsoconsole.control import command_words, printable
+from rsoconsole.control import command_words, one_line
 from rsoconsole.control.commands import Note, Stop
 from rsoconsole.reason_text import ruled_text, text
 from rsoconsole.reasons import DONE, Cause, Missed, Told
@@ -107,7 +107,7 @@ def line_of(record: Record, t_utc_ns: int) -> LogLine | None:
     if words is None:
         return None
     # Control characters would reach the terminal, whoever wrote them.
-    said = printable(words[1]).replace("\n", " ")
+    said = one_line(words[1])
     cause = record.reason if isinstance(record, StateChange) else None
     kind = cause.kind if isinstance(cause, Cause) else ""
     frame_id = getattr(record, "frame_id", None) or None

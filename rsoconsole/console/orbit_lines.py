@@ -21,7 +21,7 @@ from rsoconsole.console.words import (
     unsigned_text,
     wrapped,
 )
-from rsoconsole.control import printable
+from rsoconsole.control import one_line
 from rsoconsole.records import CatalogueMatch, Identified, OrbitEstimate
 from rsoconsole.sky.angles import format_dec, format_ra
 from rsoconsole.tracking.consistency import NIS_BAND
@@ -303,5 +303,5 @@ def _one_wide(text: str) -> str:
     """Names come from anybody's files: each of their characters takes one column."""
     return "".join(
         "?" if unicodedata.east_asian_width(c) in "WF" or unicodedata.combining(c) else c
-        for c in printable(text).replace("\n", " ")
+        for c in one_line(text)
     )

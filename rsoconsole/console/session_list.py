@@ -18,7 +18,7 @@ from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.words import NS_PER_S, clipped, duration_text
-from rsoconsole.control import printable
+from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError
 from rsoconsole.session.schema import DATABASE
 from rsoconsole.session.store import SessionSummary, summarise
@@ -45,7 +45,7 @@ class Entry:
     @property
     def name(self) -> str:
         """As it is shown."""
-        return printable(self.folder.name)
+        return one_line(self.folder.name)
 
     def has(self, words: str) -> bool:
         """Whether it is meant by what was typed."""

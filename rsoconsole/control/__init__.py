@@ -12,7 +12,7 @@ from rsoconsole.control.preview import MovePreview, preview_json, read_preview
 from rsoconsole.control.sender import Sender, sender_of
 from rsoconsole.control.server import ControlServer, Handler
 from rsoconsole.control.status import Health, LastStop, Machine, Status, read_status, status_json
-from rsoconsole.control.text import printable
+from rsoconsole.control.text import one_line, printable
 from rsoconsole.control.wire import Outcome, Request
 
 __all__ = [
@@ -35,6 +35,7 @@ __all__ = [
     "command_words",
     "commands",
     "default_socket_path",
+    "one_line",
     "preview_json",
     "printable",
     "read_preview",

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.session.bounds import bound
 from rsoconsole.session.frame_files import PART, sync_folder
 from rsoconsole.session.schema import (
     APPLICATION_ID,
@@ -36,10 +37,12 @@ def connect_to_write(path: Path) -> sqlite3.Connection:
 def connect_to_read(path: Path, *, is_immutable: bool = False) -> sqlite3.Connection:
     """A connection that cannot write, to a database that SQLite can read as it stands.
 
-    ``is_immutable`` promises that nobody writes. Raises sqlite3.Error.
+    ``is_immutable`` promises that nobody writes. What asks for more than the file's size explains
+    is ended (``session/bounds.py``). Raises sqlite3.Error.
     """
     mode = "mode=ro&immutable=1" if is_immutable else "mode=ro"
     connection = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True, timeout=2.0)
+    bound(connection, path)
     try:
         connection.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchall()
     except sqlite3.Error:

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
+from rsoconsole.session.bounds import MOST_ROW_BYTES
+
 Value: TypeAlias = int | float | str | bytes | None
 Fields: TypeAlias = tuple[Value, ...]
 
@@ -90,6 +92,8 @@ class Pages:
 
     def _payload(self, image: bytes, place: int, size: int, kind: int) -> bytes:
         """A row's bytes, those on overflow pages included. Source: fileformat2.html, 1.6."""
+        if size > MOST_ROW_BYTES:
+            raise ValueError("no row is that long")
         usable = self._usable
         most = usable - 35 if kind == _TABLE_LEAF else (usable - 12) * 64 // 255 - 23
         if size <= most:

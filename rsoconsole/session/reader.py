@@ -11,6 +11,7 @@ it branches from) is read as a session; files that it does not hold itself are t
 import os
 import shutil
 import sqlite3
+import stat
 import weakref
 from collections.abc import Collection, Iterator
 from contextlib import closing
@@ -26,6 +27,7 @@ from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
 from rsoconsole.foreign_text import json_of
 from rsoconsole.records import Event, Record
+from rsoconsole.session.bounds import computed_part, is_interrupted
 from rsoconsole.session.codec import KINDS
 from rsoconsole.session.database import connect_to_read, finish_copy
 from rsoconsole.session.legacy import KINDS as IDENTIFYING
@@ -56,10 +58,6 @@ MAX_BRANCH_DEPTH = 8
 _SELECT = "SELECT seq, t_utc_ns, kind, body FROM log WHERE seq > ?"
 
 
-_NO_TABLES = (
-    "SELECT name FROM sqlite_master"
-    " WHERE name COLLATE NOCASE IN ('log', 'meta', 'files') AND type IN ('view', 'trigger')"
-)
 _VIEWS_SQL = "SELECT name, sql FROM sqlite_master WHERE type = 'view'"
 
 
@@ -111,7 +109,7 @@ class SessionReader:
 
         Those that an older session has not, or has otherwise, are temporary views; columns that
         its records do not have are NULL. Close it soon: as long as it reads, a live session cannot
-        fold its log.
+        fold its log. It is ended where it asks for more than the database's size explains.
         """
         connection = self._open()
         try:
@@ -251,7 +249,7 @@ class SessionReader:
         if not rows:
             return None if self._origin is None else self._origin.not_kept_because(frame_id)
         ((reason, path),) = rows
-        if reason or path is None or (self.folder / path).exists():
+        if reason or path is None or self._inside(path) is not None:
             return str(reason) if reason else None
         pruned = pruned_on(read_notes(self.folder)).get(path)
         return None if pruned is None else f"pruned on {pruned}"
@@ -309,11 +307,22 @@ class SessionReader:
             "SELECT path FROM files WHERE frame_id = ? AND role = ? AND path IS NOT NULL",
             (frame_id, role),
         )
-        named = Path(rows[0][0]) if rows else None
-        if named is None or named.is_absolute() or ".." in named.parts:
+        return self._inside(rows[0][0]) if rows else None
+
+    def _inside(self, named: object) -> Path | None:
+        """The regular file of the session that a row names; None where it names none."""
+        if not isinstance(named, str) or "\0" in named:
+            return None
+        if Path(named).is_absolute() or ".." in Path(named).parts:
             return None
         path = self.folder / named
-        return path if path.is_file() else None
+        try:
+            is_own = stat.S_ISREG(path.lstat().st_mode) and path.resolve().is_relative_to(
+                self.folder.resolve()
+            )
+        except (OSError, ValueError):
+            return None
+        return path if is_own else None
 
     def _fetch(self, sql: str, values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         with closing(self._open()) as connection:
@@ -325,15 +334,15 @@ class SessionReader:
     def _open(self) -> sqlite3.Connection:
         connection = self._opened()
         try:
-            views = connection.execute(_NO_TABLES).fetchall()
+            computed = computed_part(connection)
         except sqlite3.Error as error:
             connection.close()
             raise self._damaged(error) from error
-        if views:
-            # A view may have no end, and say whatever it likes.
+        if computed:
             connection.close()
             raise SessionError(
-                f"{self.folder} is no session of this program: {views[0][0]} is no table in it"
+                f"{self.folder} is no session of this program: {computed}; what its tables hold"
+                f" 'rsoconsole sessions repair {self.folder}' saves"
             )
         return connection
 
@@ -369,6 +378,11 @@ class SessionReader:
         return not os.access(self.folder, os.W_OK) or (self.folder / JOURNAL).exists()
 
     def _damaged(self, error: sqlite3.Error | OSError) -> SessionError:
+        if is_interrupted(error):
+            return SessionError(
+                f"{self.folder} is no session of this program: reading its database does not come"
+                " to an end"
+            )
         if isinstance(error, sqlite3.OperationalError) and "no such table" in str(error):
             return SessionError(
                 f"{self._database} lacks a part of a session ({error}): it was cut off while it was"

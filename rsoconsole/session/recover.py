@@ -18,6 +18,7 @@ from typing import Any
 
 from rsoconsole.errors import SessionError
 from rsoconsole.foreign_text import json_of, read_foreign, toml_of
+from rsoconsole.session.bounds import bound, computed_part
 from rsoconsole.session.codec import KINDS
 from rsoconsole.session.contents import content_fault
 from rsoconsole.session.database import connect_to_write, create_database, leave_wal
@@ -165,6 +166,9 @@ def _walked(database: Path) -> _Read:
     read = _Read({}, {}, {})
     try:
         with closing(sqlite3.connect(database)) as connection:
+            bound(connection, database)
+            if computed_part(connection):
+                return read  # what its tables hold stands on the pages
             for row in _log_around_damage(connection):
                 _take_log(read, row)
             _take_rest(read, connection)
