@@ -52,6 +52,7 @@ _UNITS = (
     ("_deg", "deg"),
     ("_km", "km"),
     ("_px", "pix"),
+    ("_mag", "mag"),
     ("_s", "s"),
 )
 _WORDED = frozenset(("reason", "outcome"))
@@ -307,12 +308,25 @@ runner_up_separation_arcsec=matches.1.separation_arcsec real how far off it is
 matches json the best of them, best first
 track_id integer the track that it is of
 """
+_OF_QUALITY = """
+star_count integer stars found, up to a few hundred
+star_fwhm_px real median full width of the stars at half their height
+star_flux_adu real of a middling one of the brightest stars
+background_adu real median of the sky in a pixel, and the camera's offset without a dark
+zero_point_mag real magnitude of a star that would give 1 ADU a second
+"""
 _ABOUT: tuple[Table, ...] = (
     Table(
         name="frames",
         kind=FrameTaken,
         row="an exposure",
         own=(*columns_of(_OF_FRAME), *columns_of(_OF_FILES, "files")),
+    ),
+    Table(
+        name="image_quality",
+        kind=Detections,
+        row="what a frame says of focus, seeing and sky",
+        own=columns_of(_OF_QUALITY),
     ),
     Table(
         name="detections",

@@ -168,6 +168,12 @@ class Detections:
     """Median full width of the stars; None where that was not measured."""
     star_flux_adu: float | None = None
     """Of a middling one of the brightest stars; None where there are too few to compare."""
+    background_adu: float | None = None
+    """Median of the sky's light in a pixel, with the camera's offset where no dark takes it off;
+    None where nobody looked."""
+    zero_point_mag: float | None = None
+    """Magnitude of a star that would give 1 ADU a second: the sky's transparency at this camera;
+    None without a plate, and where too few stars are in the catalogue."""
     stage_ms: Mapping[str, float] = field(default_factory=dict)
 
 

@@ -22,7 +22,7 @@ from rsoconsole.sky.angles import format_dec, format_ra
 if TYPE_CHECKING:
     from rsoconsole.pipeline.directions import Understood
 
-GOTO_EXAMPLES = "05 32 11 -4 52 10 · 83.05 -4.87 of date · alt 47 az 201 · SES-10 · Rigel"
+GOTO_EXAMPLES = "05 32 11 -4 52 10 · 83.05 -4.87 of date · alt 47 az 201 · SES-10 · M31"
 
 UNREADABLE = "the engine's answer cannot be read: are engine and console of one version?"
 GOES = "enter goes there; you have the mount then"
@@ -47,9 +47,12 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         config: Config | None,
         now_utc_ns: Callable[[], int],
         orders: Orders,
+        begun: str = "",
     ) -> None:
-        """``now_utc_ns``: the frame clock, asked at every key: much goes by with the sky."""
+        """``now_utc_ns``: the frame clock, asked at every key: much goes by with the sky;
+        ``begun``: what stands in the field already."""
         super().__init__()
+        self._begun = begun
         self._config = config or Config()
         self._now_utc_ns = now_utc_ns
         self._orders = orders
@@ -62,7 +65,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         with VerticalScroll() as box:
             box.border_title = "go to"
             box.border_subtitle = "enter goes · esc back"
-            yield Input(placeholder=GOTO_EXAMPLES, id="direction")
+            yield Input(self._begun, placeholder=GOTO_EXAMPLES, id="direction")
             yield Static("", id="understood", markup=False)
 
     def on_input_changed(self, event: Input.Changed) -> None:

@@ -5,12 +5,13 @@ from typing import Any, Literal
 
 from rsoconsole.control import Command
 
-Group = Literal["safety", "telescope", "streaks", "time", "picture", "console"]
+Group = Literal["safety", "telescope", "streaks", "time", "plots", "picture", "console"]
 GROUPS: dict[Group, str] = {
     "safety": "Safety",
     "time": "Time",
     "telescope": "Telescope",
     "streaks": "Streaks and track",
+    "plots": "Plots",
     "picture": "Picture",
     "console": "Console",
 }

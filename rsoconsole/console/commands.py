@@ -66,6 +66,13 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         acts=True,
     ),
     _command(
+        "up_now",
+        "5",
+        "What is up now",
+        "satellites of the element files above the limit; enter plans a go-to",
+        "telescope",
+    ),
+    _command(
         "nudge_up", "up", "Nudge up", "by the step, up in the picture", "telescope", acts=True
     ),
     _command(
@@ -232,6 +239,43 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "streaks",
         where=BOTH,
     ),
+    _command(
+        "track_plots",
+        "1",
+        "Plots of the track",
+        "confidence, residuals in their bounds, NIS",
+        "plots",
+        where=BOTH,
+    ),
+    _command(
+        "night_curves",
+        "2",
+        "Curves of the night",
+        "FWHM, background, transparency and number of stars; once more: the plots",
+        "plots",
+        where=BOTH,
+    ),
+    _command(
+        "focus_help",
+        "3",
+        "Focus",
+        "FWHM in large figures and its trend; once more: the plots",
+        "plots",
+        where=BOTH,
+    ),
+    _command(
+        "alignment",
+        "4",
+        "Drift and polar alignment",
+        "how mount and stars drift apart, field rotation, which way the polar axis is off",
+        "plots",
+        where=BOTH,
+    ),
+    _command("plots_back", "comma", "Plots back", "to earlier frames", "plots"),
+    _command("plots_on", "full_stop", "Plots on", "to later frames", "plots"),
+    _command("plots_wider", "minus", "More frames", "twice as many to a mark", "plots"),
+    _command("plots_finer", "plus", "Fewer frames", "half as many to a mark", "plots"),
+    _command("plots_newest", "end", "Newest frames", "one to a mark", "plots"),
     _command(
         "zoom",
         "z",

@@ -26,6 +26,8 @@ BANNER_ROWS = {"wide": 3, "narrow": 5}
 WIDE_BANNER_COLUMNS = 72
 
 MOST_ALERT_ROWS = 2
+LEAST_LOG_ROWS = 2
+"""Beside plots and orbit."""
 
 Name = Literal[
     "top",
@@ -35,6 +37,7 @@ Name = Literal[
     "confidence",
     "east",
     "north",
+    "axis",
     "nis",
     "orbit",
     "facts",
@@ -186,7 +189,12 @@ def _full(boxes: dict[Name, Box], middle: Box, facts_rows: int, aspect: float) -
     boxes["frame"] = Box(x=0, y=middle.y, width=frame_columns, height=panes_rows)
     x, columns = frame_columns + 1, middle.width - frame_columns - 1
     each = (panes_rows - 1) // 3
-    rows: dict[Name, int] = {"confidence": panes_rows - 1 - 2 * each, "east": each, "north": each}
+    rows: dict[Name, int] = {
+        "confidence": panes_rows - 2 - 2 * each,
+        "east": each,
+        "north": each,
+        "axis": 1,
+    }
     y = middle.y
     for name, n in rows.items():
         boxes[name] = Box(x=x, y=y, width=columns, height=n)
@@ -207,11 +215,11 @@ def _large(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
     x, columns = left + 1, all_.width - left - 1
     each, orbit_rows = round(rows * 0.15), max(round(rows * 0.23), ORBIT_ROWS)
     plots: dict[Name, int] = {"confidence": each, "east": each, "north": each}
-    y = _stacked(
-        boxes,
-        Box(x=x, y=all_.y, width=columns, height=rows),
-        {**plots, "nis": max(round(rows * 0.12), 4), "orbit": orbit_rows},
-    )
+    plots["nis"] = max(round(rows * 0.12), 4)
+    # The log keeps two lines, the times of the plots come after that.
+    plots["axis"] = 1 if rows - sum(plots.values()) - orbit_rows > LEAST_LOG_ROWS else 0
+    plots["orbit"] = orbit_rows
+    y = _stacked(boxes, Box(x=x, y=all_.y, width=columns, height=rows), plots)
     _put(boxes, "log", Box(x=x, y=y, width=columns, height=all_.y + rows - y))
     _put(boxes, "facts", Box(x=0, y=all_.y + rows, width=all_.width, height=facts_rows))
 
@@ -222,7 +230,8 @@ def _three_columns(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
     middle = int((all_.width - left - 2) * 0.5)
     each, orbit_rows = round(all_.height * 0.21), round(all_.height * 0.25)
     plots: dict[Name, int] = {"confidence": each, "east": each, "north": each}
-    plots["nis"] = all_.height - sum(plots.values()) - orbit_rows
+    plots["nis"] = all_.height - sum(plots.values()) - orbit_rows - 1
+    plots["axis"] = 1
     plots["orbit"] = orbit_rows
     _stacked(boxes, Box(x=left + 1, y=all_.y, width=middle, height=all_.height), plots)
     x = left + middle + 2

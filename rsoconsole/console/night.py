@@ -60,6 +60,17 @@ class FrameRow:
     nis: float | None = None
     fwhm_px: float | None = None
     """Of its stars."""
+    star_count: int | None = None
+    background_adu: float | None = None
+    zero_point_mag: float | None = None
+    t_utc_ns: int | None = None
+    """When it began."""
+    mount_icrs_deg: tuple[float, float] | None = None
+    """Where the mount said it looked."""
+    plate_icrs_deg: tuple[float, float] | None = None
+    """Where its stars say that."""
+    rotation_deg: float | None = None
+    """Of its plate."""
     is_solved: bool | None = None
     """Whether its stars gave its place; None while that is not known."""
 
@@ -376,7 +387,11 @@ class Night:
         ra, dec = record.pointing_ra_icrs_deg, record.pointing_dec_icrs_deg
         if ra is not None and dec is not None:
             self._look(record.t_start_utc_ns or t_utc_ns, ra, dec)
-        self._rows[record.frame_id] = FrameRow(frame_id=record.frame_id)
+        self._rows[record.frame_id] = FrameRow(
+            frame_id=record.frame_id,
+            t_utc_ns=record.t_start_utc_ns or t_utc_ns,
+            mount_icrs_deg=None if ra is None or dec is None else (ra, dec),
+        )
         self._details[record.frame_id] = FrameDetail(taken=record)
         while len(self._details) > FRAMES_IN_DETAIL:
             del self._details[next(iter(self._details))]
@@ -393,6 +408,9 @@ class Night:
             is_reduced=True,
             refused=refused,
             fwhm_px=record.star_fwhm_px,
+            star_count=record.star_count,
+            background_adu=record.background_adu,
+            zero_point_mag=record.zero_point_mag,
         )
         self._detail(record.frame_id, detections=record)
 
@@ -400,7 +418,12 @@ class Night:
         taken = self.detail(record.frame_id).taken
         t_ns = taken.t_start_utc_ns if taken is not None else None
         self._look(t_ns or t_utc_ns, record.ra_icrs_deg, record.dec_icrs_deg)
-        self._change(record.frame_id, is_solved=True)
+        self._change(
+            record.frame_id,
+            is_solved=True,
+            plate_icrs_deg=(record.ra_icrs_deg, record.dec_icrs_deg),
+            rotation_deg=record.rotation_deg,
+        )
         self._detail(record.frame_id, solution=record)
 
     def _not_solved(self, record: NotSolved, _t_utc_ns: int) -> None:

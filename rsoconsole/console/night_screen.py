@@ -9,9 +9,10 @@ from textual import events
 from textual.app import ComposeResult
 
 from rsoconsole.config import SessionConfig
-from rsoconsole.console import panels, words
+from rsoconsole.console import words
 from rsoconsole.console.ask import LineDialog
 from rsoconsole.console.commands import BY_NAME
+from rsoconsole.console.curve_actions import CurveActions
 from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.fold import (
     MOST_ALERT_ROWS,
@@ -36,7 +37,6 @@ from rsoconsole.console.picture import STRETCHES, Drawing, Picture, fitted_cells
 from rsoconsole.console.plot import Line
 from rsoconsole.console.sky_view import sky_lines
 from rsoconsole.console.tune import TunePane
-from rsoconsole.console.tune_actions import TuneActions
 from rsoconsole.console.verdicts import VerdictsDialog
 from rsoconsole.control.stop import StopNews
 
@@ -45,12 +45,12 @@ SEEN_COLUMNS = 3.0
 """A streak that is shorter in the field is a dot among stars there."""
 
 
-class NightScreen(TuneActions):
+class NightScreen(CurveActions):
     """Shows a night as it is at one instant; which one, and what may be done, its heirs say."""
 
     PANES: ClassVar[tuple[Name, ...]] = (
         *("top", "alert", "frame", "closeup", "confidence", "east"),
-        *("north", "nis", "facts", "sky", "log", "keys"),
+        *("north", "axis", "nis", "facts", "sky", "log", "keys"),
     )
     LOG: ClassVar[type[LogPane]] = LogPane
     AUTO_FOCUS = None
@@ -59,7 +59,8 @@ class NightScreen(TuneActions):
     NightScreen > LinesPane, NightScreen > FramePane, NightScreen > LogPane { position: absolute; }
     NightScreen > #alert { background: $error; color: $text; text-style: bold; text-wrap: wrap; }
     NightScreen > #alert.-calm { background: $panel; text-style: none; }
-    NightScreen > #tune, NightScreen > #orbit { layer: over; }
+    NightScreen > #tune, NightScreen > #orbit, NightScreen > #curves { layer: over; }
+    NightScreen > #curves { background: $surface; }
     NightScreen > #orbit.-open { background: $surface; }
     NightScreen > #top { background: $panel; }
     NightScreen > #keys { background: $panel; layer: over; }
@@ -78,6 +79,7 @@ class NightScreen(TuneActions):
         self._sight: int | None = None
         """Of SIGHTS, as chosen; None: the field, or the close-up where that shows no streak."""
         self._stretch = 0
+        self.on_plots_made()
 
     def compose(self) -> ComposeResult:
         """Every pane; where each lies depends on the terminal."""
@@ -85,10 +87,11 @@ class NightScreen(TuneActions):
         yield LinesPane(id="alert")
         yield FramePane(self.picture_words, id="frame")
         yield FramePane(self.picture_words, id="closeup")
-        for name in ("confidence", "east", "north", "nis", "facts", "sky"):
+        for name in ("confidence", "east", "north", "axis", "nis", "facts", "sky"):
             yield LinesPane(id=name)
         yield self.LOG(id="log")
         yield LinesPane(id="orbit")
+        yield LinesPane(id="curves")
         yield TunePane(id="tune")
         yield LinesPane(id="keys")
         yield StopBanner(id="stop")
@@ -131,12 +134,8 @@ class NightScreen(TuneActions):
 
     def show_night(self) -> None:
         """What the record says."""
-        night = self.night
         self.show_picture()
-        self.pane("confidence").show(partial(panels.confidence_lines, night))
-        self.pane("east").show(partial(panels.residual_lines, night, "east"))
-        self.pane("north").show(partial(panels.residual_lines, night, "north"))
-        self.pane("nis").show(partial(panels.nis_lines, night))
+        self.show_plots()
         self.show_log()
         self.show_tuning()
 
@@ -291,6 +290,11 @@ class NightScreen(TuneActions):
                 widget.styles.width, widget.styles.height = box.width, box.height
         self._place_keys()
         self._place_orbit(boxes.get("orbit"), alert_rows)
+        self.place_curves(
+            alert_rows=alert_rows,
+            timeline_rows=self.timeline_rows(height),
+            aspect=self.aspect_of(self.picture),
+        )
         tune = self.query_one("#tune", TunePane)
         has_own = has_tune_of_its_own(width, height)
         tune.display = (self.is_tune_open or has_own) and not self.is_log_open
@@ -332,14 +336,15 @@ class NightScreen(TuneActions):
         _ = height
         return 0
 
+    def covers_plots(self) -> bool:
+        """The log, an open orbit and a tuning pane without a place of its own do."""
+        has_own = has_tune_of_its_own(*self.size)
+        return self.is_log_open or self.is_orbit_open or (self.is_tune_open and not has_own)
+
     @staticmethod
     def aspect_of(picture: Picture | None) -> float:
         """Of the camera's frames: width over height."""
         return picture.aspect if picture is not None else DEFAULT_ASPECT
-
-    def pane(self, name: str) -> LinesPane:
-        """The pane of that name."""
-        return self.query_one(f"#{name}", LinesPane)
 
     # -- keys that only look ------------------------------------------------------------------
 
@@ -430,13 +435,15 @@ class NightScreen(TuneActions):
         super().action_tune()
 
     def action_put_away(self) -> None:
-        """The log first, then what came of a STOP, then the orbit, then a notice."""
+        """The log first, what came of a STOP, the orbit, a page of curves, then a notice."""
         if self.is_log_open:
             self.action_log()
         elif self.stop_news is not None and self.stop_news.phase in {"stopped", "failed"}:
             self.show_stop(None)
         elif self.is_orbit_open:
             self.action_orbit()
+        elif self.page is not None:
+            self.show_page(None)
         else:
             self.say("")
 

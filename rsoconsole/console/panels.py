@@ -21,6 +21,8 @@ from rsoconsole.console.words import arcsec_text, clipped, short, unsigned_text
 from rsoconsole.tracking.adaptive import summary_words
 from rsoconsole.tracking.consistency import NIS_BAND, WINDOW, consistency
 
+Rows = Sequence[FrameRow] | None
+"""What a plot shows, one row a mark; None: the night's frames."""
 MISS = "○"
 STRIP_LABEL_COLUMNS = 22
 NIS_FRAMES = 10
@@ -28,9 +30,9 @@ AXES = {"east": 0, "north": 1}
 AXIS_NAMES = {"east": "RA·cosδ", "north": "δ"}
 
 
-def confidence_lines(night: NightView, width: int, height: int) -> list[Line]:
+def confidence_lines(night: NightView, width: int, height: int, *, rows: Rows = None) -> list[Line]:
     """Each frame's best detection, misses at 0 under their own sign, tau as a line."""
-    columns = [_confidence_column(row) for row in _shown(night, width)]
+    columns = [_confidence_column(row) for row in _shown(night, width, rows)]
     last = next((row for row in reversed(night.rows) if row.is_reduced), None)
     now = _confidence_words(last)
     if height <= 1:
@@ -40,9 +42,11 @@ def confidence_lines(night: NightView, width: int, height: int) -> list[Line]:
     return [title, *confidence_plot(columns, night.tau, width, height - 1)]
 
 
-def residual_lines(night: NightView, axis: str, width: int, height: int) -> list[Line]:
+def residual_lines(
+    night: NightView, axis: str, width: int, height: int, *, rows: Rows = None
+) -> list[Line]:
     """Measured minus predicted on one axis, in 3-sigma bounds; coasted frames on zero."""
-    columns = [_column(row, AXES[axis]) for row in _shown(night, width)]
+    columns = [_column(row, AXES[axis]) for row in _shown(night, width, rows)]
     name = AXIS_NAMES[axis]
     last = next((c for c in reversed(columns) if c.bound is not None), None)
     value = "" if last is None or last.value is None else arcsec_text(last.value)
@@ -59,7 +63,7 @@ def residual_lines(night: NightView, axis: str, width: int, height: int) -> list
     ]
 
 
-def nis_lines(night: NightView, width: int, height: int) -> list[Line]:
+def nis_lines(night: NightView, width: int, height: int, *, rows: Rows = None) -> list[Line]:
     """The normalised innovation squared of the last frames against its band."""
     newest_first = (row for row in reversed(night.rows) if row.nis is not None)
     judged_rows = list(itertools.islice(newest_first, WINDOW))[::-1]
@@ -67,7 +71,7 @@ def nis_lines(night: NightView, width: int, height: int) -> list[Line]:
     if not values:
         return [rule("NIS: no update yet", "", width)]
     judged = consistency(values, [r.residual_arcsec for r in judged_rows if r.residual_arcsec])
-    frames = frames_words(night.rows, width)
+    frames = frames_words(night.rows if rows is None else rows, width)
     mean = f"NIS {judged.mean:.1f} of 2"
     if height <= 1:
         spark = sparkline(values[-NIS_FRAMES:], 12.0, NIS_FRAMES)
@@ -80,7 +84,7 @@ def nis_lines(night: NightView, width: int, height: int) -> list[Line]:
         return [rule(f"{mean} {spark} {words[judged.verdict]}", frames, width)]
     columns = [
         Column(value=row.nis, mark=MISS if row.miss is not None and row.sigma_arcsec else "")
-        for row in _shown(night, width)
+        for row in _shown(night, width, rows)
     ]
     band = f"95% {NIS_BAND[0]:.2f}-{NIS_BAND[1]:.1f}"
     title = rule(f"{mean} · {frames}", band, width)
@@ -91,9 +95,9 @@ def nis_lines(night: NightView, width: int, height: int) -> list[Line]:
     return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]
 
 
-def _shown(night: NightView, width: int) -> tuple[FrameRow, ...]:
+def _shown(night: NightView, width: int, rows: Rows) -> Sequence[FrameRow]:
     """The last rows, one a column: no plot has room for more."""
-    return night.rows[-max(width, 1) :]
+    return (night.rows if rows is None else rows)[-max(width, 1) :]
 
 
 def frames_words(rows: Sequence[FrameRow], width: int) -> str:

@@ -144,6 +144,29 @@ def nis_plot(
     return [_with_axis(labels.get(row, ""), canvas.line(row)) for row in range(rows)]
 
 
+def value_plot(values: Sequence[float | None], width: int, rows: int) -> list[Line]:
+    """Values as fat dots between their own bounds; a gap where there is none.
+
+    The axis spans all but the outermost fortieth on each side: beyond it an arrow stands.
+    """
+    shown = list(values)[-max(width - AXIS_COLUMNS, 0) :]
+    known = sorted(value for value in shown if value is not None)
+    if not known or rows < 1:
+        return [_with_axis("", [(" " * max(width - AXIS_COLUMNS, 0), "")]) for _ in range(rows)]
+    beyond = len(known) // 40
+    low, high = known[beyond], known[-1 - beyond]
+    least = max(0.02 * abs(high), 1e-9)
+    if high - low < least:
+        low, high = low - 0.5 * least, high + 0.5 * least
+    canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, low, high)
+    columns = [Column(value=value) for value in shown]
+    for at, _, what in _placed(canvas, columns):
+        if what.value is not None:
+            canvas.point(at, what.value, "good")
+    labels = {0: _figure(high), rows - 1: _figure(low)} if rows > 1 else {}
+    return [_with_axis(labels.get(row, ""), canvas.line(row)) for row in range(rows)]
+
+
 def residual_strip(columns: Sequence[Column], width: int) -> Line:
     """The same in one row, without bounds."""
     shown = list(columns)[-max(width, 0) :]
@@ -209,9 +232,14 @@ def _draw_confidences(canvas: Canvas, shown: Sequence[Column], tau: float) -> No
 
 def _placed(canvas: Canvas, shown: Sequence[Column]) -> list[tuple[int, int, Column]]:
     """(column, cells to the next, exposure); a young night is spread out."""
-    cells = max(1, min(MAX_SPREAD, canvas.columns // max(len(shown), 1)))
+    cells = cells_a_frame(canvas.columns, len(shown))
     start = canvas.columns - len(shown) * cells
     return [(start + n * cells, cells, what) for n, what in enumerate(shown)]
+
+
+def cells_a_frame(columns: int, frames: int) -> int:
+    """How many cells one frame takes among so many in a plot."""
+    return max(1, min(MAX_SPREAD, columns // max(frames, 1)))
 
 
 def _with_axis(label: str, line: Line) -> Line:
@@ -231,4 +259,4 @@ def _round_up(value: float) -> float:
 
 
 def _figure(value: float) -> str:
-    return f"{value:.3g}"
+    return f"{value:.0f}" if 1000 <= abs(value) < 100_000 else f"{value:.3g}"

@@ -218,7 +218,7 @@ class SessionListDialog(Dialog[Path | None]):
         """Look for them on a thread: a slow disk keeps nobody."""
         self.query_one(Input).focus()
         self._show()
-        tell = _teller(self.app.call_from_thread, self.post_message)
+        tell = teller(self.app.call_from_thread, self.post_message)
         work = lambda: self._look(tell)  # noqa: E731 -- it is given to a thread
         threading.Thread(target=work, name="console-sessions", daemon=True).start()
 
@@ -315,9 +315,11 @@ class SessionListDialog(Dialog[Path | None]):
         )
 
 
-def _teller(
+def teller(
     call: Callable[..., object], post: Callable[[Message], object]
 ) -> Callable[[Message], None]:
+    """Posts messages from another thread, as long as the console is there."""
+
     def tell(message: Message) -> None:
         with contextlib.suppress(RuntimeError):  # the console has been left meanwhile
             call(post, message)

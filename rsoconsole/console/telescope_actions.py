@@ -15,6 +15,7 @@ from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs import ConfirmDialog
 from rsoconsole.console.messages import OutcomeCame
 from rsoconsole.console.second_press import CarefulSeat, has_track
+from rsoconsole.console.up_list import UpListDialog
 from rsoconsole.control.commands import (
     Arm,
     Disarm,
@@ -154,6 +155,10 @@ class TelescopeActions(CarefulSeat):
 
     def action_goto(self) -> None:
         """Ask where to; nothing moves before the way has been shown."""
+        self._ask_where("")
+
+    def _ask_where(self, begun: str) -> None:
+        """``begun``: what stands in the field already."""
         if not self.may_act():
             return
 
@@ -161,8 +166,17 @@ class TelescopeActions(CarefulSeat):
             if direction is not None:
                 self.send(Goto(ra_icrs_deg=direction[0], dec_icrs_deg=direction[1]))
 
-        dialog = GotoDialog(self.night.config, self._now_utc_ns, self.orders)
+        dialog = GotoDialog(self.night.config, self._now_utc_ns, self.orders, begun)
         self.app.push_screen(dialog, decided)
+
+    def action_up_now(self) -> None:
+        """The satellites above the limit; the chosen one is planned as any go-to is."""
+
+        def decided(number: str | None) -> None:
+            if number is not None:
+                self._ask_where(number)
+
+        self.app.push_screen(UpListDialog(self.night.config, self._now_utc_ns), decided)
 
     def _now_utc_ns(self) -> int:
         """The frame clock."""

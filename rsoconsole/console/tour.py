@@ -87,10 +87,13 @@ def tour_pages(keymap: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
         (
             "the keys that matter",
             f"  {key('goto'):<6} go to: coordinates, a satellite, a star; shows the way first\n"
+            f"  {key('up_now'):<6} what is up now: satellites by name; enter plans the way\n"
             f"  {key('hold_or_resume'):<6} hold: no slews; once more: give the mount back\n"
             f"  {key('mark'):<6} mark a streak by hand\n"
             f"  {key('tune'):<6} tune the filter; its effect is shown before you apply it\n"
             f"  {key('orbit'):<6} the orbit and the name\n"
+            f"  {key('night_curves'):<6} the night's curves: sharpness, sky, stars;"
+            f" {key('focus_help')} focus; {key('alignment')} drift\n"
             f"  {key('log'):<6} the log      {key('note'):<4} a note\n"
             f"  {key('sessions'):<6} recorded nights, and this one from its beginning\n"
             f"  {key('help'):<6} every key, and what the terms mean",

@@ -13,6 +13,7 @@ from rsoconsole.pipeline.calibration import Calibration
 from rsoconsole.pipeline.cautions import Caution, cautions
 from rsoconsole.pipeline.fixed_light import Comparison, FixedLight
 from rsoconsole.pipeline.measure import measured
+from rsoconsole.pipeline.zero_point import ZeroPoint
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Detections, Frame, Measurement, NotSolved, Solution
@@ -77,6 +78,7 @@ class FrameReducer:
         self._detector = StreakDetector(network, config.detector, curve, self._memory)
         self._plate = plate
         self._comparison = comparison or FixedLight()
+        self._zero_point = ZeroPoint()
         self._config = config
         self._calibration = calibration or Calibration(config)
 
@@ -130,6 +132,8 @@ class FrameReducer:
                 star_count=star_count,
                 star_fwhm_px=fwhm_px,
                 star_flux_adu=typical_flux_adu(analysis.stars),
+                background_adu=float(np.median(analysis.background.level)),
+                zero_point_mag=self._zero_point.of(even, analysis.stars, solution),
             ),
             solution=solution,
             measurements=measurements,

@@ -1,0 +1,89 @@
+"""Which frames the plots show: how far back, how many to a mark, and the times under them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from rsoconsole.console.night import FrameRow
+from rsoconsole.console.plot import AXIS_COLUMNS, Line, cells_a_frame
+from rsoconsole.console.words import clipped, clock_text
+
+MOST_FRAMES_A_MARK = 64
+LABEL_COLUMNS = 12
+"""From one time to the next, at least."""
+LIVE_STEP = 12
+"""Marks that one key goes back or on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlotWindow:
+    """A piece of the night; the newest frames, one to a mark, to begin with."""
+
+    back: int = 0
+    """Frames after it that are not shown."""
+    frames_a_mark: int = 1
+
+    @property
+    def is_newest(self) -> bool:
+        """Whether it goes on with the night."""
+        return self.back == 0
+
+    def moved(self, marks: int, count: int) -> "PlotWindow":
+        """So many marks on (negative: back), in a night of so many frames."""
+        back = self.back - marks * self.frames_a_mark
+        return replace(self, back=min(max(back, 0), max(count - 1, 0)))
+
+    def zoomed(self, factor: float) -> "PlotWindow":
+        """With so many times the frames to a mark: 2 or 0.5."""
+        frames = min(max(round(self.frames_a_mark * factor), 1), MOST_FRAMES_A_MARK)
+        return replace(self, frames_a_mark=frames)
+
+    def rows(self, rows: Sequence[FrameRow]) -> tuple[FrameRow, ...]:
+        """One row a mark, oldest first; of several frames that with the worst fit."""
+        seen = rows[: len(rows) - self.back] if self.back else rows
+        n = self.frames_a_mark
+        if n == 1:
+            return tuple(seen)
+        # Counted from the night's beginning, so that a mark keeps its frames as the night goes on.
+        return tuple(max(seen[at : at + n], key=_misfit) for at in range(0, len(seen), n))
+
+    def words(self, rows: Sequence[FrameRow]) -> str:
+        """What is shown, where that is not the newest frame by frame; else empty."""
+        parts = []
+        if self.frames_a_mark > 1:
+            parts.append(f"a mark is {self.frames_a_mark} frames, the worst shown")
+        if self.back:
+            last = rows[len(rows) - 1 - self.back] if len(rows) > self.back else None
+            if last is not None:
+                parts.append(f"to frame {last.frame_id:04d}, {clock_text(last.t_utc_ns)[:5]}Z")
+        return " · ".join(parts)
+
+
+def axis_lines(shown: Sequence[FrameRow], width: int, height: int, words: str = "") -> list[Line]:
+    """The times of the frames under their marks; ``words`` stand first where there are any."""
+    if height < 1:
+        return []
+    room = max(width - AXIS_COLUMNS, 0)
+    visible = list(shown)[-room:] if room else []
+    cells = cells_a_frame(room, len(visible))
+    start = room - len(visible) * cells
+    line = [" "] * room
+    free = 0
+    for number, row in enumerate(visible):
+        at = start + number * cells
+        label = f"╵{clock_text(row.t_utc_ns)[:5]}"
+        if row.t_utc_ns and at >= free and at + len(label) <= room:
+            line[at : at + len(label)] = label
+            free = at + LABEL_COLUMNS
+    text = " " * AXIS_COLUMNS + "".join(line)
+    if words:
+        text = f"{words}  {text[len(words) + 2 :]}" if len(words) + 2 < width else words
+    return [clipped([(text, "dim")], width)]
+
+
+def _misfit(row: FrameRow) -> tuple[int, float]:
+    """What was measured before what was missed, and of that the largest residual over its sigma."""
+    if row.residual_arcsec is None or row.sigma_arcsec is None:
+        return (1 if row.miss is not None else 0), 0.0
+    pairs = zip(row.residual_arcsec, row.sigma_arcsec, strict=True)
+    return 2, max(abs(value) / sigma if sigma > 0.0 else math.inf for value, sigma in pairs)
