@@ -70,6 +70,8 @@ _DROPPED: dict[DroppedBy, str] = {
     "engine ended": "dropped: the engine ends",
 }
 
+STOP_PATHS = {"mount": "the mount's own process", "indi": "a second INDI connection"}
+"""The ways by which a STOP reaches the mount."""
 _SLEW_REFUSED: dict[SlewRefusalKind, str] = {
     "altitude": "altitude {value:.1f} deg is {by} below the limit of {bound:.1f}{later}",
     "horizon": (
@@ -157,22 +159,26 @@ def _result(result: CommandResult) -> str:  # noqa: PLR0911 -- one case a kind
         case "ruled":
             return f"frame {result.frame_id}: {ruled_text(result)}"
         case "stopped":
-            return (
-                f"stopped in {result.stop_ms or 0.0:.0f} ms by {result.stop_path}{_ordered(result)}"
-            )
+            return stopped_text(result.stop_ms or 0.0, result.stop_path, result.stop_ordered_ms)
         case "refused":
             return f"refused: {result.detail}"
         case "dropped":
             return _DROPPED[result.dropped_by or "STOP"]
         case "failed":
-            return f"NOT confirmed: {result.detail}{_ordered(result)}"
+            return f"NOT confirmed: {result.detail}{_ordered(result.stop_ordered_ms)}"
         case _:
             assert_never(result.kind)
 
 
-def _ordered(result: CommandResult) -> str:
+def stopped_text(ms: float, path: str, ordered_ms: float | None) -> str:
+    """A confirmed STOP, in the same words everywhere."""
+    way = STOP_PATHS.get(path, path)
+    return f"motion ended, confirmed in {ms:.0f} ms by {way}{_ordered(ordered_ms)}"
+
+
+def _ordered(ordered_ms: float | None) -> str:
     """When a STOP was ordered; what came of it is another thing."""
-    return "" if result.stop_ordered_ms is None else f"; ordered in {result.stop_ordered_ms:.0f} ms"
+    return "" if ordered_ms is None else f"; ordered in {ordered_ms:.0f} ms"
 
 
 def ruled_text(result: CommandResult) -> str:
@@ -282,7 +288,8 @@ def _track_lost(lost: TrackLost) -> str:
 def _cause(reason: Cause) -> str:  # noqa: PLR0911, PLR0912 -- one case a kind
     match reason.kind:
         case "armed" | "disarmed" | "STOP" | "resumed" | "looked for again":
-            return f"{reason.kind} by {reason.by}"
+            said = f": {reason.detail}" if reason.detail else ""
+            return f"{reason.kind} by {reason.by}{said}"
         case "moved by hand":
             return f"{reason.by} moves the mount"
         case "limit met":

@@ -263,7 +263,8 @@ def test_without_an_engine_the_configured_mount_is_stopped(direct, home):
     run = rsoconsole("stop")
     assert run.exit_code == 0
     assert direct == [("dome", 7000, "EQMod Mount")]
-    assert "path indi" in run.stdout
+    assert run.stdout.startswith("STOP motion ended, confirmed in ")
+    assert "by a connection past the engine (a second INDI connection)" in run.stdout
 
 
 @pytest.mark.parametrize("text", ["not TOML", "[detector]\ntau = 7\n", "[nonsense]\n"])

@@ -23,7 +23,8 @@ from rsoconsole.console.engine_view import engine_view
 from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.fold import banner_box, fold
 from rsoconsole.console.key_line import key_line, keys_for
-from rsoconsole.console.log_lines import LogLine, append_line, line_of
+from rsoconsole.console.log_lines import LogLine, line_of
+from rsoconsole.console.log_merging import append_line
 from rsoconsole.console.log_pane import LogPane, log_rows
 from rsoconsole.console.night import Night, NightView
 from rsoconsole.console.panes import FramePane
@@ -544,11 +545,12 @@ def test_a_notice_stands_over_the_keys_and_eats_none(wire: FakeWire) -> None:
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: "a Disarm" in pane(app, "keys"))
         keys = pane(app, "keys")
-        await pilot.press("z")
-        await until(pilot, lambda: pane(app, "keys") == f" picture: close-up\n{keys}")
-        await pilot.press("z")
+        await pilot.press("f")
+        await until(pilot, lambda: pane(app, "keys") == f" stretch: asinh\n{keys}")
+        await pilot.press("f")
+        await until(pilot, lambda: "stretch: linear" in pane(app, "keys"))
         rows = screen_text(app).splitlines()
-        assert rows[-2].startswith(" picture: full resolution")
+        assert rows[-2].startswith(" stretch: linear")
         assert rows[-1] == keys.rstrip()
         await pilot.press("escape")
         await until(pilot, lambda: pane(app, "keys") == keys)

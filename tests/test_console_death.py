@@ -154,7 +154,7 @@ def test_an_engine_at_another_place_is_asked_stopped_and_ended_by_its_socket(bes
     at = ["--socket", str(beside)]
     with Idler(default_socket_path()).server, other.server:
         assert "frame 7" in CliRunner().invoke(app, ["status", *at]).output
-        assert "path mount" in CliRunner().invoke(app, ["stop", *at]).output
+        assert "by the mount's own process" in CliRunner().invoke(app, ["stop", *at]).output
         other.stops = False
         assert CliRunner().invoke(app, ["stop", *at]).exit_code != 0
         assert CliRunner().invoke(app, ["quit", *at]).exit_code == 0

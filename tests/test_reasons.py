@@ -491,7 +491,6 @@ def test_what_no_version_has_written_stays_as_it_was() -> None:
         ("frame 9: taken by the operator's hand, 1 left alone", "ruled"),
         ("frame 12: taken", "ruled"),
         ("frame 13: rejected", "ruled"),
-        ("stopped in 12 ms by mount", "stopped"),
         ("NOT confirmed: no answer; no server", "failed"),
         ("refused: altitude 3.0 deg, 20 at least", "refused"),
         ("dropped by STOP", "dropped"),
@@ -503,6 +502,13 @@ def test_what_no_version_has_written_stays_as_it_was() -> None:
 def test_an_old_outcome_becomes_a_kind_that_says_the_same(words: str, kind: str) -> None:
     result = old_reasons.result(words)
     assert (result.kind, reason_text.text(result)) == (kind, words)
+
+
+def test_an_old_stop_is_told_in_today_s_words() -> None:
+    result = old_reasons.result("stopped in 12 ms by mount")
+    assert (result.kind, result.stop_path) == ("stopped", "mount")
+    said = "motion ended, confirmed in 12 ms by the mount's own process"
+    assert reason_text.text(result) == said
 
 
 @pytest.mark.parametrize(

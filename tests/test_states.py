@@ -210,3 +210,14 @@ def test_the_holder_is_named():
 def test_what_is_unknown_is_an_error_and_no_silence():
     with pytest.raises(TypeError, match="str"):
         step(Charge(), "dance")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("state", ALL)
+def test_a_stop_that_is_not_confirmed_is_a_fault_and_moves_nothing(state):
+    unsure = step(charge_in(state), Stopped(by=YOU, is_confirmed=False))
+    assert (unsure.charge.state, unsure.actions) == ("FAULT", ("abort",))
+    assert "NOT CONFIRMED" in text(unsure.reason)
+    # Nobody parks behind the back of whoever has stopped it.
+    assert step(unsure.charge, NightEnded(words="rain", parks=True)).charge.state == "FAULT"
+    assert step(unsure.charge, Stopped(by=YOU)).charge.state == "IDLE"
+    assert step(unsure.charge, Armed(by=YOU)).charge.is_responsible

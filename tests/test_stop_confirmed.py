@@ -107,7 +107,9 @@ def test_stop_is_answered_when_the_mount_stands_and_not_when_tracking_is_settled
     # Until tracking is settled the loop gives no order.
     assert r.queue.is_stopping
     (action,) = r.memory.of(OperatorAction)
-    assert text(action.outcome) == "stopped in 40 ms by mount; ordered in 12 ms"
+    assert text(action.outcome) == (
+        "motion ended, confirmed in 40 ms by the mount's own process; ordered in 12 ms"
+    )
     mount.is_settled.set()
     last = desk.status().last_stop
     assert last is not None

@@ -1,7 +1,6 @@
 """Verbs for the telescope's engine: run it, ask it, tell it what is wanted, stop it."""
 
 import logging
-import math
 from typing import Annotated
 
 import typer
@@ -71,6 +70,7 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
     Example: rsoconsole status --json
     """
     from rsoconsole.control import ControlClient, Machine, Sender, read_status
+    from rsoconsole.control.mount_words import mount_words
 
     outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
     if not outcome.ok:
@@ -81,17 +81,26 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
     told = read_status(outcome.data)
     held = " HELD" if told.is_held else ""
     words = [f"{told.state}{held}", f"{told.holder} has the mount", f"frame {told.frame_id}"]
+    if told.target:
+        words.append(f"follows {told.target}")
+    if told.kept:
+        way = "" if told.is_resumable else "'rsoconsole arm', then "
+        words.append(f"{told.kept} kept: {way}'rsoconsole resume' follows it again")
     if told.ra_icrs_deg is not None and told.dec_icrs_deg is not None:
         words.append(output.direction_text(told.ra_icrs_deg, told.dec_icrs_deg))
     if told.alt_deg is not None and told.az_deg is not None:
         words.append(f"alt {told.alt_deg:.1f} az {told.az_deg:.1f}")
+    words.extend(mount_words(told))
     machine = told.machine or Machine()
     if machine.cpu_temperature_c is not None:
         words.append(f"CPU {machine.cpu_temperature_c:.0f} °C")
     words.extend(f"MACHINE {trouble}" for trouble in machine.troubles)
-    if told.last_stop is not None and not told.last_stop.is_confirmed:
-        words.append(f"STOP {told.last_stop.text}")
+    last = told.last_stop
+    if last is not None and not (last.is_confirmed or last.is_over):
+        words.append(f"STOP {last.text}")
     words.extend(f"FAULT {fault}" for fault in told.faults)
+    if told.state == "FAULT" and not told.faults:
+        words.append("the cause of the fault is over: 'rsoconsole arm' goes on")
     output.say(" · ".join(words))
 
 
@@ -129,10 +138,7 @@ def stop(
         }
         output.emit_json(answer)
     else:
-        ordered = ended.ordered_ms
-        told = "" if ordered is None else f"; ordered in {math.ceil(ordered)} ms"
-        ending = "stopped, confirmed" if is_stopped else "NOT confirmed stopped"
-        output.say(f"{ending} in {math.ceil(ms)} ms, path {ended.path}{told}")
+        output.say(f"STOP {ended.text}")
     if not is_stopped:
         where = "" if socket is None else f"at {socket}: "
         raise InstrumentError(

@@ -22,6 +22,7 @@ from rsoconsole.console.words import (
     unsigned_text,
 )
 from rsoconsole.control import Health
+from rsoconsole.control.mount_words import is_silent, motion_words, mount_words
 from rsoconsole.sky.angles import format_dec, format_ra
 
 if TYPE_CHECKING:
@@ -59,12 +60,14 @@ def fact_lines(
 ) -> list[Line]:
     """What there is room for, most important first."""
     place, motion = _place_items(night, engine), _motion_items(night)
+    mount = _mount_items(engine)
     schedule, cycle = _schedule_items(engine), _cycle_items(night, engine)
     ahead = _ahead_items(outlook, present_utc_ns(night, engine))
     health = _health_items(night, engine)
     if rows >= BLOCKS_ROWS:
         titled = {
             "where": place,
+            "mount": mount,
             "motion": motion,
             "next": [*schedule, *ahead],
             "limits": _margin_items(outlook),
@@ -76,9 +79,10 @@ def fact_lines(
         margins = _margin_items(outlook)
         if margins:
             margins[0] = (f"limits: {margins[0][0]}", margins[0][1])
+        is_mounts = bool(mount) and place[0] == mount[0]
         groups = [
             [*place, *margins],
-            [*motion, *schedule],
+            [*motion, *schedule, *([] if is_mounts else mount)],
             ahead or _margin_items(outlook),
             cycle,
             health,
@@ -97,6 +101,10 @@ def _place_items(night: NightView, engine: EngineView) -> list[Item]:
     word, age = "", ""
     if ra is None and night.track is not None:
         ra, dec = night.track.x[0] % 360.0, night.track.x[2]
+    limit = _limit_item(engine.next_limit)
+    if ra is None and (mount := _mount_items(engine)):
+        # Nothing is followed: where the telescope really looks, by the mount's own word.
+        return [*mount, *limit]
     if ra is None and night.pointing is not None:
         pointing = night.pointing
         word = "sent to " if pointing.is_ordered else "pointing "
@@ -114,7 +122,15 @@ def _place_items(night: NightView, engine: EngineView) -> list[Item]:
     if engine.pier_side in {"east", "west"}:
         items.append(f"{engine.pier_side} of the pier")
     plain: list[Item] = [(item, "") for item in (*items, age) if item]
-    return [*plain, *_limit_item(engine.next_limit)]
+    return [*plain, *limit]
+
+
+def _mount_items(engine: EngineView) -> list[Item]:
+    """Where the mount stands and what it does, by its own word; an old one is said loudly."""
+    if not engine.is_attached:
+        return []
+    ink: Ink = "warn" if is_silent(engine) else ""
+    return [(words, ink) for words in mount_words(engine)]
 
 
 def _limit_item(next_limit: str | None) -> list[Item]:
@@ -154,7 +170,7 @@ def _schedule_items(engine: EngineView) -> list[Item]:
     if engine.exposing_until_utc_ns is not None:
         left_s = max((engine.exposing_until_utc_ns - now) / NS_PER_S, 0.0)
         return [(f"exposing, {left_s:.0f} s left", "")]
-    items: list[Item] = [("slewing", "")] if engine.is_slewing else []
+    items: list[Item] = [(motion_words(engine), "")] if engine.is_slewing else []
     if engine.next_start_utc_ns is not None:
         wait_s = max((engine.next_start_utc_ns - now) / NS_PER_S, 0.0)
         items.append((f"next exposure in {wait_s:.0f} s", ""))

@@ -49,7 +49,8 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
         has_other_shape = self.aspect_of(message.picture) != self.aspect_of(self.picture)
         if message.night.folder != self.night.folder:
             self.forget_mark()
-        self.night = message.night
+        before, self.night = self.night, message.night
+        self.see_refusals(before)
         self.take_picture(message.picture)
         if has_other_shape:
             self.place_panes()
@@ -63,6 +64,7 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
             # Whatever was said of it is done, or undone: the first line has it now.
             self.forget_notice()
         self.engine = message.engine
+        self.see_stop()
         self.show_engine()
 
     def show_engine(self) -> None:

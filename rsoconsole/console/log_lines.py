@@ -1,13 +1,14 @@
 """The log in the operator's words: one line for what happened, none for what is routine."""
 
 import re
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Literal, assert_never
 
 from rsoconsole.control import command_words, one_line
-from rsoconsole.control.commands import Note, Stop
+from rsoconsole.control.commands import Arm, Disarm, Note, Resume, Seek, Set, Stop
 from rsoconsole.reason_text import ruled_text, text
-from rsoconsole.reasons import DONE, Cause, Missed, Told
+from rsoconsole.reasons import DONE, Cause, CauseKind, CommandResult, Missed, Told
 from rsoconsole.records import (
     CatalogueMatch,
     Closeup,
@@ -36,7 +37,16 @@ from rsoconsole.streak_text import remarkable
 
 Level = Literal["info", "good", "warning", "alarm"]
 
-LOOK_BACK_LINES = 6
+OF_ALARMS: frozenset[CauseKind] = frozenset(
+    ("instrument", "not pointing", "limit met", "too many limits", "night ended", "clock set")
+)
+"""Causes that are said as an alarm before the state changes."""
+TOLD_BY_CHANGE: Mapping[str, CauseKind] = {
+    Arm.verb: "armed",
+    Disarm.verb: "disarmed",
+    Resume.verb: "resumed",
+    Seek.verb: "looked for again",
+}
 _CONSOLE = re.compile(r"\bconsole (?=\S+@)")
 
 
@@ -66,34 +76,16 @@ class LogLine:
     """True for a change of state by the operator's word, to look for it again or on a streak."""
     is_accepted: bool = False
     """True for a command that waits for its outcome."""
-
-
-def append_line(log: list[LogLine], line: LogLine) -> None:
-    """Add a line, or make one of it and the last where both say the same of one frame.
-
-    What a frame refused several times over is one line, and so are misses in a row for one
-    reason; a miss that changed the state is told by that change.
-    """
-    if log and line.missed is not None and log[-1].missed == line.missed:
-        log[-1] = replace(line, times=log[-1].times + 1)
-        return
-    last = log[-1] if log and log[-1].frame_id == line.frame_id else None
-    if last is not None and last.kind == line.kind == "NotFollowed":
-        log[-1] = replace(last, times=last.times + 1)
-    elif last is not None and (last.kind, line.kind) == ("Miss", "StateChange") and line.is_of_miss:
-        log[-1] = line
-    else:
-        if line.kind == "OperatorAction":
-            _forget_acceptance(log, line)
-        log.append(line)
-
-
-def _forget_acceptance(log: list[LogLine], line: LogLine) -> None:
-    """What came of a command says that it was accepted, too."""
-    for index in range(max(len(log) - LOOK_BACK_LINES, 0), len(log)):
-        if log[index].is_accepted and log[index].asked == line.asked:
-            del log[index]
-            return
+    is_of_alarm: bool = False
+    """True for a miss or a change of state that an alarm just before it tells."""
+    said: str = ""
+    """An event's words alone."""
+    cause: CauseKind | Literal[""] = ""
+    """Of a change of state; of a command that is done, that of the change that says it all."""
+    refused_by: str = ""
+    """Whose command was refused; empty: nobody's."""
+    setting: str = ""
+    """Which setting was changed, or wanted to be."""
 
 
 def without_console(text: str) -> str:
@@ -109,7 +101,7 @@ def line_of(record: Record, t_utc_ns: int) -> LogLine | None:
     # Control characters would reach the terminal, whoever wrote them.
     said = one_line(words[1])
     cause = record.reason if isinstance(record, StateChange) else None
-    kind = cause.kind if isinstance(cause, Cause) else ""
+    kind: CauseKind | Literal[""] = cause.kind if isinstance(cause, Cause) else ""
     frame_id = getattr(record, "frame_id", None) or None
     action = record if isinstance(record, OperatorAction) else None
     return LogLine(
@@ -124,7 +116,38 @@ def line_of(record: Record, t_utc_ns: int) -> LogLine | None:
         is_wanted=kind in {"looked for again", "operator's word"},
         asked=f"{action.by} {command_words(action.verb, action.arguments)}" if action else "",
         is_accepted=action is not None and action.outcome.kind == "accepted",
+        is_of_alarm=_is_of_alarm(record),
+        said=one_line(record.text) if isinstance(record, Event) else "",
+        cause=_told_by(action) if action else kind,
+        refused_by=action.by if action and action.outcome.kind == "refused" else "",
+        setting=_setting_of(record),
     )
+
+
+def _told_by(action: OperatorAction) -> CauseKind | Literal[""]:
+    """The cause of the change of state that says as much as the command itself."""
+    if action.outcome.kind != "done" or action.arguments.get("override"):
+        return ""
+    return TOLD_BY_CHANGE.get(action.verb, "")
+
+
+def _is_of_alarm(record: Record) -> bool:
+    match record:
+        case StateChange(reason=Cause(kind=kind)):
+            return kind in OF_ALARMS
+        case Miss(reason=Missed(kind="instrument")):
+            return True
+    return False
+
+
+def _setting_of(record: Record) -> str:
+    match record:
+        case ParameterChange():
+            return record.name
+        case OperatorAction(verb=Set.verb, outcome=CommandResult(kind="done")):
+            lent = record.arguments.get("frames")
+            return "" if lent else str(record.arguments.get("name", ""))
+    return ""
 
 
 def _words(record: Record) -> tuple[Level, str] | None:  # noqa: PLR0911 -- one case a kind

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, TypeVar, assert_never
 
 from rsoconsole.config import Config
-from rsoconsole.console.log_lines import LogLine, append_line, line_of
+from rsoconsole.console.log_lines import LogLine, line_of
+from rsoconsole.console.log_merging import append_line
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Closeup,

@@ -17,14 +17,19 @@ from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.plot import Ink
-from rsoconsole.control import Command, Outcome
+from rsoconsole.control import Command, Outcome, command_words
 from rsoconsole.control.commands import AnswerSeat, Arm, AskSeat, Shutdown
+from rsoconsole.control.mount_words import mount_words
 from rsoconsole.control.stop import StopNews
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook
 
 NOTICE_S = 4.0
+SEEN_AFTER_NS = 1_000_000_000
+REFUSAL_S = 10.0
+NEW_LINES = 20
+"""Among so many of the log's last lines a refusal is looked for."""
 BANNER_S = 15.0
 """A confirmed STOP is shown so long; one that is not confirmed stays."""
 
@@ -66,6 +71,10 @@ class Seat(Screen[None]):
         self._notice: tuple[str, Ink] = ("", "")
         self._notice_until_s = 0.0
         self._stops = 0
+        self._refused_at_once: set[str] = set()
+        """What the engine has just said no to, in a dialog."""
+        self._stopped_utc_ns: int | None = None
+        """By the engine's clock, when STOP was given here last."""
 
     # -- words --------------------------------------------------------------------------------
 
@@ -146,6 +155,8 @@ class Seat(Screen[None]):
         elif isinstance(command, Arm):
             self._ask_to_override(outcome)
         else:
+            self._refused_at_once.add(command_words(command.verb, command.arguments()))
+            self.say("")
             self.app.push_screen(MessageDialog(f"{name}: not done", outcome.message))
 
     def _ask_for_seat(self, holder: str) -> None:
@@ -193,6 +204,7 @@ class Seat(Screen[None]):
         """STOP: act first, then put away whatever is open, then say so."""
         self.orders.stop(lambda news: self.post_from_thread(StopNewsCame(news)))
         self._stops += 1
+        self._stopped_utc_ns = self.engine.now_utc_ns
         self.say("")
         while len(self.app.screen_stack) > 1 and self.app.screen is not self:
             self.app.pop_screen()
@@ -204,6 +216,33 @@ class Seat(Screen[None]):
         if message.news.phase == "stopped":
             self.set_timer(BANNER_S, partial(self._forget_stop, message.news))
         self.ask_now()
+
+    def see_refusals(self, before: NightView) -> None:
+        """What was accepted here and refused later is said once, where it was asked for."""
+        if not self.seat_name or before.folder != self.night.folder or not before.is_read:
+            return
+        for line in self.night.log[-NEW_LINES:]:
+            if line.seq <= before.seq or not line.refused_by.endswith(self.seat_name):
+                continue
+            if line.asked.removeprefix(f"{line.refused_by} ") in self._refused_at_once:
+                self._refused_at_once.clear()
+            else:
+                self.say(line.text.partition(": ")[2], "warn", REFUSAL_S)
+
+    def see_stop(self) -> None:
+        """A STOP that was not confirmed is an alarm until the mount is seen to stand."""
+        news, engine = self.stop_news, self.engine
+        said, given = engine.mount_t_utc_ns, self._stopped_utc_ns
+        if news is None or news.phase != "failed" or not engine.is_attached:
+            return
+        last = engine.last_stop
+        is_open = last is not None and not (last.is_confirmed or last.is_over)
+        has_answered = said is not None and given is not None and said > given + SEEN_AFTER_NS
+        if has_answered and not engine.is_slewing and not is_open:
+            where = " · ".join(mount_words(engine))
+            over = StopNews(phase="stopped", text=f"was late; the mount answers again: {where}")
+            self.show_stop(over)
+            self.set_timer(BANNER_S, partial(self._forget_stop, over))
 
     def _forget_stop(self, news: StopNews) -> None:
         if self.stop_news is news:

@@ -159,7 +159,9 @@ def alert_text(night: NightView, engine: EngineView) -> str:
         parts.append("'rsoconsole stop' stops the mount without it; 'rsoconsole engine' starts one")
     elif engine.reach == "silent":
         parts.append("the engine does not answer: 'rsoconsole stop' works without it")
-    parts += [f"FAULT {fault}" for fault in engine.faults]
+    parts += [f"FAULT {fault}" for fault in dict.fromkeys(engine.faults)]
+    if engine.is_attached and engine.state == "FAULT" and not engine.faults:
+        parts.append("the cause of the FAULT is over: arm it to go on")
     if engine.lifted:
         parts.append(f"overridden: {', '.join(engine.lifted)}")
     if night.fault is not None:

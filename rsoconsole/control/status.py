@@ -72,6 +72,8 @@ class LastStop:
     confirmed_ms: float | None = None
     """Until the mount said that it stands; None: not yet, or never."""
     is_confirmed: bool = False
+    is_over: bool = False
+    """Not confirmed in time, and the mount has been seen to stand since, or was armed again."""
     path: str | None = None
     detail: str = ""
     """Why it is not confirmed."""

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from rsoconsole.control.client import Wire
 from rsoconsole.control.commands import Stop
 from rsoconsole.errors import RsoconsoleError
+from rsoconsole.reason_text import STOP_PATHS, stopped_text
 
 log = logging.getLogger(__name__)
 
@@ -21,7 +22,6 @@ ENGINE_S = 1.0
 LATE_S = 0.3
 """How long it is waited for before the mount itself is told."""
 REMEDY = "run 'rsoconsole stop' in another terminal; cut the mount's power if it moves"
-PATHS = {"mount": "the mount's own process", "indi": "a second INDI connection"}
 
 DirectStop = Callable[[], tuple[bool, str]]
 """Stops the mount without the engine: (it stands, how or what is wrong). Raises what it will."""
@@ -104,7 +104,7 @@ class Stopping:
         path = outcome.data.get("path")
         self._hear_order(outcome.data)
         if outcome.ok and outcome.data.get("stopped") is True and isinstance(path, str):
-            self._stopped(PATHS.get(path, "the engine"), path)
+            self._stopped(STOP_PATHS.get(path, "the engine"), path)
         else:
             self._failed(outcome.message or "the engine gave no reason")
 
@@ -135,7 +135,7 @@ class Stopping:
             log.exception("stop past the engine")
             stands, words = False, str(error) or type(error).__name__
         if stands:
-            self._stopped(f"a connection past the engine ({words})", words)
+            self._stopped(f"a connection past the engine ({STOP_PATHS.get(words, words)})", words)
         else:
             self._failed(words)
 
@@ -147,9 +147,7 @@ class Stopping:
 
     def _stopped(self, way: str, path: str) -> None:
         ms = self._ms()
-        text = f"motion ended, confirmed in {ms:.0f} ms by {way}"
-        if self._ordered_ms is not None:
-            text += f"; ordered in {self._ordered_ms:.0f} ms"
+        text = stopped_text(ms, way, self._ordered_ms)
         news = StopNews(phase="stopped", text=text, path=path, ms=ms, ordered_ms=self._ordered_ms)
         self._say(news)
 

@@ -16,7 +16,7 @@ from rsoconsole.engine.tunables import changed
 from rsoconsole.engine.watch import LIFTS, Watch
 from rsoconsole.pipeline.aim import follow_direction, slew_to
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import DONE, CommandResult, done
+from rsoconsole.reasons import CommandResult, done
 from rsoconsole.sky.angles import separation_deg, wrap_360
 from rsoconsole.sky.frames import icrs_to_altaz, icrs_to_jnow
 from rsoconsole.sky.limits import Pose
@@ -69,7 +69,7 @@ class ByHand:
             Goto: Handler(check=self._check_move, execute=self._move),
             Nudge: Handler(check=self._check_move, execute=self._move),
             Track: Handler(expect=self._expect_free, execute=self._track),
-            Unpark: Handler(execute=self._unpark),
+            Unpark: Handler(expect=self._expect_parked, execute=self._unpark),
         }
 
     def preview(self, preview: Preview) -> MovePreview:
@@ -142,9 +142,13 @@ class ByHand:
         self._hands.instruments.mount.set_tracking(command.is_on)
         return done("the mount tracks" if command.is_on else "tracking is off: the mount stands")
 
+    def _expect_parked(self, _command: Unpark, _by: str) -> None:
+        if not self._hands.mount_report().is_parked:
+            raise ValueError("the mount is not parked")
+
     def _unpark(self, _command: Unpark, _by: str) -> CommandResult:
         self._hands.instruments.mount.unpark()
-        return DONE
+        return done("the mount is not parked any more")
 
     def _wanted(self, move: Move | Beside) -> Direction:
         """Where that leads the telescope, ICRS degrees."""

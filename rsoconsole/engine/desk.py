@@ -211,11 +211,18 @@ class Desk:
             machine=None if machine is None else machine.as_status(),
             seat=None if seat.holder is None else name_of(seat.holder),
             seat_asked_by=None if seat.asked_by is None else name_of(seat.asked_by),
-            last_stop=self._last_stop,
+            last_stop=self._stop_now_known(),
             temporary=self._engine.temporary.left(),
             session=self._session.absolute(),
             pid=os.getpid(),
         )
+
+    def _stop_now_known(self) -> LastStop | None:
+        last = self._last_stop
+        if last is None or last.is_confirmed:
+            return last
+        is_open = self._engine.charge.is_stopped or self._queue.is_stopping
+        return dataclasses.replace(last, is_over=not is_open)
 
     def _horizontal(
         self, ra_deg: float | None, dec_deg: float | None, t_utc_ns: int | None

@@ -19,6 +19,7 @@ from rsoconsole.engine.command_queue import (
     dropped_by,
 )
 from rsoconsole.engine.exposures import Exposures
+from rsoconsole.engine.faults import Faults
 from rsoconsole.engine.guide import Guide
 from rsoconsole.engine.handlers import joined
 from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
@@ -46,6 +47,7 @@ from rsoconsole.engine.states import (
     NotPointing,
     Resumed,
     Step,
+    Stopped,
     Taken,
     step,
     without_kept,
@@ -116,7 +118,7 @@ class Engine:
         self._kept = KeptTrack()
         self._is_first_look = False
         self._must_check_pointing = True
-        self._faults: list[str] = []
+        self._faults = Faults()
         self._gave_up: str | None = None
         """Why autonomy gave the mount back by itself: a run of so many frames ends there."""
         self._has_dawned = False
@@ -181,7 +183,7 @@ class Engine:
             self.watch,
             frame_id=self.frame_id,
             now_utc_ns=self.chronicle.last_utc_ns(),
-            faults=tuple(self._faults),
+            faults=self._faults.words,
             exposing_until_utc_ns=self._exposures.open_until_utc_ns,
             next_start_utc_ns=self._exposures.next_start_utc_ns,
             names=self.orbits.names,
@@ -288,12 +290,24 @@ class Engine:
             self._one_look()
         else:
             if is_bounded and self.charge.state == "FAULT":
-                fault = self._faults[-1] if self._faults else "see the session's log"
+                fault = ("see the session's log", *self._faults.words)[-1]
                 raise _RunFailed(f"in FAULT: {fault}")
             self._parking.see_to_it()
+            self._see_whether_over()
             if is_bounded and self._gave_up is not None and not self._parking.is_wanted:
                 raise _RunFailed(f"early: {self._gave_up}")
             self.hands.wait_until(self.hands.now_utc_ns() + IDLE_TICK_NS)
+
+    def _see_whether_over(self) -> None:
+        """A fault whose cause was the mount's silence is over once the mount answers again."""
+        stopped = self._faults.take_stop(self.watch)
+        if stopped is not None:
+            # Given once more: nobody knows what the mount has done meanwhile.
+            self.chronicle.say("info", "the mount answers again and stands: STOP is over")
+            self.happen(replace(stopped, is_confirmed=True))
+        elif self._faults.is_over(self.charge, self.watch):
+            self._faults.clear()
+            self.chronicle.say("info", "the mount answers again: arming goes on")
 
     def _not_where_left(self, words: str) -> None:
         """The mount's own process did that, or somebody else: autonomy waits for those."""
@@ -339,6 +353,7 @@ class Engine:
         if isinstance(happening, BY_OPERATOR):
             self._parking.forget()
         self._note_giving_up(happening)
+        self._note_end_of_fault(before)
         if not self.charge.is_autonomous:
             self._is_first_look = False
             # The next arming looks with the night's own exposure.
@@ -358,6 +373,11 @@ class Engine:
             else:
                 self.cycle.forget_plate()
         return result
+
+    def _note_end_of_fault(self, before: Charge) -> None:
+        """The operator, or a STOP that is confirmed at last, has ended it."""
+        if self.charge.state == "IDLE" or (before.state == "FAULT" != self.charge.state):
+            self._faults.clear()
 
     def _note_giving_up(self, happening: Happening) -> None:
         if self.charge.state != "IDLE":
@@ -413,6 +433,7 @@ class Engine:
                 self.planner.solved(reduction.solution)
             self.chronicle.tell(records)
             self.charge = replace(self.charge, failures=0)
+            self._faults.clear()
             self._count_frame()
         finally:
             self._exposures.keep(frame, self.following.state, place_px)
@@ -510,7 +531,7 @@ class Engine:
                     outcome = self._execute(request)
             except (ValueError, InstrumentError, StoppedElsewhere) as error:
                 outcome = CommandResult.refused(error)
-                self.chronicle.say("warning", f"{request.command.verb} refused: {error}")
+                log.warning("%s refused: %s", request.command.verb, error)
             except Interrupted:
                 self._put_back(requests[number:])
                 raise
@@ -563,7 +584,15 @@ class Engine:
         topic: Topic = "limit" if isinstance(alarm.happening, LimitMet) else ""
         words = alarm_words(alarm, is_stopped_again, self.config)
         self.chronicle.say("alarm", words, topic)
-        self.happen(alarm.happening)
+        happening = alarm.happening
+        if not isinstance(happening, Stopped):
+            self.happen(happening)
+            return
+        is_confirmed = is_stopped_again or (alarm.result is not None and alarm.result.stopped)
+        stopped = replace(happening, is_confirmed=is_confirmed)
+        self.happen(stopped)
+        if not is_confirmed:
+            self._faults.expect_stop(stopped, words, self.hands.now_utc_ns())
 
     def _on_failure(self, words: str, *, is_final: bool = False) -> None:
         if self.charge.state == "FAULT":
@@ -571,8 +600,8 @@ class Engine:
                 raise InstrumentError(words)
             time.sleep(1.0)  # whatever is broken passes no time by itself
             return
-        self._faults.append(words)
-        self.chronicle.say("alarm", words)
+        if self._faults.add(words):  # said once, however often it fails
+            self.chronicle.say("alarm", words)
         reason = Missed(kind="instrument", detail=words)
         tracks = [each.track.track_id for each in self.following.tracks]
         for track_id in tracks or (None,):

@@ -41,6 +41,8 @@ class Charge:
     """True for a hold that ends by itself when the stars are back."""
     failures: int = 0
     """Exposures in a row that an instrument failed."""
+    is_stopped: bool = False
+    """True for a FAULT that a STOP led to: nothing moves the mount but by the operator's word."""
 
     @property
     def state(self) -> LoopState:
@@ -55,7 +57,7 @@ class Charge:
     @property
     def is_responsible(self) -> bool:
         """Whether what becomes of the mount is autonomy's affair: nobody else is there."""
-        return self.is_autonomous or self.state == "FAULT"
+        return self.is_autonomous or (self.state == "FAULT" and not self.is_stopped)
 
     @property
     def tracked(self) -> Following | None:
@@ -89,9 +91,10 @@ class Disarmed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stopped:
-    """STOP was given; motion has been ended on the way here."""
+    """STOP was given; motion has been ended on the way here, if the mount has confirmed it."""
 
     by: str
+    is_confirmed: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,8 +234,13 @@ def _(happening: Disarmed, charge: Charge) -> Step:
 
 @_step.register
 def _(happening: Stopped, charge: Charge) -> Step:
-    stopped = _enter(charge, "IDLE", Cause(kind="STOP", by=happening.by), "abort")
-    return _keeping(stopped, charge.tracked)
+    reason = Cause(kind="STOP", by=happening.by)
+    if happening.is_confirmed:
+        return _keeping(_enter(charge, "IDLE", reason, "abort"), charge.tracked)
+    # Nobody knows whether it stands: no calm state.
+    reason = replace(reason, detail="NOT CONFIRMED by the mount")
+    unsure = _keeping(_enter(charge, "FAULT", reason, "abort"), charge.tracked)
+    return replace(unsure, charge=replace(unsure.charge, is_stopped=True))
 
 
 @_step.register

@@ -64,6 +64,8 @@ class Watch:
         self._forecast_of: MountReport | None = None
         self.last_report: MountReport | None = None
         """What the mount said at the last look."""
+        self.is_blind = False
+        """The mount did not answer at the last look."""
         self._last_pose: Pose | None = None
         self._next: tuple[int, Refusal] | None = None
         self._end = threading.Event()
@@ -140,7 +142,9 @@ class Watch:
             self._look_at_the_sky(now_ns)
             self._look_at_the_mount(now_ns)
             self._told.pop("watch", None)
+            self.is_blind = False
         except RsoconsoleError as error:
+            self.is_blind = True
             self._tell_once("watch", "alarm", f"nobody can tell where the mount is: {error}")
         except Exception:
             # A fault of the watch must be loud, and must not end the watching.

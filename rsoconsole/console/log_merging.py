@@ -1,0 +1,62 @@
+"""One line of the log for one thing: what the record says twice and thrice is said once.
+
+Which records belong together is told by their kinds and their order, never by their words.
+"""
+
+from dataclasses import replace
+
+from rsoconsole.console.log_lines import LogLine
+
+LOOK_BACK_LINES = 6
+
+
+def append_line(log: list[LogLine], line: LogLine) -> None:
+    """Add a line, or make one of it and of those before that say the same.
+
+    What a frame refused several times over is one line, and so are misses in a row for one
+    reason; a miss that changed the state is told by that change, which has the words of the alarm
+    that led to it; a command is told by what came of it.
+    """
+    if log and line.missed is not None and log[-1].missed == line.missed:
+        log[-1] = replace(line, times=log[-1].times + 1)
+        return
+    last = log[-1] if log and log[-1].frame_id == line.frame_id else None
+    if line.kind == "OperatorAction":
+        _forget_acceptance(log, line)
+        if _is_told(log, line):
+            return
+    elif last is not None and last.kind == line.kind == "NotFollowed":
+        log[-1] = replace(last, times=last.times + 1)
+        return
+    elif line.kind == "Miss" and line.is_of_alarm and _is_alarm(last):
+        return
+    elif line.kind == "StateChange" and line.is_of_alarm and _is_alarm(last):
+        assert last is not None
+        passage = line.text.partition(":")[0]
+        log[-1] = replace(line, text=f"{passage}: {last.said}", level="alarm", topic=last.topic)
+        return
+    elif last is not None and (last.kind, line.kind) == ("Miss", "StateChange") and line.is_of_miss:
+        log[-1] = line
+        return
+    log.append(line)
+
+
+def _is_alarm(line: LogLine | None) -> bool:
+    return line is not None and line.kind == "Event" and line.level == "alarm"
+
+
+def _forget_acceptance(log: list[LogLine], line: LogLine) -> None:
+    """What came of a command says that it was accepted, too."""
+    for index in range(max(len(log) - LOOK_BACK_LINES, 0), len(log)):
+        if log[index].is_accepted and log[index].asked == line.asked:
+            del log[index]
+            return
+
+
+def _is_told(log: list[LogLine], line: LogLine) -> bool:
+    """Whether a command is told by the change that it led to: of a setting, or of the state."""
+    return any(
+        (before.kind == "ParameterChange" and line.setting and before.setting == line.setting)
+        or (before.kind == "StateChange" and line.cause and before.cause == line.cause)
+        for before in log[-2:]
+    )
