@@ -263,6 +263,7 @@ def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
     versions = about.get("versions")
     known = versions if isinstance(versions, Mapping) else {}
     offset = about.get("clock_offset_s")
+    offset = offset if isinstance(offset, int | float) else None
     return [
         (
             "Site",

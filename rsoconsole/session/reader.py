@@ -61,6 +61,14 @@ _SELECT = "SELECT seq, t_utc_ns, kind, body FROM log WHERE seq > ?"
 _VIEWS_SQL = "SELECT name, sql FROM sqlite_master WHERE type = 'view'"
 
 
+LAST_UTC_NS = 7_258_118_400 * 10**9
+"""The year 2200."""
+_GOOD_TIME = (
+    f"CASE WHEN typeof(t_utc_ns) = 'integer' AND t_utc_ns BETWEEN 0 AND {LAST_UTC_NS}"
+    " THEN t_utc_ns END"
+)
+
+
 class LaterSchemaError(SessionError):
     """A later version wrote the session: nothing is wrong with it."""
 
@@ -155,7 +163,7 @@ class SessionReader:
         """Records, frames, and the instants between which they lie."""
         ((records, frames, t_first, t_last),) = self._fetch(
             "SELECT count(*), count(CASE kind WHEN 'FrameTaken' THEN 1 END), "
-            "min(t_utc_ns), max(t_utc_ns) FROM log"
+            f"min({_GOOD_TIME}), max({_GOOD_TIME}) FROM log"
         )
         return Counts(records=records, frames=frames, t_first_utc_ns=t_first, t_last_utc_ns=t_last)
 
@@ -170,8 +178,8 @@ class SessionReader:
 
         ``kinds`` are record types, e.g. ``(Measurement, TrackState)``; None means all. With
         ``frame_id`` only the records of that frame. Kinds that this version does not know are
-        passed over; in the place of a record that cannot be read
-        stands an alarm that says so.
+        passed over; in the place of a record that cannot be read, or whose time is none, stands an
+        alarm that says so.
         """
         names = [kind.__name__ for kind in kinds] if kinds is not None else list(KINDS)
         places = ", ".join("?" * len(names))
@@ -185,7 +193,10 @@ class SessionReader:
             if self._is_old and page:
                 self._learn_ids(page[-1][0])
             for seq, t_utc_ns, kind, body in page:
-                yield seq, t_utc_ns, self._decoded(seq, kind, body)
+                if isinstance(t_utc_ns, int) and 0 <= t_utc_ns <= LAST_UTC_NS:
+                    yield seq, t_utc_ns, self._decoded(seq, kind, body)
+                else:
+                    yield seq, 0, Event(level="alarm", text=f"the time of a {kind} is damaged")
             if len(page) < PAGE_RECORDS:
                 return
             since_seq = page[-1][0]
@@ -278,7 +289,11 @@ class SessionReader:
             return None
         if not isinstance(named, str) or not named or Path(named).is_absolute():
             return None
-        folder = (self.folder / named).resolve()
+        try:
+            folder = (self.folder / named).resolve()
+            folder.exists()
+        except (OSError, ValueError):  # no name that a folder can have
+            return None
         return None if folder == self.folder.resolve() else folder
 
     @cached_property

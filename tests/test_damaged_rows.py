@@ -1,0 +1,100 @@
+"""Rows of a session that no writer of ours makes: times that are none, paths and names that lie."""
+
+import json
+import shutil
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from rsoconsole.cli.app import app
+from rsoconsole.records import Event, FrameTaken
+from rsoconsole.session.reader import SessionReader
+
+SAMPLE = Path(__file__).resolve().parents[1] / "sessions" / "intelsat-14"
+FAR = 253_402_300_800 * 10**9
+"""The year 10000; more than SQLite's integers hold."""
+VERBS = {
+    "html": ("export", "--format", "html", "--out"),
+    "regions": ("export", "--format", "regions", "--out"),
+}
+
+
+@pytest.fixture
+def night(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "sessions" / "foreign"
+    shutil.copytree(SAMPLE, folder)
+    config = tmp_path / "config.toml"
+    config.write_text(f'[session]\nroot = "{folder.parent}"\n', encoding="utf-8")
+    monkeypatch.setenv("RSOCONSOLE_CONFIG", str(config))
+    return folder
+
+
+def change(folder: Path, statement: str, *values: Any) -> None:
+    with closing(sqlite3.connect(folder / "session.db")) as connection:
+        connection.execute(statement, values)
+        connection.commit()
+
+
+def run(night: Path, name: str) -> None:
+    """Raises whatever the verb raises beside a line of its own."""
+    verb, *options = VERBS[name]
+    found = CliRunner().invoke(
+        app, [verb, str(night), *options, str(night.parents[1] / "out")], catch_exceptions=True
+    )
+    if found.exception is not None and not isinstance(found.exception, SystemExit):
+        assert type(found.exception).__module__ == "rsoconsole.errors", repr(found.exception)
+
+
+@pytest.mark.parametrize("t", [FAR, 1.5e300, "yesterday", b"\xff", -1, 2**63 - 1])
+def test_a_record_whose_time_is_none_says_so_in_its_place(night: Path, t: Any):
+    value = str(t) if isinstance(t, int) and t > 2**63 - 1 else t
+    sql = f"UPDATE log SET t_utc_ns = {value} WHERE seq = 20" if isinstance(value, str) else ""
+    if isinstance(t, str):
+        sql = "UPDATE log SET t_utc_ns = 'yesterday' WHERE seq = 20"
+    if sql:
+        change(night, sql)
+    else:
+        change(night, "UPDATE log SET t_utc_ns = ? WHERE seq = 20", value)
+    reader = SessionReader(night)
+    found = {seq: record for seq, _, record in reader.records()}
+    damaged = found[20]
+    assert isinstance(damaged, Event)
+    assert damaged.text.startswith("the time of a ")
+    assert len(found) > 100
+    counts = reader.counts()
+    assert counts.t_first_utc_ns is not None
+    assert counts.t_last_utc_ns is not None
+    assert counts.t_last_utc_ns - counts.t_first_utc_ns < 86_400 * 10**9
+
+
+@pytest.mark.parametrize("t", [FAR, "'yesterday'", 1.5e300])
+def test_a_night_without_any_time_is_told_in_words(night: Path, t: Any):
+    change(night, f"UPDATE log SET t_utc_ns = {t}")
+    run(night, "html")
+    found = CliRunner().invoke(app, ["sessions", "prune", "--keep-days", "0"])
+    assert found.exit_code == 0
+
+
+@pytest.mark.parametrize("path", [b"\x00\xff", 7, "a" * 5000, "frames/\x00"])
+def test_a_path_that_is_none_is_no_file(night: Path, path: Any):
+    change(night, "UPDATE files SET path = ? WHERE role = 'frame'", path)
+    assert SessionReader(night).frame_path(9) is None
+    run(night, "regions")
+
+
+@pytest.mark.parametrize("name", ["\x00", "a" * 5000, "b/" * 3000])
+def test_a_parent_that_no_folder_can_be_called_is_none(night: Path, name: str):
+    change(night, "INSERT OR REPLACE INTO meta VALUES ('branch_of', ?)", json.dumps(name))
+    assert SessionReader(night).branch_of is None
+    run(night, "regions")
+
+
+def test_an_offset_of_the_clock_that_is_no_number_is_not_recorded(night: Path):
+    change(night, "INSERT OR REPLACE INTO meta VALUES ('clock_offset_s', '\"soon\"')")
+    run(night, "html")
+    frames = [each for _, _, each in SessionReader(night).records(kinds=(FrameTaken,))]
+    assert frames
