@@ -30,6 +30,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
+from rsoconsole.session.clock_notes import clock_notes
 from rsoconsole.session.reader import SessionReader
 
 OfFrame: TypeAlias = Measurement | TrackState | NotFollowed | Ruling | FollowedAgain
@@ -48,6 +49,8 @@ class ExportedNight:
     """What the session says of itself, without its configuration."""
     rows: tuple[MeasuredRow, ...]
     """In order of time."""
+    clock_notes: tuple[str, ...] = ()
+    """What happened to the clock that all these times are by, a line each."""
 
     @property
     def tracks(self) -> tuple[int, ...]:
@@ -76,6 +79,7 @@ class ExportedNight:
             "exposure_s": self.config.exposure.exposure_s,
             "timing_sigma_s": self.config.exposure.timing_sigma_s,
             "clock_offset_s": self.about.get("clock_offset_s"),
+            "clock_faults": list(self.clock_notes),
             "filter_preset": self.config.filter.preset,
             "directions": "ICRS, astrometric: relative to catalogue stars",
             "times": "UTC, mid-exposure by the shutter",
@@ -182,6 +186,7 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
         config=config,
         about=about,
         rows=tuple(rows),
+        clock_notes=clock_notes(reader),
     )
 
 

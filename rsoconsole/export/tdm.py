@@ -48,6 +48,7 @@ def to_tdm(
         f"CCSDS_TDM_VERS = {VERSION}",
         f"COMMENT Session {night.name}: {night.title}",
         *(["COMMENT SIMULATED: no telescope observed this"] if night.is_simulated else []),
+        *(f"COMMENT CLOCK {each}" for each in night.clock_notes),
         f"CREATION_DATE = {_epoch(created_utc_ns, 3)}",
         f"ORIGINATOR = {_name(originator)}",
     ]

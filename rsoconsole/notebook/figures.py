@@ -16,9 +16,12 @@ from rsoconsole.notebook.draw_sky import draw_about_line, draw_errors, draw_trac
 from rsoconsole.notebook.draw_time import draw_confidence, draw_nis, draw_residuals
 from rsoconsole.notebook.night import Night, read_night, read_truth
 from rsoconsole.notebook.page import STYLE
+from rsoconsole.session.clock_notes import clock_notes
+from rsoconsole.session.reader import SessionReader
 
 FigureFormat = Literal["png", "svg", "pdf"]
 WIDTH_IN = 6.6
+MOST_NOTES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +70,8 @@ def write_figures(
         drawings.append(
             Drawing(name="errors", draw=lambda figure, each: draw_errors(figure, each, places))
         )
-    return _written(night, drawings, out, file_format)
+    notes = clock_notes(SessionReader(session))
+    return _written(night, drawings, out, file_format, notes)
 
 
 def _written(
@@ -75,6 +79,7 @@ def _written(
     drawings: list[Drawing],
     out: Path,
     file_format: FigureFormat,
+    notes: tuple[str, ...],
 ) -> tuple[Path, ...]:
     # Half a second of imports: only who draws pays for them. No window system is asked for.
     import matplotlib as mpl
@@ -89,6 +94,10 @@ def _written(
             figure = Figure(figsize=(WIDTH_IN, drawing.height_in))
             FigureCanvasAgg(figure)
             drawing.draw(figure, night)
+            if notes:
+                # Times on both sides of such an instant do not go together.
+                words = "\n".join(f"CLOCK {each}" for each in notes[:MOST_NOTES])
+                figure.text(0.995, 0.995, words, fontsize=5, color="#9c1c15", ha="right", va="top")
             path = out / f"{number}_{drawing.name}.{file_format}"
             try:
                 out.mkdir(parents=True, exist_ok=True)

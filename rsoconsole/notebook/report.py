@@ -263,7 +263,9 @@ def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
     versions = about.get("versions")
     known = versions if isinstance(versions, Mapping) else {}
     offset = about.get("clock_offset_s")
-    offset = offset if isinstance(offset, int | float) else None
+    clock = "offset not recorded"
+    if isinstance(offset, int | float):
+        clock = f"offset {offset * 1e3:+.1f} ms"
     return [
         (
             "Site",
@@ -281,7 +283,7 @@ def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
             f"{config.exposure.exposure_s:g} s every {config.exposure.cadence_s:g} s at the"
             f" sidereal rate; shutter known to {config.exposure.timing_sigma_s * 1e3:g} ms",
         ),
-        ("Clock", "offset not recorded" if offset is None else f"offset {offset * 1e3:+.1f} ms"),
+        ("Clock", "; ".join((clock, *exported.clock_notes))),
         (
             "Detector",
             f"τ {config.detector.tau:g}, map {config.detector.map_mode}, centroid"
