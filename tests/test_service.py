@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -18,6 +19,8 @@ from rsoconsole.cli import service
 from rsoconsole.cli.app import app
 from rsoconsole.engine.notify import notify
 from rsoconsole.errors import RsoconsoleError
+from rsoconsole.session.reader import SessionReader
+from rsoconsole.session.verify import verify_session
 from rsoconsole.simulator.launch import start_observatory
 
 COMMAND = ("/opt/a b/bin/python", "-c", "run()", "engine", "--config", "/home/o/50% $x.toml")
@@ -79,7 +82,7 @@ def test_the_unit_is_a_safe_stop_a_restart_after_failure_and_no_boot_by_itself()
     assert int(setting(unit, "TimeoutStopSec")) >= 60
     assert int(setting(unit, "WatchdogSec")) >= 60
     assert setting(unit, "WantedBy") == "default.target"
-    assert "@" not in unit
+    assert not re.search("@[A-Z_]+@", unit)
 
 
 def test_the_program_a_unit_names_really_starts(home: Path) -> None:
@@ -122,11 +125,123 @@ def test_systemd_finds_nothing_wrong_with_the_unit(home: Path) -> None:
         )
         return f"{done.stderr}{done.stdout}" + ("" if done.returncode == 0 else "failed")
 
+    for is_in_namespace in (False, True):
+        real = (sys.executable, "engine")
+        assert verdict(service.unit_text(real, {}, is_in_namespace=is_in_namespace)) == ""
     unit = rsoconsole("service", "show").stdout
     assert verdict(unit) == ""
     assert "Unknown key" in verdict(unit.replace("KillMode=", "KilMode="))
     odd = (sys.executable, *COMMAND[1:])
     assert verdict(service.unit_text(odd, {"XDG_DATA_HOME": "/big disk/100%"})) == ""
+
+
+def exposure(unit: str, home: Path, *words: str) -> float:
+    """What ``systemd-analyze security`` makes of a unit, 0 to 10."""
+    path = home / service.UNIT
+    path.write_text(unit)
+    done = subprocess.run(
+        ["systemd-analyze", *words, "security", "--offline=true", "--no-pager", str(path)],
+        env={**os.environ, "XDG_RUNTIME_DIR": str(home), "LC_ALL": "C.UTF-8"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    found = re.search(r"Overall exposure level for \S+: ([0-9.]+)", done.stdout)
+    assert found is not None, done.stderr
+    return float(found.group(1))
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
+@pytest.mark.parametrize("words", [(), ("--user",)])
+def test_what_the_service_may_do_is_little(home: Path, words: tuple[str, ...]) -> None:
+    whole = service.unit_text(COMMAND, {})
+    assert exposure(whole, home, *words) < 4.0
+    alone = service.unit_text(COMMAND, {}, is_in_namespace=False)
+    assert exposure(alone, home, *words) < 7.0
+    bare = "\n".join(row for row in alone.splitlines() if not row.startswith(RESTRICTING))
+    assert exposure(bare, home, *words) > 9.0
+
+
+RESTRICTING = ("NoNew", "Lock", "Restrict", "SystemCall")
+
+
+def test_the_service_keeps_what_the_engine_needs() -> None:
+    unit = service.unit_text(COMMAND, {})
+    families = setting(unit, "RestrictAddressFamilies").split()
+    assert {"AF_UNIX", "AF_INET", "AF_INET6"} <= set(families)
+    assert setting(unit, "ProtectSystem") == "full"  # /etc, /usr and /boot; disks stay writable
+    keys = {row.partition("=")[0] for row in unit.splitlines()}
+    hindering = {
+        "DeviceAllow",
+        "DevicePolicy",
+        "IPAddressDeny",
+        "InaccessiblePaths",
+        "MemoryDenyWriteExecute",
+        "PrivateDevices",
+        "PrivateIPC",
+        "PrivateNetwork",
+        "PrivateTmp",
+        "ProtectHome",
+        "ReadOnlyPaths",
+        "TemporaryFileSystem",
+        "UMask",
+    }
+    assert not keys & hindering
+
+
+JAIL = Path(__file__).with_name("jail.py")
+SYSTEM_PYTHON = "/usr/bin/python3"
+
+
+def has_jail() -> bool:
+    if shutil.which("systemd-analyze") is None or not Path(SYSTEM_PYTHON).exists():
+        return False
+    command = [SYSTEM_PYTHON, "-c", "import seccomp"]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+@pytest.mark.skipif(not has_jail(), reason="needs systemd-analyze and python3-seccomp")
+def test_a_night_goes_well_with_the_system_calls_of_the_service_alone(home: Path) -> None:
+    unit = service.unit_text(COMMAND, {})
+    filters = [row.partition("=")[2] for row in unit.splitlines() if "SystemCallFilter=" in row]
+
+    def jailed(*command: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [SYSTEM_PYTHON, str(JAIL), *filters, "--", *command],
+            env={**os.environ, "XDG_RUNTIME_DIR": str(home), "XDG_DATA_HOME": str(home / "data")},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    # That the filter holds at all: no mount, no other clock.
+    assert "not permitted" in jailed("date", "-s", "2020-01-01").stderr
+    start = [sys.executable, "-c", "from rsoconsole.cli import main; main()", "demo"]
+    done = jailed(*start, "--headless", "--frames", "2", "--keep-frames", "all", "--json")
+    assert done.returncode == 0, done.stderr
+    *_, figures = [json.loads(line) for line in done.stdout.splitlines()]
+    session = SessionReader(Path(figures["session"]))
+    assert session.counts().frames == 2
+    assert verify_session(session.folder).is_sound
+
+
+@pytest.mark.parametrize(("status", "words"), [(0, ""), (217, "no user namespace"), (1, "again")])
+def test_what_needs_a_user_namespace_is_tried_before_it_is_written(
+    home: Path, systemctl: Path, status: int, words: str
+) -> None:
+    trial, tried = systemctl.parent / "bin" / "systemd-run", home / "tried"
+    trial.write_text(f'#!/bin/sh\nprintf "%s\\n" "$@" > {shlex.quote(str(tried))}\nexit {status}\n')
+    trial.chmod(0o755)
+    done = rsoconsole("service", "install")
+    assert done.exit_code == 0, done.output
+    unit = (home / "config" / "systemd" / "user" / "rsoconsole.service").read_text()
+    asked = tried.read_text().splitlines()
+    for line in service.namespace_lines():
+        assert f"--property={line}" in asked
+        assert (line in unit.splitlines()) is (status == 0)
+    assert "NoNewPrivileges=yes" in unit.splitlines()
+    assert words in done.output
+    assert ("PrivateUsers" in done.output) is (status != 0)
 
 
 def test_install_writes_the_unit_and_starts_nothing(home: Path, systemctl: Path) -> None:

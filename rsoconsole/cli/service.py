@@ -23,8 +23,17 @@ MARK = "# Written by 'rsoconsole service install'"
 CARRIED = ("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CACHE_HOME")
 """What moves the default places; the service must look for them where its owner does."""
 LINGER = Path("/var/lib/systemd/linger")
+TRIAL_S = 20.0
+FIRST_OF_SYSTEMD = 200
+"""Exit statuses from here on say what systemd could not set up. Source: systemd.exec(5)."""
 SYSTEMCTL_S = 120.0
 """A safe stop of the engine takes a while."""
+
+_WITHOUT = {
+    False: "this system gives a user's service no user namespace",
+    None: "systemd cannot be asked here whether it gives the service a user namespace"
+    " ('rsoconsole service install' again, after a login, asks)",
+}
 
 service_app = typer.Typer(
     no_args_is_help=True, help="The engine as a systemd service: show, install, remove, status."
@@ -42,7 +51,8 @@ def service_show(config: ConfigOption = None) -> None:
 
     Example: rsoconsole service show
     """
-    output.hand_over(unit_text(exec_start(config), os.environ))
+    is_possible = has_namespace()
+    output.hand_over(unit_text(exec_start(config), os.environ, is_in_namespace=is_possible is True))
 
 
 @service_app.command("install")
@@ -60,7 +70,8 @@ def service_install(config: ConfigOption = None) -> None:
         )
     path = unit_path()
     _refuse_foreign(path)
-    text = unit_text(exec_start(config), os.environ)
+    is_possible = has_namespace()
+    text = unit_text(exec_start(config), os.environ, is_in_namespace=is_possible is True)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
@@ -69,6 +80,11 @@ def service_install(config: ConfigOption = None) -> None:
             f"{path} cannot be written ({error.strerror}): see to the rights of its folder"
         ) from error
     output.say(f"wrote {path}")
+    if is_possible is not True:
+        names = ", ".join(line.partition("=")[0] for line in namespace_lines())
+        output.complain(
+            f"{APP}: {_WITHOUT[is_possible]}; it is without {names}, and otherwise the same"
+        )
     if fault := _systemctl("daemon-reload")[1]:
         output.say(f"systemd has not read it yet ({fault}): it will at your next login")
     elif _word("is-active") == "active":
@@ -141,14 +157,49 @@ def unit_path() -> Path:
     return Path(platformdirs.user_config_path()) / "systemd" / "user" / UNIT
 
 
-def unit_text(command: tuple[str, ...], environ: Mapping[str, str]) -> str:
-    """The unit that runs a command: program (an absolute path) and arguments."""
+def namespace_lines() -> list[str]:
+    """The settings that need a user namespace, as the unit has them."""
+    text = resource("service", "namespace.conf").read_text(encoding="utf-8")
+    return [line for line in text.splitlines() if line and not line.startswith("#")]
+
+
+def has_namespace() -> bool | None:
+    """Whether this user's services may have a user namespace: systemd tries it with ``true``.
+
+    None where it could not be asked. A unit that asks for what it cannot have does not start.
+    """
+    program, does_nothing = shutil.which("systemd-run"), shutil.which("true")
+    if program is None or does_nothing is None:
+        return None
+    words = [program, "--user", "--quiet", "--collect", "--wait"]
+    words += [f"--property={line}" for line in namespace_lines()]
+    try:
+        done = subprocess.run(
+            [*words, "--", does_nothing], capture_output=True, timeout=TRIAL_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    if done.returncode >= FIRST_OF_SYSTEMD:
+        return False
+    return True if done.returncode == 0 else None
+
+
+def unit_text(
+    command: tuple[str, ...], environ: Mapping[str, str], *, is_in_namespace: bool = True
+) -> str:
+    """The unit that runs a command: program (an absolute path) and arguments.
+
+    ``is_in_namespace``: with the settings that need a user namespace.
+    """
     template = resource("service", UNIT).read_text(encoding="utf-8")
     settings = ["PYTHONUNBUFFERED=1"]
     settings += [f"{name}={environ[name]}" for name in CARRIED if environ.get(name)]
     environment = "\n".join(f"Environment={_quoted(setting, dollar='$')}" for setting in settings)
     # Of the program's own path systemd replaces no variables, of the arguments it does.
     start = " ".join([_quoted(command[0], dollar="$"), *map(_quoted, command[1:])])
+    inner = resource("service", "namespace.conf").read_text(encoding="utf-8")
+    # First: what else is put in may hold any word.
+    template = template.replace("@NAMESPACE@", f"\n{inner}" if is_in_namespace else "")
     return template.replace("@EXEC_START@", start).replace("@ENVIRONMENT@", environment)
 
 
