@@ -62,6 +62,9 @@ _RULED: dict[RuledKind, str] = {
     "rejected": "rejected",
     "taken": "taken",
     "taken by hand": "taken by the operator's hand",
+    "taken back": "as if nothing had been said of it",
+    "first of a track": "the first of a track: mark it in a later frame, too",
+    "second of a track": "a track begins with it, to be resumed",
 }
 _DROPPED: dict[DroppedBy, str] = {
     "STOP": "dropped by STOP",

@@ -366,7 +366,9 @@ FROM_OUTSIDE: frozenset[CauseKind] = frozenset(
 ResultKind: TypeAlias = Literal[
     "accepted", "done", "ruled", "stopped", "refused", "dropped", "failed"
 ]
-RuledKind: TypeAlias = Literal["rejected", "taken", "taken by hand"]
+RuledKind: TypeAlias = Literal[
+    "rejected", "taken", "taken by hand", "taken back", "first of a track", "second of a track"
+]
 DroppedBy: TypeAlias = Literal["STOP", "limit met", "night ended", "engine ended"]
 
 

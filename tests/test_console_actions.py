@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from textual.pilot import Pilot
-from textual.widgets import Input, Static
+from textual.widgets import Button, Input, Static
 
 from rsoconsole.config import Config, default_config_path
 from rsoconsole.console.app import ConsoleApp
@@ -18,7 +18,7 @@ from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.panes import SIGHTS, FramePane
 from rsoconsole.control import Outcome
 from rsoconsole.errors import ConfigError
-from rsoconsole.records import Event
+from rsoconsole.records import Detections, Event, NotSolved
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
 from tests.makers import NS
@@ -140,7 +140,6 @@ def test_a_keymap_that_cannot_be_is_refused_with_the_reason(tmp_path: Path, text
         ("k", {"is_tracking": False}, "track", {"on": True}),
         ("b", {}, "abort", {}),
         ("y", {}, "accept", {"frame": FRAMES}),
-        ("j", {}, "reject", {"frame": FRAMES}),
         ("s", {"state": "SEARCH"}, "seek", {}),
         ("d", {}, "choose", {"frame": FRAMES, "x": 2000.0, "y": 1500.0}),
         ("up", YOURS, "nudge", {"east_arcmin": 0.0, "north_arcmin": 1.0}),
@@ -366,17 +365,96 @@ def test_a_streak_is_marked_with_arrows_and_enter(wire: FakeWire):
     play(wire, scene, LARGE)
 
 
-def test_where_nothing_can_be_measured_no_mark_is_begun(wire: FakeWire):
-    wire.status |= {"holder": "nobody", "state": "IDLE"}
+def test_in_a_frame_that_was_not_solved_no_mark_is_begun(wire: FakeWire, writer: SessionWriter):
+    """It says so at the first key, and not after both ends."""
+    number = FRAMES + 1
+    writer.append(night.taken(number, 150.0, -5.0), night.t_of(number))
+    found = Detections(frame_id=number, width_px=4656, height_px=3520, detections=())
+    writer.append(found, night.t_of(number))
+    cloud = NotSolved(frame_id=number, reason="4 stars, 8 needed", ms=1.0)
+    writer.append(cloud, night.t_of(number))
+    night.add_previews(writer, range(number, number + 1))
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
-        await until(pilot, lambda: "a Arm" in pane(app, "keys"))
-        assert "Mark" not in pane(app, "keys")
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await until(pilot, lambda: app.live.picture.frame_id == number)
         await pilot.press("m")
         assert app.live.marking is None
-        assert "nothing is followed" in pane(app, "keys")
+        assert "not solved (4 stars, 8 needed)" in screen_text(app)
+        assert wire.sent == []
 
     play(wire, scene, LARGE)
+
+
+def test_a_mark_is_made_while_the_operator_has_the_mount(wire: FakeWire):
+    wire.status |= YOURS
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.holder == "operator")
+        assert "m Mark" in pane(app, "keys")
+        await pilot.press("m", "enter", *["right"] * 5, "enter")
+        await until(pilot, lambda: wire.verbs == ["mark"])
+
+    play(wire, scene, LARGE)
+
+
+def test_before_a_mark_replaces_what_is_known_better_both_are_shown(wire: FakeWire):
+    asks = {
+        "asks": "replaces",
+        "sigma_arcsec": 118.0,
+        "better_arcsec": 0.3,
+        "how": "no light stands out beneath it",
+    }
+    wire.outcomes["mark"] = Outcome(ok=False, message="yours is worse", data=asks)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        for answer in ("escape", "enter"):
+            await pilot.press("m", "enter", *["right"] * 5, "enter")
+            await until(pilot, lambda: app.screen is not app.live)
+            words = " ".join(str(each.render()) for each in app.screen.query(Static))
+            assert "good to ±2.0′: no light stands out" in words
+            assert "to ±0.30″" in words
+            if answer == "enter":
+                wire.outcomes["mark"] = Outcome(ok=True, message="taken up")
+            sent = len(wire.sent)
+            await pilot.press(answer)
+            await until(pilot, lambda: app.screen is app.live)
+            assert len(wire.sent) == sent or answer == "enter"
+        await until(pilot, lambda: len(wire.sent) == 3)
+        assert [said.get("replaces") for _, said in wire.sent] == [None, None, True]
+
+    play(wire, scene, LARGE)
+
+
+@pytest.mark.parametrize(
+    ("keys", "frame"), [(["j"], FRAMES), (["3"], FRAMES - 2), (["enter"], FRAMES)]
+)
+def test_a_measurement_is_rejected_by_its_number(wire: FakeWire, keys: list[str], frame: int):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("j")
+        await until(pilot, lambda: app.screen is not app.live)
+        lines = [str(button.label) for button in app.screen.query(Button)]
+        assert lines[0].startswith(f"1  frame {FRAMES:04d}  02:22:50Z")
+        assert "detector" in lines[0]
+        assert "±1.00″" in lines[0]
+        assert "NIS" in lines[0]
+        await pilot.press(*keys)
+        await until(pilot, lambda: bool(wire.sent))
+        assert wire.sent == [("reject", {"frame": frame})]
+
+    play(wire, scene, LARGE)
+
+
+def test_what_was_said_last_is_taken_back(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("backspace")
+        await until(pilot, lambda: bool(wire.sent))
+        assert wire.sent == [("take_back", {})]
+
+    play(wire, scene)
 
 
 def test_a_mark_stays_in_its_own_frame_while_newer_ones_come(wire: FakeWire, writer: SessionWriter):

@@ -116,8 +116,15 @@ EFFECTS: dict[str, tuple[list[str], Callable[[Rig], bool]]] = {
     ),
     "follow_next": (["twice:d"], lambda r: rulings(r)[-1].taken is not None),
     "accept": (["y"], lambda r: rulings(r)[-1].taken.source == "operator"),
-    "reject": (["j"], lambda r: len(rulings(r)[-1].refused) == 1),
-    "mark": (["m", "enter", *["right"] * 6, "enter"], lambda r: rulings(r)[-1].taken is not None),
+    "reject": (["j", "asked", "1"], lambda r: len(rulings(r)[-1].refused) == 1),
+    "mark": (
+        ["m", "enter", *["right"] * 6, "enter", "asked", "enter"],
+        lambda r: rulings(r)[-1].taken is not None,
+    ),
+    "take_back": (
+        ["y", "ruled", "backspace"],
+        lambda r: rulings(r)[-1].taken is None and not rulings(r)[-1].refused,
+    ),
     "seek": (["twice:s"], lambda r: r.engine.planner._search.is_spiral),
     "tune": (["t", "right", "enter"], lambda r: setting(r, "detector.tau") == 0.125),
     "note": (["n", "text:clouds", "enter"], lambda r: is_done(r, "note")),
@@ -168,12 +175,16 @@ def has_effect_yet(has_effect: Callable[[Rig], bool], r: Rig) -> bool:
 async def press(app: ConsoleApp, pilot: Pilot[str], r: Rig, key: str) -> None:
     """A key, or ``twice:`` the same; ``text:`` into the field that has the focus.
 
-    ``told`` and ``done:`` wait.
+    ``told``, ``asked``, ``ruled`` and ``done:`` wait.
     """
     if key.startswith("text:"):
         await until(pilot, lambda: isinstance(app.focused, Input))
         assert isinstance(app.focused, Input)
         app.focused.value = key.removeprefix("text:")
+    elif key == "ruled":
+        await until(pilot, lambda: bool(rulings(r)))
+    elif key == "asked":
+        await until(pilot, lambda: app.screen is not app.live)
     elif key == "told":
         await until(
             pilot, lambda: any("way" in str(w.render()) for w in app.screen.query("Static"))

@@ -10,7 +10,7 @@ from textual.binding import Binding
 from rsoconsole.console.command import BOTH, KeyCommand, Place
 from rsoconsole.console.command import command as _command
 from rsoconsole.console.review_commands import REVIEW_COMMANDS
-from rsoconsole.control.commands import Abort, Unpark
+from rsoconsole.control.commands import Abort, TakeBack, Unpark
 
 SEAT_COMMANDS: tuple[KeyCommand, ...] = (
     _command(
@@ -194,7 +194,8 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "mark",
         "m",
         "Mark by hand",
-        "the streak's two ends: arrows and enter twice, or drag; a measurement of your own",
+        "the streak's two ends: arrows and enter twice, or drag; a measurement of your own, and"
+        " two of them in two frames start a track",
         "streaks",
         acts=True,
     ),
@@ -210,9 +211,19 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "reject",
         "j",
         "Reject",
-        "the last measurement was something else: the track as if without it",
+        "one of the last measurements, by its number, was something else: the track as if"
+        " without it",
         "streaks",
         acts=True,
+    ),
+    _command(
+        "take_back",
+        "backspace",
+        "Take back",
+        "your last mark, choice, acceptance or rejection, as if it had not been said",
+        "streaks",
+        acts=True,
+        sends=TakeBack(),
     ),
     _command(
         "seek",
@@ -383,6 +394,7 @@ KEY_WORDS = {
     "home": "Home",
     "end": "End",
     "space": "space",
+    "backspace": "bksp",
     "escape": "esc",
     "up": "↑",
     "down": "↓",

@@ -235,8 +235,12 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
 class ConfirmDialog(Dialog[bool | None]):
     """Asks once; nothing happens but by the second button or its letter. Gives True or not."""
 
-    def __init__(self, title: str, text: str, *, yes: str, letter: str) -> None:
+    def __init__(
+        self, title: str, text: str, *, yes: str, letter: str, is_yes: bool = False
+    ) -> None:
+        """``is_yes``: enter does it, where nothing moves by it."""
         super().__init__()
+        self._proposed = "#yes" if is_yes else "#back"
         self._title, self._text, self._yes, self._letter = title, text, yes, letter
 
     def compose(self) -> ComposeResult:
@@ -250,7 +254,7 @@ class ConfirmDialog(Dialog[bool | None]):
 
     def on_mount(self) -> None:
         """Enter does nothing that moves."""
-        self.query_one("#back", Button).focus()
+        self.query_one(self._proposed, Button).focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
         """Done, or not."""

@@ -127,7 +127,7 @@ def keys_for(
         if engine.kept and is_armed:
             keys.append(key("undo", "Follow again", is_weighty=True))
         named = {"goto": "Go to", "tune": "Tune", "orbit": "Orbit", "note": "Note", "park": "Park"}
-        if engine.holder == "autonomy":
+        if engine.holder in {"autonomy", "operator"}:
             named = {"goto": "Go to", "mark": "Mark", **named}
         keys += [key(command, name) for command, name in named.items()]
     return [

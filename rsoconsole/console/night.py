@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar, assert_never
 
 from rsoconsole.config import Config
+from rsoconsole.console.last_measured import LastMeasured, last_measured
 from rsoconsole.console.log_lines import LogLine, line_of
 from rsoconsole.console.log_merging import append_line
 from rsoconsole.reason_text import text
@@ -162,6 +163,8 @@ class NightView:
     """The last one of every track, by track id."""
     changed: Mapping[str, float | int | str] = field(default_factory=dict)
     """Settings that have been changed since the session began, by dotted name."""
+    measured: tuple[LastMeasured, ...] = ()
+    """What the track took of the last frames, newest first."""
 
     @property
     def is_orbit_past(self) -> bool:
@@ -266,6 +269,7 @@ class Night:
             identified=now.identified,
             identifications=now.identifications,
             changed=now.changed,
+            measured=last_measured(self._details.items(), self._rows),
             rows=tuple(self._rows.values()),
             log=tuple(self._log),
         )

@@ -2,12 +2,14 @@
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 from textual.message import Message
 from textual.screen import Screen
 
+from rsoconsole.console import words
 from rsoconsole.console.commands import BY_NAME
 from rsoconsole.console.dialogs import ArmDialog, ConfirmDialog, MessageDialog
 from rsoconsole.console.engine_view import EngineView
@@ -18,7 +20,7 @@ from rsoconsole.console.orders import Orders
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.plot import Ink
 from rsoconsole.control import Command, Outcome, command_words
-from rsoconsole.control.commands import AnswerSeat, Arm, AskSeat, Shutdown
+from rsoconsole.control.commands import AnswerSeat, Arm, AskSeat, MarkByHand, Shutdown
 from rsoconsole.control.mount_words import mount_words
 from rsoconsole.control.stop import StopNews
 
@@ -154,10 +156,34 @@ class Seat(Screen[None]):
             self._ask_for_seat(str(outcome.data["seat"]))
         elif isinstance(command, Arm):
             self._ask_to_override(outcome)
+        elif isinstance(command, MarkByHand) and outcome.data.get("asks") == "replaces":
+            self._ask_to_replace(command, outcome)
         else:
             self._refused_at_once.add(command_words(command.verb, command.arguments()))
             self.say("")
             self.app.push_screen(MessageDialog(f"{name}: not done", outcome.message))
+
+    def _ask_to_replace(self, mark: MarkByHand, outcome: Outcome) -> None:
+        """A mark would take the place of what is known better: both sigmas, and enter once more."""
+
+        def decided(is_wanted: bool | None) -> None:
+            if is_wanted:
+                self.send(replace(mark, replaces=True))
+
+        self.say("the mark waits for your word", "warn")
+        own, better = (
+            words.unsigned_text(float(outcome.data.get(name) or 0.0))
+            for name in ("sigma_arcsec", "better_arcsec")
+        )
+        text = (
+            f"Yours is good to ±{own}: {outcome.data.get('how', '')}.\n"
+            f"Frame {mark.frame_id} has it measured to ±{better} already.\n\n"
+            "Enter again takes yours instead; esc leaves it as it is."
+        )
+        self.app.push_screen(
+            ConfirmDialog("a better measurement", text, yes="Take mine", letter="m", is_yes=True),
+            decided,
+        )
 
     def _ask_for_seat(self, holder: str) -> None:
         def decided(is_wanted: bool | None) -> None:

@@ -6,11 +6,13 @@ from collections.abc import Callable
 from rsoconsole.console.marking import Marking
 from rsoconsole.console.marks import Mark
 from rsoconsole.console.messages import Pointed
+from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.picture import Picture
+from rsoconsole.console.reject_dialog import RejectDialog
 from rsoconsole.console.second_press import CarefulSeat, has_track
 from rsoconsole.control.commands import Accept, Choose, MarkByHand, Reject
-from rsoconsole.records import Detection
+from rsoconsole.records import Detection, NotSolved
 
 CLICK_PX = 60.0
 """A click so far from a streak is not meant for it, unless the picture is coarser than that."""
@@ -80,9 +82,19 @@ class StreakActions(CarefulSeat):
             self.send(Accept(frame_id=self._frame_shown()))
 
     def action_reject(self) -> None:
-        """The last measurement was something else."""
-        if self.may_act():
-            self.send(Reject(frame_id=self._frame_shown()))
+        """One of the last measurements was something else: which, is asked by number."""
+        if not self.may_act():
+            return
+        measured = self.night.measured
+        if not measured:
+            self.say("the track has taken no measurement yet that could be rejected", "warn")
+            return
+
+        def decided(frame_id: int | None) -> None:
+            if frame_id is not None:
+                self.send(Reject(frame_id=frame_id))
+
+        self.app.push_screen(RejectDialog(measured), decided)
 
     def _frame_shown(self) -> int | None:
         """The frame that the operator's word is on: the one on the screen."""
@@ -97,12 +109,13 @@ class StreakActions(CarefulSeat):
             return
         if not self.may_act():
             return
-        if self.engine.holder != "autonomy":
-            self.say("nothing is followed that a mark could measure: arm or resume first", "warn")
-            return
         drawing = self.query_one("#frame", FramePane).drawing
         if self.picture is None or drawing is None:
             self.say("there is no picture to mark in", "warn")
+            return
+        why_not = why_no_mark(self.picture.frame_id, self.picture.detail)
+        if why_not:
+            self.say(why_not, "warn")
             return
         self.marking = Marking.begin(self.picture.frame_id, drawing)
         self._show_mark()
@@ -194,6 +207,16 @@ class StreakActions(CarefulSeat):
     def mark_marks(self) -> tuple[Mark, ...]:
         """What the mark being made adds to the picture."""
         return () if self.marking is None else self.marking.marks()
+
+
+def why_no_mark(frame_id: int, detail: FrameDetail) -> str:
+    """What stands against a mark in a frame before its ends are set; empty: nothing."""
+    if isinstance(detail.solution, NotSolved):
+        reason = detail.solution.reason
+        return f"no mark in frame {frame_id}: it was not solved ({reason}), so it has no place"
+    if detail.solution is None:
+        return f"no mark in frame {frame_id} yet: it is not solved yet"
+    return ""
 
 
 def _away(streak: Detection, at: Pointed) -> float:

@@ -378,11 +378,31 @@ class MarkByHand(Decision):
     y_b_px: float = argument("y_b")
     sigma_px: float | None = None
     """How finely it was made; None: as a hand does."""
+    sigma_across_px: float | None = None
+    """Where it was refined on the light beneath it: ``sigma_px`` is that along it then."""
+    is_clipped: bool | None = None
+    """Whether the frame cuts the streak, likewise."""
+    replaces: bool | None = None
+    """Whether it may take the place of a measurement that is better."""
 
     def words(self) -> str:
         """What is wanted."""
         known = "" if self.frame_id is None else f" in frame {self.frame_id}"
         return f"mark by hand{known}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TakeBack(Decision):
+    """What was said of a frame's streaks is taken back; without a frame: what was said last."""
+
+    verb = "take_back"
+    title = "take back"
+
+    def words(self) -> str:
+        """What is wanted."""
+        known = "" if self.frame_id is None else f" what was said of frame {self.frame_id}"
+        return f"take back{known}"
 
 
 @register

@@ -43,6 +43,7 @@ from rsoconsole.engine.states import (
     Followed,
     Happening,
     LimitMet,
+    Marked,
     NightEnded,
     NotPointing,
     Resumed,
@@ -54,7 +55,7 @@ from rsoconsole.engine.states import (
 )
 from rsoconsole.engine.status import status_of
 from rsoconsole.engine.temporary import Temporary
-from rsoconsole.engine.verdicts import Verdicts
+from rsoconsole.engine.verdicts import PixelsOf, Verdicts
 from rsoconsole.engine.watch import Watch
 from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.pipeline.cycle import Cycle
@@ -98,7 +99,9 @@ class Engine:
         record: Recorder,
         queue: CommandQueue,
         on_cycle: Callable[["Engine", Reduction], None] | None = None,
+        pixels_of: PixelsOf = lambda _frame_id: None,
     ) -> None:
+        """``pixels_of``: those of one of the last frames, where they are kept."""
         self.config = config
         self.charge = Charge()
         self.hands = hands
@@ -144,7 +147,7 @@ class Engine:
                 Modes(self).handlers,
                 self.by_hand.handlers,
                 Settings(self, self.temporary, self.chronicle).handlers,
-                Verdicts(self, self.cycle, self.chronicle).handlers,
+                Verdicts(self, self.cycle, self.chronicle, pixels_of).handlers,
                 self.seeking.handlers,
             )
         )
@@ -344,10 +347,8 @@ class Engine:
         if result.refusal is not None:
             raise ValueError(result.refusal)
         self._enter(result.charge, result.reason)
-        if self.charge.following is not before.following and not isinstance(happening, Followed):
-            self.cycle.folds.forget()
-        if not isinstance(happening, Followed):
-            self._plan = self._exposures.next_start_utc_ns = None
+        if not isinstance(happening, Followed | Marked):
+            self._forget_since(before)
         if isinstance(happening, LimitMet | BY_OPERATOR):
             self.by_hand.move = None
         if isinstance(happening, BY_OPERATOR):
@@ -378,6 +379,14 @@ class Engine:
         """The operator, or a STOP that is confirmed at last, has ended it."""
         if self.charge.state == "IDLE" or (before.state == "FAULT" != self.charge.state):
             self._faults.clear()
+
+    def _forget_since(self, before: Charge) -> None:
+        """Something from outside: words on frames before it lead nowhere, nor does the plan."""
+        if self.charge.following is not before.following:
+            self.cycle.folds.forget()
+        if self.charge.state != before.state:
+            self.cycle.hand.forget()
+        self._plan = self._exposures.next_start_utc_ns = None
 
     def _note_giving_up(self, happening: Happening) -> None:
         if self.charge.state != "IDLE":

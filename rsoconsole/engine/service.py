@@ -32,6 +32,7 @@ from rsoconsole.errors import ConfigError, InstrumentError, SessionError
 from rsoconsole.instruments.connect import connect_instruments
 from rsoconsole.instruments.ports import Instruments, MountPort
 from rsoconsole.instruments.process_memory import return_what_is_freed
+from rsoconsole.pipeline.kept_pixels import kept_pixels
 from rsoconsole.pipeline.open import open_reducer
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.session.store import cut_off_session, new_session_folder
@@ -113,6 +114,7 @@ def run_engine(
             record=writer,
             queue=queue,
             on_cycle=on_cycle,
+            pixels_of=partial(kept_pixels, folder),
         )
         stack.enter_context(warnings_on_record(engine.chronicle, "rsoconsole.instruments"))
         if cut_off is not None:

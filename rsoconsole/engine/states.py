@@ -135,6 +135,13 @@ class Followed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Marked:
+    """The operator's word on frames that nobody followed makes a track, or takes one back."""
+
+    kept: Following | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Failed:
     """An instrument did not do its part."""
 
@@ -183,6 +190,7 @@ Happening = (
     | Resumed
     | Sought
     | Followed
+    | Marked
     | Failed
     | LimitMet
     | ClockSet
@@ -310,6 +318,18 @@ def _(happening: Followed, charge: Charge) -> Step:
         return Step(charge=charge)
     kept = None if happening.after.state in ("TRACK", "COAST") else charge.kept
     return Step(charge=replace(charge, following=happening.after, kept=kept, failures=0))
+
+
+@_step.register
+def _(happening: Marked, charge: Charge) -> Step:
+    if charge.is_autonomous:
+        return Step(charge=charge)  # the mount changed hands meanwhile
+    kept, following = happening.kept, charge.following
+    if kept is not None:
+        # Numbers are given once.
+        last_track_id = max(kept.last_track_id, following.last_track_id)
+        following = replace(following, last_track_id=last_track_id)
+    return Step(charge=replace(charge, kept=kept, following=following))
 
 
 @_step.register

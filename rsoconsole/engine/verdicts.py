@@ -1,34 +1,47 @@
 """What the operator says of a frame's streaks: chosen, accepted, rejected, marked by hand.
 
 Each makes a ``Ruling`` on one of the last frames, by which it and those after it are followed
-again; nothing here moves the mount. The loop's own thread executes them, the wire's only checks.
+again; while nobody follows, two of them make a track that is kept. Nothing here moves the mount.
+The loop's own thread executes them, the wire's only checks.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol
 
 from rsoconsole.config import Config
-from rsoconsole.control.commands import Accept, Choose, Decision, MarkByHand, Reject
+from rsoconsole.control.commands import (
+    Accept,
+    Choose,
+    Decision,
+    MarkByHand,
+    Reject,
+    TakeBack,
+)
 from rsoconsole.engine.chronicle import Chronicle
-from rsoconsole.engine.handlers import Accepted, Control, Handler, Handlers
-from rsoconsole.engine.states import Followed
+from rsoconsole.engine.handlers import Accepted, Control, Handler, Handlers, RefusedError
+from rsoconsole.engine.states import Followed, Marked
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import measure
-from rsoconsole.pipeline.rulings import Folds
+from rsoconsole.pipeline.refine_mark import refined_mark
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import BelowTau, Cause, CommandResult
+from rsoconsole.reasons import BelowTau, Cause, CommandResult, RuledKind
 from rsoconsole.records import (
     Detection,
     Measurement,
     NotFollowed,
+    PixelArray,
     Record,
     Ruling,
     Solution,
     StateChange,
+    TrackState,
     mark_id_of,
     measurement_id_of,
 )
+from rsoconsole.sky.angles import separation_deg
 from rsoconsole.tracking.following import Following
 
 NEAR_PX = 25.0
@@ -39,19 +52,56 @@ SHORTEST_MARK_PX = 3.0
 WIDEST_MARK_PX = 10_000.0
 
 
+BETTER = 1.5
+"""From so many times its sigma on a mark that would take a measurement's place asks first."""
+PixelsOf = Callable[[int], PixelArray | None]
+"""The pixels of a frame by its number, (height, width) ADU; None where they were not kept."""
+
+
+class Frames(Protocol):
+    """The last frames on which something may be said; each raises ValueError where nothing can."""
+
+    def shown(self, frame_id: int) -> Shown:
+        """What a frame showed."""
+
+    def newest(self) -> Shown:
+        """The last one."""
+
+    def taken(self, frame_id: int) -> Measurement | None:
+        """What the track has of a frame."""
+
+    def said_last(self) -> int | None:
+        """The newest frame that a word was said on."""
+
+
 class Verdicts:
     """Takes the operator's word on a frame, and has what it changes followed again."""
 
-    def __init__(self, control: Control, cycle: Cycle, chronicle: Chronicle) -> None:
+    def __init__(
+        self,
+        control: Control,
+        cycle: Cycle,
+        chronicle: Chronicle,
+        pixels_of: PixelsOf = lambda _frame_id: None,
+    ) -> None:
         self._control = control
         self._cycle = cycle
         self._chronicle = chronicle
+        self._pixels_of = pixels_of
 
     @property
     def handlers(self) -> Handlers:
         """Its commands."""
         handler = Handler(check=self._check, execute=self._rule)
-        return dict.fromkeys((Choose, Accept, Reject, MarkByHand), handler)
+        mark = Handler(check=self._check_mark, execute=self._rule)
+        verdicts = (Choose, Accept, Reject, TakeBack)
+        return {MarkByHand: mark, **dict.fromkeys(verdicts, handler)}
+
+    @property
+    def _frames(self) -> Frames:
+        """Those that are followed, or while nobody follows those that are looked at."""
+        is_autonomous = self._control.charge.is_autonomous
+        return self._cycle.folds if is_autonomous else self._cycle.hand
 
     def _check(self, decision: Decision, by: str) -> Accepted:
         """Refused at once where it can be seen that it must be."""
@@ -60,10 +110,47 @@ class Verdicts:
         pinned = replace(decision, frame_id=ruling.frame_id)
         return Accepted(message="taken up with the next frame", command=pinned)
 
+    def _check_mark(self, mark: MarkByHand, by: str) -> Accepted:
+        """The same, refined on the light beneath it, and held against what is known already.
+
+        Raises RefusedError, which a console may answer with the same mark that ``replaces``.
+        """
+        ruling = self._ruling(mark, by)
+        shown = self._frames.shown(ruling.frame_id)
+        pinned, how = replace(mark, frame_id=ruling.frame_id), "no light stands out beneath it"
+        pixels = self._pixels_of(ruling.frame_id)
+        rough = _detection_of(pinned, ruling.frame_id)
+        if pixels is None:
+            how = "the frame's pixels are not kept: it stays as you made it"
+        else:
+            fwhm_px = shown.detections.star_fwhm_px
+            found = refined_mark(pixels, rough, star_fwhm_px=fwhm_px)
+            if found is not None:
+                pinned, how = _refined(pinned, found), "refined on the light beneath it"
+        ruling = self._ruling(pinned, by)
+        assert ruling.taken is not None
+        sigma = _sigma_arcsec(ruling.taken)
+        better = _better_known(ruling.taken, shown, self._frames.taken(ruling.frame_id))
+        if better is not None and not mark.replaces:
+            raise RefusedError(
+                f"yours is good to ±{_figure(sigma)}″ ({how}); frame {ruling.frame_id} has it to"
+                f" ±{_figure(_sigma_arcsec(better))}″: mark it as replacing that",
+                {
+                    "asks": "replaces",
+                    "sigma_arcsec": sigma,
+                    "better_arcsec": _sigma_arcsec(better),
+                    "how": how,
+                },
+            )
+        message = f"taken up with the next frame: ±{_figure(sigma)}″, {how}"
+        return Accepted(message=message, command=replace(pinned, replaces=True))
+
     def _rule(self, decision: Decision, by: str) -> CommandResult:
         """In force for the order after the next frame. Gives what came of it."""
         before = self._control.following
         ruling = self._ruling(decision, by)
+        if not self._control.charge.is_autonomous:
+            return self._rule_by_hand(ruling)
         after, records = self._cycle.rule(ruling)
         result = result_of(ruling, records)
         self._chronicle.append(ruling)
@@ -81,21 +168,30 @@ class Verdicts:
         self._control.happen(Followed(after=after))
         return result
 
+    def _rule_by_hand(self, ruling: Ruling) -> CommandResult:
+        """Of a frame that nobody followed: what is kept is what the marks make of it."""
+        charge = self._control.charge
+        kept, records = self._cycle.rule_by_hand(
+            ruling, charge.kept, charge.following.last_track_id
+        )
+        for record in records:
+            self._chronicle.append(record)
+        self._control.happen(Marked(kept=kept))
+        return _by_hand_result(ruling, records)
+
     def _ruling(self, decision: Decision, by: str) -> Ruling:
         """What the word on a frame would be. Raises ValueError where it cannot be."""
-        if not self._control.charge.is_autonomous:
-            raise ValueError("autonomy does not have the mount: nothing is being followed")
         return ruling_of(
             decision,
             by=by,
-            folds=self._cycle.folds,
+            folds=self._frames,
             following=self._control.following,
             config=self._control.config,
         )
 
 
 def ruling_of(
-    decision: Decision, *, by: str, folds: Folds, following: Following, config: Config
+    decision: Decision, *, by: str, folds: Frames, following: Following, config: Config
 ) -> Ruling:
     """The operator's word as a ruling. Raises ValueError with the reason where it cannot be one."""
     match decision:
@@ -107,10 +203,22 @@ def ruling_of(
             return _reject(decision, folds, following, by)
         case MarkByHand():
             return _mark(_frame(decision, folds), decision, by, config)
+        case TakeBack():
+            return _take_back(decision, folds, by)
     raise TypeError(f"{decision.verb} is no word on a frame")
 
 
-def _frame(decision: Decision, folds: Folds) -> Shown:
+def _take_back(decision: TakeBack, folds: Frames, by: str) -> Ruling:
+    """What the detector saw alone counts for a frame again."""
+    frame_id = folds.said_last() if decision.frame_id is None else decision.frame_id
+    if frame_id is None:
+        raise ValueError("nothing has been said of the last frames that could be taken back")
+    if folds.shown(frame_id).ruling is None:
+        raise ValueError(f"nothing was said of frame {frame_id} that could be taken back")
+    return Ruling(frame_id=frame_id, by=by)
+
+
+def _frame(decision: Decision, folds: Frames) -> Shown:
     return folds.newest() if decision.frame_id is None else folds.shown(decision.frame_id)
 
 
@@ -128,7 +236,7 @@ def _choose(shown: Shown, choice: Choose, by: str, config: Config) -> Ruling:
     return Ruling(frame_id=shown.taken.frame_id, taken=_measurement_of(near, shown, config), by=by)
 
 
-def _accept(shown: Shown, folds: Folds, by: str, config: Config) -> Ruling:
+def _accept(shown: Shown, folds: Frames, by: str, config: Config) -> Ruling:
     """The likeliest streak that was not taken is taken."""
     refused = shown.ruling.refused if shown.ruling is not None else ()
     already = folds.taken(shown.taken.frame_id)
@@ -155,7 +263,7 @@ def _accept(shown: Shown, folds: Folds, by: str, config: Config) -> Ruling:
     )
 
 
-def _reject(rejection: Reject, folds: Folds, following: Following, by: str) -> Ruling:
+def _reject(rejection: Reject, folds: Frames, following: Following, by: str) -> Ruling:
     """What a frame gave to the track was none of what is followed; without one, the last."""
     taken = following.taken
     if rejection.frame_id is not None:
@@ -174,19 +282,31 @@ def _reject(rejection: Reject, folds: Folds, following: Following, by: str) -> R
 def _mark(shown: Shown, mark: MarkByHand, by: str, config: Config) -> Ruling:
     """A streak between two ends that the operator has pointed at."""
     x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
-    sigma_px = MARK_SIGMA_PX if mark.sigma_px is None else mark.sigma_px
     taken = shown.taken
-    if not all(0 <= x <= taken.width_px - 1 for x in (x_a, x_b)) or not all(
-        0 <= y <= taken.height_px - 1 for y in (y_a, y_b)
+    if not isinstance(shown.solution, Solution):
+        raise ValueError(_not_solved(taken.frame_id))
+    # What was refined where the frame cuts it ends at its rim.
+    rim = 0.5 if mark.sigma_across_px is not None else 0.0
+    if not all(-rim <= x <= taken.width_px - 1 + rim for x in (x_a, x_b)) or not all(
+        -rim <= y <= taken.height_px - 1 + rim for y in (y_a, y_b)
     ):
         raise ValueError(f"the ends must lie in the frame, {taken.width_px} x {taken.height_px} px")
-    length_px = math.hypot(x_b - x_a, y_b - y_a)
-    if length_px < SHORTEST_MARK_PX:
+    detection = _detection_of(mark, taken.frame_id)
+    if detection.length_px < SHORTEST_MARK_PX:
         raise ValueError("the two ends are the same place: mark one end, then the other")
-    if not 0.0 < sigma_px <= WIDEST_MARK_PX:
-        raise ValueError(f"sigma_px must be above 0, and {WIDEST_MARK_PX:g} at most")
-    detection = Detection(
-        frame_id=taken.frame_id,
+    for sigma_px in (detection.sigma_along_px, detection.sigma_across_px):
+        if not 0.0 < sigma_px <= WIDEST_MARK_PX:
+            raise ValueError(f"sigma_px must be above 0, and {WIDEST_MARK_PX:g} at most")
+    made = _measured(detection, mark_id_of(taken.frame_id, shown.rulings), shown, config)
+    return Ruling(frame_id=taken.frame_id, taken=made, by=by)
+
+
+def _detection_of(mark: MarkByHand, frame_id: int) -> Detection:
+    x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
+    sigma_px = MARK_SIGMA_PX if mark.sigma_px is None else mark.sigma_px
+    across_px = sigma_px if mark.sigma_across_px is None else mark.sigma_across_px
+    return Detection(
+        frame_id=frame_id,
         confidence=1.0,
         x_px=(x_a + x_b) / 2.0,
         y_px=(y_a + y_b) / 2.0,
@@ -195,16 +315,56 @@ def _mark(shown: Shown, mark: MarkByHand, by: str, config: Config) -> Ruling:
         x_b_px=x_b,
         y_b_px=y_b,
         box_px=(min(x_a, x_b), min(y_a, y_b), max(x_a, x_b), max(y_a, y_b)),
-        length_px=length_px,
+        length_px=math.hypot(x_b - x_a, y_b - y_a),
         width_px=0.0,
         snr=0.0,
         sigma_along_px=sigma_px,
-        sigma_across_px=sigma_px,
-        is_clipped=False,
+        sigma_across_px=across_px,
+        is_clipped=bool(mark.is_clipped),
         method="operator",
     )
-    made = _measured(detection, mark_id_of(taken.frame_id, shown.rulings), shown, config)
-    return Ruling(frame_id=taken.frame_id, taken=made, by=by)
+
+
+def _refined(mark: MarkByHand, found: Detection) -> MarkByHand:
+    """The same mark where the light is."""
+    return replace(
+        mark,
+        x_a_px=found.x_a_px,
+        y_a_px=found.y_a_px,
+        x_b_px=found.x_b_px,
+        y_b_px=found.y_b_px,
+        sigma_px=found.sigma_along_px,
+        sigma_across_px=found.sigma_across_px,
+        is_clipped=found.is_clipped or None,
+    )
+
+
+def _sigma_arcsec(measurement: Measurement) -> float:
+    """One sigma of a direction where it is known worst."""
+    east, both, north = measurement.cov_sky_arcsec2
+    mean, half = 0.5 * (east + north), math.hypot(0.5 * (east - north), both)
+    return math.sqrt(max(mean + half, 0.0))
+
+
+def _figure(value: float) -> str:
+    """As exactly as an error is worth."""
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
+
+
+def _better_known(mark: Measurement, shown: Shown, taken: Measurement | None) -> Measurement | None:
+    """What a mark would replace and is known much better; None where there is no such thing."""
+    sigma = _sigma_arcsec(mark)
+    near = [m for m in shown.measurements if _is_at(m, mark, 3.0 * sigma)]
+    known = [m for m in (taken, *near) if m is not None and m != mark and not m.is_clipped]
+    best = min(known, key=_sigma_arcsec, default=None)
+    return best if best is not None and BETTER * _sigma_arcsec(best) < sigma else None
+
+
+def _is_at(one: Measurement, other: Measurement, within_arcsec: float) -> bool:
+    away_deg = separation_deg(
+        one.ra_icrs_deg, one.dec_icrs_deg, other.ra_icrs_deg, other.dec_icrs_deg
+    )
+    return away_deg * 3600.0 <= within_arcsec
 
 
 def _measurement_of(detection: Detection, shown: Shown, config: Config) -> Measurement:
@@ -222,10 +382,7 @@ def _measured(
     detection: Detection, measurement_id: str, shown: Shown, config: Config
 ) -> Measurement:
     if not isinstance(shown.solution, Solution):
-        raise ValueError(
-            f"frame {shown.taken.frame_id} was not solved: without stars a streak has no place"
-            " on the sky"
-        )
+        raise ValueError(_not_solved(shown.taken.frame_id))
     measured = measure(
         detection,
         shown.solution,
@@ -239,10 +396,28 @@ def _measured(
     return measured
 
 
+def _not_solved(frame_id: int) -> str:
+    return f"frame {frame_id} was not solved: without stars a streak has no place on the sky"
+
+
+def _by_hand_result(ruling: Ruling, records: tuple[Record, ...]) -> CommandResult:
+    """What a word on a frame came to that nobody followed."""
+    states = [r for r in records if isinstance(r, TrackState) and r.frame_id == ruling.frame_id]
+    ruled: RuledKind = "first of a track"
+    if ruling.taken is None:
+        ruled = "rejected" if ruling.refused else "taken back"
+    elif any(each.kind == "initial" for each in states):
+        ruled = "second of a track"
+    elif any(each.kind == "updated" for each in states):
+        ruled = "taken by hand" if ruling.taken.source == "operator" else "taken"
+    return CommandResult(kind="ruled", ruled=ruled, frame_id=ruling.frame_id)
+
+
 def result_of(ruling: Ruling, records: tuple[Record, ...]) -> CommandResult:
     """What a ruling came to."""
     if ruling.taken is None:
-        return CommandResult(kind="ruled", ruled="rejected", frame_id=ruling.frame_id)
+        back: RuledKind = "rejected" if ruling.refused else "taken back"
+        return CommandResult(kind="ruled", ruled=back, frame_id=ruling.frame_id)
     return CommandResult(
         kind="ruled",
         ruled="taken by hand" if ruling.taken.source == "operator" else "taken",

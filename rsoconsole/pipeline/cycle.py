@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from rsoconsole.config import Config
 from rsoconsole.pipeline.absence import StarHistory, cloud_before, stars_of
 from rsoconsole.pipeline.fold import Shown, fold, looked_at, when
+from rsoconsole.pipeline.hand_track import HandTrack
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.rulings import Fold, Folds, on_record_again
 from rsoconsole.reasons import HiddenBy, SlewRefusal
@@ -35,6 +36,7 @@ class Cycle:
         self._config = config
         self._stars = StarHistory()
         self._folds = Folds()
+        self._hand = HandTrack()
         self._cloud: HiddenBy | None = None
         self._said: set[str] = set()
         """Kinds of cautions that are on record already."""
@@ -71,6 +73,22 @@ class Cycle:
         """The last frames followed, on which the operator may say a word."""
         return self._folds
 
+    @property
+    def hand(self) -> HandTrack:
+        """The last frames that belong to no track, on which the operator may say a word, too."""
+        return self._hand
+
+    def rule_by_hand(
+        self, ruling: Ruling, kept: Following | None, last_track_id: int
+    ) -> tuple[Following | None, tuple[Record, ...]]:
+        """The operator's word on a frame that nobody followed.
+
+        The track that is kept then, and what belongs on the record. Raises ValueError where
+        nothing can be said on the frame any more.
+        """
+        after, again = self._hand.rule(ruling, kept, last_track_id)
+        return after, on_record_again(ruling, again)
+
     def rule(self, ruling: Ruling) -> tuple[Following, tuple[Record, ...]]:
         """Follow a frame and those after it again by the operator's word.
 
@@ -86,6 +104,7 @@ class Cycle:
         shown = _shown(taken_record(frame), reduction, {})
         self._look_at_clouds(shown)
         self._stars = looked_at(self._stars, shown)
+        self._hand.add(shown, self._config)
         return reduction, self._on_record(reduction, frame.frame_id)
 
     def run(
@@ -116,6 +135,8 @@ class Cycle:
             )
         )
         self._stars = folded.stars
+        if folded.following.track is None:
+            self._hand.add(shown, self._config)
         return CycleResult(
             reduction=reduction,
             after=folded.following,

@@ -16,6 +16,7 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.pipeline.absence import StarHistory
 from rsoconsole.pipeline.alike import are_alike
 from rsoconsole.pipeline.fold import Shown, fold, looked_at
+from rsoconsole.pipeline.hand_track import HandTrack
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.otherwise import at_instant, at_tau
 from rsoconsole.pipeline.rulings import Fold, Folds
@@ -165,6 +166,9 @@ class Walk:
     """A frame came out otherwise than recorded: the orbits behind it are of another track."""
     open: _Open | None = None
     folds: Folds = field(default_factory=Folds)
+    hand: HandTrack = field(default_factory=HandTrack)
+    is_by_hand: bool = False
+    """The last ruling was on a frame that nobody followed."""
     again: dict[int, Fold] = field(default_factory=dict)
     """Frames that a ruling has had followed again, by number."""
     open_again: tuple[Fold, list[Record]] | None = None
@@ -271,6 +275,7 @@ class Walk:
             shown = at_instant(shown, t_mid_ns, self.config.exposure)
         if self.following.state not in FOLDED or t_mid_ns is None:
             self.stars = looked_at(self.stars, shown)
+            self.hand.add(shown, self.config)
             yield LookedAt(shown=shown)
             return
         folded = fold(self.following, self.stars, shown, self.config)
@@ -283,6 +288,8 @@ class Walk:
         )
         self.folds.add(done)
         self.following, self.stars = folded.following, folded.stars
+        if folded.following.track is None:
+            self.hand.add(shown, self.config)
         yield self._compared(_replayed(done, recorded))
 
     def _compared(self, frame: ReplayedFrame) -> ReplayedFrame:
@@ -296,16 +303,28 @@ class Walk:
             done = self.again.pop(record.frame_id, None)
             self.open_again = None if done is None else (done, [])
             return
+        self.is_by_hand = self.following.state not in FOLDED
         try:
+            if self.is_by_hand:
+                self._rule_by_hand(record)
+                return
             again = self.folds.rule(record)
         except ValueError:  # under what is tried the frame was not followed
             return
         self.again = {each.shown.taken.frame_id: each for each in again}
         self.following = again[-1].folded.following
 
+    def _rule_by_hand(self, record: Ruling) -> None:
+        self.again = {}
+        self.kept, _ = self.hand.rule(record, self.kept, self.following.last_track_id)
+        if self.kept is not None:
+            last_track_id = max(self.kept.last_track_id, self.following.last_track_id)
+            self.following = replace(self.following, last_track_id=last_track_id)
+
     def _pass(self, change: StateChange) -> None:
         """The operator, a limit, a fault or the end of the night: what is followed after it."""
         self.folds.forget()
+        self.hand.forget()
         if isinstance(change.reason, Cause) and change.reason.kind == "clock set":
             self.orbits = {}
         is_resumed = change.after == "COAST"

@@ -129,7 +129,8 @@ class _Telling:
         match record:
             case FollowedAgain():
                 self._tell_ruled()
-                self._is_void = True
+                # What marks by hand led to stands as it was told.
+                self._is_void = not self._walk.is_by_hand
             case Ruling():
                 self._ruled = (t_utc_ns, record, before, self._walk.following.state)
             case StateChange():

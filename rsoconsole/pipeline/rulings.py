@@ -62,6 +62,11 @@ class Folds:
         taken = self._fold(frame_id).folded.following.taken
         return taken if taken is not None and taken.frame_id == frame_id else None
 
+    def said_last(self) -> int | None:
+        """The newest frame that a word was said on; None where there is none."""
+        said = [f.shown.taken.frame_id for f in self._folds if f.shown.ruling is not None]
+        return said[-1] if said else None
+
     def newest(self) -> Shown:
         """The last frame. Raises ValueError where there is none."""
         folds = self._folds

@@ -1,0 +1,311 @@
+"""Marks by hand: without autonomy they start a track, refined they are as good as the light."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rsoconsole.config import Config
+from rsoconsole.control.commands import MarkByHand
+from rsoconsole.pipeline.refine_mark import refined_mark
+from rsoconsole.pipeline.replay import replay
+from rsoconsole.pipeline.retell import retell
+from rsoconsole.pipeline.tracks_taken import TracksTaken
+from rsoconsole.pipeline.what_if import as_recorded, figures_of
+from rsoconsole.reason_text import text
+from rsoconsole.records import Detection, Frame, Measurement, NotSolved, OperatorAction, TrackState
+from rsoconsole.session.codec import decode, encode
+from rsoconsole.sky.wcs import sky_to_pixel
+from tests.engine_rig import START_DEG, PlainCamera, Rig, rig
+from tests.makers import NS, T0_UTC_NS, geo_measurement
+from tests.test_rulings import say
+
+CONFIG = Config.model_validate({"search": {"recentre": "every"}})
+WIDE, HIGH = 6000, 2000
+DRAWN_ROWS = 400
+FWHM_PX = 2.5
+LENGTH_PX = 119.0
+
+
+class WideCamera(PlainCamera):
+    """As wide as a satellite drifts in some frames."""
+
+    def wait_frame(self, timeout_s: float) -> Frame:
+        plain = super().wait_frame(timeout_s)
+        return dataclasses.replace(plain, pixels=np.zeros((HIGH, WIDE), np.uint16))
+
+
+def in_hand(frames: set[int] | None = None) -> Rig:
+    """The operator has the mount over a satellite that the detector does not see."""
+    r = rig(frames or set(), CONFIG)
+    r.camera.__class__ = WideCamera
+    r.engine.arm()
+    r.engine.run(frames=1)
+    nudge(r)
+    r.mount.at_deg = START_DEG[0] - 0.05, START_DEG[1] - 0.3
+    return r
+
+
+def nudge(r: Rig) -> None:
+    assert say(r, "nudge", east_arcmin=0.0, north_arcmin=0.01).ok
+    assert r.engine.charge.state == "MANUAL"
+
+
+def place_px(r: Rig, frame_id: int) -> tuple[float, float]:
+    """Where the satellite really is in a frame that was looked at."""
+    shown = r.engine.cycle.hand.shown(frame_id)
+    since_s = (shown.taken.t_mid_utc_ns - T0_UTC_NS) / NS
+    here = geo_measurement(2, ra_deg=START_DEG[0], dec_deg=START_DEG[1], cadence_s=since_s)
+    x, y = sky_to_pixel(shown.solution.wcs, here.ra_icrs_deg, here.dec_icrs_deg)
+    return float(x), float(y)
+
+
+def mark(r: Rig, frame_id: int, *, off_px: float = 0.0, **other: Any) -> Any:
+    x, y = place_px(r, frame_id)
+    half = LENGTH_PX / 2.0
+    ends = {"x_a": x - half + off_px, "y_a": y, "x_b": x + half + off_px, "y_b": y}
+    return say(r, "mark", frame=frame_id, **ends, **other)
+
+
+def results(r: Rig) -> list[str]:
+    return [text(a.outcome) for a in r.memory.of(OperatorAction) if a.outcome.kind == "ruled"]
+
+
+def assert_replayed_alike(r: Rig) -> None:
+    log = [decode(*encode(record)[::2]) for record in r.memory.records]
+    frames = list(replay(log, CONFIG))
+    assert all(frame.is_as_recorded for frame in frames)
+    assert frames[-1].after == r.engine.following
+    assert as_recorded(log) == figures_of(frames)
+    told = retell([(n, record) for n, record in enumerate(log)], CONFIG)
+    assert [record for _, record in told.log] == log
+
+
+def test_two_marks_while_the_operator_has_the_mount_start_a_track_that_resume_follows():
+    r = in_hand({7, 8})
+    r.engine.run(frames=4)
+    assert mark(r, 3).ok
+    assert r.engine.charge.kept is None
+    assert mark(r, 4).ok
+    assert r.engine.charge.state == "MANUAL"
+    kept = r.engine.charge.kept
+    assert kept is not None
+    assert kept.taken.source == "operator"
+    assert results(r) == [
+        "frame 3: the first of a track: mark it in a later frame, too",
+        "frame 4: a track begins with it, to be resumed",
+    ]
+    r.engine.run(frames=6)
+    assert say(r, "resume").ok
+    assert r.engine.following.state == "COAST"
+    r.engine.run(frames=8)
+    # The detector sees it again: what the marks began is what it measures.
+    assert r.engine.following.state == "TRACK"
+    assert r.engine.following.track_id == kept.track_id
+    assert_replayed_alike(r)
+    tracks = TracksTaken()
+    for record in r.memory.records:
+        tracks.hear(record)
+    (track,) = tracks.tracks()
+    assert [m.frame_id for m in track.measurements] == [3, 4, 7, 8]
+
+
+def test_a_third_mark_measures_the_track_that_two_began():
+    r = in_hand()
+    r.engine.run(frames=5)
+    for frame_id in (3, 4, 5):
+        assert mark(r, frame_id).ok
+    assert results(r)[-1] == "frame 5: taken by the operator's hand"
+    assert r.engine.charge.kept.taken.frame_id == 5
+    assert r.engine.charge.kept.track_id == 1
+
+
+def test_marks_that_agree_on_no_motion_start_nothing_and_the_last_one_waits():
+    r = in_hand()
+    r.engine.run(frames=5)
+    assert mark(r, 3).ok
+    assert mark(r, 4, off_px=900.0).ok
+    assert r.engine.charge.kept is None
+    assert not r.memory.of(TrackState)
+    assert mark(r, 5, off_px=900.0).ok
+    assert r.engine.charge.kept is not None
+
+
+def test_a_mark_is_taken_back_and_what_it_led_to_with_it():
+    r = in_hand({8, 9})
+    r.engine.run(frames=5)
+    assert mark(r, 3).ok
+    assert mark(r, 4).ok
+    assert say(r, "take_back").ok
+    assert r.engine.charge.kept is None
+    assert results(r)[-1] == "frame 4: as if nothing had been said of it"
+    assert mark(r, 5).ok
+    assert r.engine.charge.kept.taken.frame_id == 5
+    assert say(r, "take_back", frame=3).ok
+    assert r.engine.charge.kept is None
+    assert mark(r, 3).ok
+    assert say(r, "resume").ok
+    r.engine.run(frames=9)
+    assert_replayed_alike(r)
+    assert not say(r, "take_back", frame=9).ok
+
+
+def test_what_was_followed_before_is_kept_until_the_marks_begin_another():
+    r = in_hand({1, 2, 3})
+    say(r, "resume")
+    r.engine.run(frames=4)
+    before = r.engine.following
+    assert before.track is not None
+    nudge(r)
+    r.mount.at_deg = START_DEG[0] - 0.05, START_DEG[1] - 0.3
+    r.engine.run(frames=7)
+    assert mark(r, 6, off_px=900.0).ok
+    assert r.engine.charge.kept.track_id == before.track_id
+    assert mark(r, 7, off_px=900.0).ok
+    assert r.engine.charge.kept.track_id == before.track_id + 1
+    say(r, "resume")
+    r.engine.run(frames=8)
+    assert_replayed_alike(r)
+
+
+def test_a_frame_that_was_not_solved_says_so_before_anything_is_made_of_it():
+    r = in_hand()
+    r.engine.run(frames=3)
+    hand = r.engine.cycle.hand
+    shown = hand.shown(3)
+    blind = dataclasses.replace(
+        shown, solution=NotSolved(frame_id=3, reason="4 stars, 8 needed", ms=1.0)
+    )
+    hand._looked = (dataclasses.replace(hand._looked[-1], shown=blind),)
+    outcome = say(r, "mark", frame=3, x_a=1.0, y_a=1.0, x_b=9.0, y_b=1.0)
+    assert not outcome.ok
+    assert "not solved" in outcome.message
+
+
+def test_a_rough_mark_asks_before_it_replaces_a_better_measurement():
+    r = rig({*range(1, 9)}, CONFIG)
+    r.camera.__class__ = WideCamera
+    r.engine.arm()
+    r.engine.run(frames=6)
+    taken = r.engine.following.taken
+    ends = {"x_a": 1.0, "y_a": 0.0, "x_b": 120.0, "y_b": 0.0, "frame": 6, "sigma_px": 90.0}
+    asked = say(r, "mark", **ends)
+    assert not asked.ok
+    assert asked.data["asks"] == "replaces"
+    assert asked.data["sigma_arcsec"] == pytest.approx(113.0, rel=0.05)
+    assert asked.data["better_arcsec"] == pytest.approx(1.0, rel=0.1)
+    assert "yours is good to ±113″" in asked.message
+    assert r.engine.following.taken == taken
+    assert say(r, "mark", replaces=True, **ends).ok
+    assert r.engine.following.taken.source == "operator"
+    # And back: the detector's own measurement counts again.
+    assert say(r, "take_back").ok
+    assert r.engine.following.taken == taken
+
+
+# -- on the light beneath it -------------------------------------------------------------------
+
+
+def sky_with(streak: tuple[float, float, float, float] | None, peak: float = 40.0) -> np.ndarray:
+    """A frame with noise, stars and a straight streak between two ends."""
+    rng = np.random.default_rng(4)
+    light = rng.normal(700.0, 12.0, (DRAWN_ROWS, 1200))
+    y, x = np.mgrid[0:DRAWN_ROWS, 0:1200].astype(float)
+    sigma = FWHM_PX / 2.3548
+    for _ in range(60):
+        sx, sy = rng.uniform(20, 1180), rng.uniform(20, DRAWN_ROWS - 20)
+        near = (slice(int(sy) - 10, int(sy) + 11), slice(int(sx) - 10, int(sx) + 11))
+        r2 = (x[near] - sx) ** 2 + (y[near] - sy) ** 2
+        light[near] += rng.uniform(200, 4000) * np.exp(-r2 / (2 * sigma**2))
+    if streak is not None:
+        (xa, ya, xb, yb), length = streak, math.dist(streak[:2], streak[2:])
+        dx, dy = (xb - xa) / length, (yb - ya) / length
+        along = (x - xa) * dx + (y - ya) * dy
+        across = (y - ya) * dx - (x - xa) * dy
+        ends = np.vectorize(math.erf)
+        lit = 0.5 * (
+            ends((along / (sigma * 1.4142)).ravel())
+            - ends(((along - length) / (sigma * 1.4142)).ravel())
+        ).reshape(x.shape)
+        light += peak * lit * np.exp(-(across**2) / (2 * sigma**2))
+    return np.clip(light, 0, 65535).astype(np.uint16)
+
+
+STREAK = (540.0, 230.0, 655.0, 252.0)
+
+
+def rough(ends: tuple[float, ...], sigma: float) -> Detection:
+    xa, ya, xb, yb = ends
+    return Detection(
+        frame_id=1,
+        confidence=1.0,
+        x_px=(xa + xb) / 2,
+        y_px=(ya + yb) / 2,
+        x_a_px=xa,
+        y_a_px=ya,
+        x_b_px=xb,
+        y_b_px=yb,
+        box_px=(min(xa, xb), min(ya, yb), max(xa, xb), max(ya, yb)),
+        length_px=math.dist(ends[:2], ends[2:]),
+        width_px=0.0,
+        snr=0.0,
+        sigma_along_px=sigma,
+        sigma_across_px=sigma,
+        is_clipped=False,
+        method="operator",
+    )
+
+
+@pytest.fixture(scope="module")
+def lit() -> np.ndarray:
+    return sky_with(STREAK)
+
+
+@pytest.mark.parametrize(
+    ("off", "sigma"),
+    [((3, -2, -3, 2), 4.0), ((10, 8, -9, -6), 20.0), ((-30, 20, 35, -25), 60.0)],
+    ids=["near", "rough", "one square of the field"],
+)
+def test_a_rough_mark_becomes_the_streak_beneath_it(lit: np.ndarray, off: Any, sigma: float):
+    found = refined_mark(lit, rough(tuple(np.add(STREAK, off)), sigma), star_fwhm_px=FWHM_PX)
+    assert found is not None
+    middle = (STREAK[0] + STREAK[2]) / 2, (STREAK[1] + STREAK[3]) / 2
+    assert math.dist((found.x_px, found.y_px), middle) < 1.0
+    assert found.sigma_along_px < 1.0
+    assert found.sigma_across_px < 0.5
+    assert found.method == "operator"
+
+
+def test_where_there_is_no_light_a_mark_stays_as_it_was_made():
+    dark = sky_with(None)
+    for sigma in (2.0, 20.0, 60.0):
+        assert refined_mark(dark, rough(STREAK, sigma), star_fwhm_px=FWHM_PX) is None
+
+
+def test_a_streak_elsewhere_is_not_meant(lit: np.ndarray):
+    beside = (540.0, 130.0, 655.0, 152.0)
+    assert refined_mark(lit, rough(beside, 4.0), star_fwhm_px=FWHM_PX) is None
+
+
+@pytest.mark.parametrize("has_pixels", [True, False])
+def test_the_engine_says_how_good_a_mark_is_and_why(lit: np.ndarray, has_pixels: bool):
+    r = in_hand()
+    r.engine.run(frames=3)
+    verdicts: Any = r.engine.handlers[MarkByHand].check
+    verdicts.__self__._pixels_of = lambda _frame_id: lit if has_pixels else None
+    xa, ya, xb, yb = STREAK
+    outcome = say(
+        r, "mark", frame=3, x_a=xa - 20, y_a=ya + 15, x_b=xb + 20, y_b=yb + 9, sigma_px=50.0
+    )
+    assert outcome.ok
+    (made,) = [m for m in r.memory.of(Measurement) if m.source == "operator"]
+    sigma_arcsec = math.sqrt(max(made.cov_sky_arcsec2[0], made.cov_sky_arcsec2[2]))
+    if has_pixels:
+        assert "refined on the light beneath it" in outcome.message
+        assert sigma_arcsec < 2.0
+        assert math.dist((made.x_px, made.y_px), ((xa + xb) / 2, (ya + yb) / 2)) < 1.0
+    else:
+        assert "not kept: it stays as you made it" in outcome.message
+        assert sigma_arcsec == pytest.approx(50.0 * 1.26, rel=0.02)
