@@ -157,7 +157,7 @@ def test_a_frame_that_is_not_reduced_yet_is_no_miss(wire: FakeWire, writer: Sess
 def test_wide_bounds_after_a_miss_do_not_flatten_the_residuals() -> None:
     usual = [Column(value=0.5, bound=2.0)] * 9
     assert residual_limit([*usual, Column(value=1.0, bound=40.0)]) < 4.0
-    assert residual_limit([*usual, Column(value=-30.0, bound=40.0)]) > 30.0
+    assert residual_limit([*usual[:3], Column(value=-30.0, bound=40.0)]) > 30.0
     assert residual_limit([Column(bound=12.0, mark="○")]) > 12.0
 
 

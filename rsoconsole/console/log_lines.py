@@ -93,13 +93,31 @@ def without_console(text: str) -> str:
     return _CONSOLE.sub("", text)
 
 
-def line_of(record: Record, t_utc_ns: int) -> LogLine | None:
-    """The record's line; None for what is routine."""
+def left_out(found: Detections | None, tau: float) -> str:
+    """The likeliest streak that was seen in a frame and is no detection, and why; empty: none."""
+    rejected = () if found is None else found.rejected
+    likely = [each for each in rejected if each.detection.confidence >= tau]
+    if not likely:
+        return ""
+    best = max(likely, key=lambda each: each.detection.confidence)
+    confidence = f"{best.detection.confidence:.2f}".removeprefix("0")
+    return f"a streak of confidence {confidence} was left out: {text(best.reason)}"
+
+
+def is_without_detection(record: Record) -> bool:
+    """Whether it says that a frame had none."""
+    reason = record.reason if isinstance(record, Miss | StateChange) else None
+    missed = reason.missed if isinstance(reason, Cause) else reason
+    return isinstance(missed, Missed) and missed.kind == "no detection" and not missed.hidden_by
+
+
+def line_of(record: Record, t_utc_ns: int, beside: str = "") -> LogLine | None:
+    """The record's line; None for what is routine. ``beside``: more that is known of it."""
     words = _words(record)
     if words is None:
         return None
     # Control characters would reach the terminal, whoever wrote them.
-    said = one_line(words[1])
+    said = one_line(f"{words[1]}; {beside}" if beside else words[1])
     cause = record.reason if isinstance(record, StateChange) else None
     kind: CauseKind | Literal[""] = cause.kind if isinstance(cause, Cause) else ""
     frame_id = getattr(record, "frame_id", None) or None

@@ -8,7 +8,7 @@ from typing import Any, TypeVar, assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.console.last_measured import LastMeasured, last_measured
-from rsoconsole.console.log_lines import LogLine, line_of
+from rsoconsole.console.log_lines import LogLine, is_without_detection, left_out, line_of
 from rsoconsole.console.log_merging import append_line
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
@@ -342,7 +342,7 @@ class Night:
         now.seq = now.seq + 1 if seq is None else seq
         named = now.identified
         self._fold(record, t_utc_ns)
-        line = line_of(record, t_utc_ns)
+        line = line_of(record, t_utc_ns, self._beside(record))
         if line is not None and not (isinstance(record, Identified) and _is_same(named, record)):
             append_line(self._log, replace(line, seq=now.seq))
 
@@ -516,6 +516,12 @@ class Night:
     def _miss(self, record: Miss, _t_utc_ns: int) -> None:
         if record.track_id not in self._now.beside:
             self._change(record.frame_id, miss=text(record.reason), is_reduced=True)
+
+    def _beside(self, record: Record) -> str:
+        """Why a streak that somebody sees in the picture was none for the track."""
+        if not isinstance(record, Miss | StateChange) or not is_without_detection(record):
+            return ""
+        return left_out(self.detail(record.frame_id).detections, self._now.tau)
 
     def _state_change(self, record: StateChange, t_utc_ns: int) -> None:
         now = self._now

@@ -16,6 +16,8 @@ AXIS_COLUMNS = 6
 NIS_HEADROOM = 1.6
 """How far the axis goes beyond the upper bound of the band."""
 REFUSED = "×"
+LEAST_FOR_STRAYS, USUAL_SHARE, STRAY_TIMES = 5, 0.8, 5.0
+"""Of so many residuals that share makes the axis; what is so many times as large lies beyond it."""
 MAX_SPREAD = 3
 """Cells an exposure takes at most, while there are few."""
 _BRAILLE = 0x2800
@@ -185,17 +187,30 @@ def confidence_strip(columns: Sequence[Column], tau: float, width: int) -> Line:
 
 
 def residual_limit(columns: Sequence[Column]) -> float:
-    """A round half height that shows every residual and the bounds as they usually are.
+    """A round half height that shows the residuals and the bounds as they usually are.
 
     Bounds just after a miss are many times as wide: they lie on the edge, or the residuals that
-    matter would lie on zero. Those of coasted frames count only where there is nothing else.
+    matter would lie on zero; so does a residual many times as large as nearly all others, which
+    an arrow at the edge stands for. Bounds of coasted frames count only where there is nothing
+    else.
     """
     measured = [c for c in columns if c.value is not None]
     values = [abs(c.value) for c in measured if c.value is not None]
     bounds = sorted(c.bound for c in measured if c.bound is not None)
     others = [c.bound for c in columns if c.bound is not None]
     usual = [1.2 * bounds[len(bounds) // 2]] if bounds else []
-    return _round_up(max([*values, *usual] or others or [1.0]) * 1.05)
+    shown = _without_strays(values, usual)
+    return _round_up(max([*shown, *usual] or others or [1.0]) * 1.05)
+
+
+def _without_strays(values: list[float], usual: list[float]) -> list[float]:
+    """Without the few that are far beyond all others, and beyond the bounds."""
+    if len(values) < LEAST_FOR_STRAYS:
+        return values
+    ordered = sorted(values)
+    most = ordered[round(USUAL_SHARE * (len(ordered) - 1))]
+    limit = STRAY_TIMES * max([most, *usual])
+    return [value for value in values if value <= limit]
 
 
 def sparkline(values: Sequence[float | None], high: float, width: int) -> str:
