@@ -13,7 +13,6 @@ from tests.made_up_night import taken
 from tests.makers import T0_UTC_NS, straight_detection
 
 
-
 def test_one_stray_residual_does_not_flatten_the_others():
     usual = [Column(value=0.3 * (-1) ** n, bound=0.9) for n in range(20)]
     stray = Column(value=-99.0, bound=120.0)
