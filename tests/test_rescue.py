@@ -1,5 +1,6 @@
 """A log whose place fails under a living engine: said at once, and what comes is on a disk."""
 
+import json
 import os
 import shutil
 import sqlite3
@@ -9,12 +10,21 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from typer.testing import CliRunner
 
+from rsoconsole.cli.app import app
 from rsoconsole.config import Config
+from rsoconsole.errors import SessionError
 from rsoconsole.records import Event
+from rsoconsole.session.database import connect_to_write
+from rsoconsole.session.digest import mark_closed
 from rsoconsole.session.reader import SessionReader
+from rsoconsole.session.repair import repair_session
+from rsoconsole.session.rescue import Rescue
+from rsoconsole.session.upkeep import read_notes
 from rsoconsole.session.verify import verify_session
 from rsoconsole.session.writer import SessionWriter
 
@@ -200,3 +210,143 @@ def test_a_session_whose_end_lies_elsewhere_is_not_called_complete(session, tmp_
         holder.execute("ROLLBACK")
     assert any("rescue session" in fault and "alone" in fault for fault in writer.faults)
     assert SessionReader(session).about()["is_closed"] is False
+
+
+@pytest.fixture
+def split(session: Path, tmp_path: Path) -> tuple[Path, Path]:
+    """A session that ends early, and the rescue with what came when its disk took nothing."""
+    writer = SessionWriter.create(session, Config(), {"title": "night"})
+    for n in range(1, 9):
+        writer.append(said(n), T0_UTC_NS + n)
+    writer.close()
+    facts_of = {**SessionReader(session).about(), "is_closed": False}
+    del facts_of["writer"], facts_of["log_digest"]
+    rescue = Rescue(session, facts_of, b"")
+    with closing(connect_to_write(session / "session.db")) as connection:
+        newest = connection.execute("SELECT * FROM log WHERE seq > 3").fetchall()
+        connection.execute("DELETE FROM log WHERE seq > 3")
+        connection.execute("DELETE FROM meta WHERE key IN ('writer', 'log_digest')")
+        connection.execute("UPDATE meta SET value = 'false' WHERE key = 'is_closed'")
+    assert rescue.begin()
+    assert rescue.write([("INSERT INTO log VALUES (?, ?, ?, ?, ?)", row) for row in newest])
+    rescue.close()
+    assert (texts(session), texts(rescued(tmp_path))) == (facts(1, 3), facts(4, 8))
+    return session, rescued(tmp_path)
+
+
+@pytest.mark.parametrize("named", ["session", "rescue"])
+def test_repair_brings_a_rescue_back_into_its_session(split, named):
+    session, rescue = split
+    done = repair_session(session if named == "session" else rescue, T0_UTC_NS)
+    (merged,) = done.merged
+    assert (merged.session, merged.records) == (session, 5)
+    assert texts(session) == facts(1, 8)
+    assert verify_session(session).is_sound
+    assert SessionReader(session).about()["is_closed"] is True
+    assert not rescue.exists()
+    assert read_notes(session)[-1]["verb"] == "merge"
+    assert not repair_session(session, T0_UTC_NS).did_anything
+
+
+def test_a_session_that_was_closed_without_its_end_takes_it_too(split):
+    session, rescue = split
+    with closing(connect_to_write(session / "session.db")) as connection:
+        mark_closed(connection)
+    assert repair_session(session, T0_UTC_NS).merged
+    assert texts(session) == facts(1, 8)
+    assert verify_session(session).digest == "confirmed"
+    assert not rescue.exists()
+
+
+def body_of(folder: Path, seq: int, text: str) -> None:
+    with closing(sqlite3.connect(folder / "session.db")) as connection:
+        sql = "UPDATE log SET body = replace(body, 'fact', ?) WHERE seq = ?"
+        assert connection.execute(sql, (text, seq)).rowcount == 1
+        connection.commit()
+
+
+def test_where_both_have_a_record_and_they_differ_nothing_is_merged(split):
+    session, rescue = split
+    writer = connect_to_write(session / "session.db")
+    with closing(writer), closing(sqlite3.connect(rescue / "session.db")) as source:
+        (row,) = source.execute("SELECT * FROM log WHERE seq = 6").fetchall()
+        writer.execute("INSERT INTO log VALUES (?, ?, ?, ?, ?)", row)
+    body_of(session, 6, "lie")
+    before = texts(session)
+    done = repair_session(session, T0_UTC_NS)
+    assert "record 6 is another one" in done.unmerged[rescue]
+    assert texts(session) == before
+    assert texts(rescue) == facts(4, 8)
+
+
+def test_a_log_that_is_not_what_was_closed_is_not_continued(split):
+    session, rescue = split
+    with closing(connect_to_write(session / "session.db")) as connection:
+        mark_closed(connection)
+    body_of(session, 2, "lie")
+    done = repair_session(session, T0_UTC_NS)
+    assert "not the one that was closed" in done.unmerged[rescue]
+    assert texts(rescue) == facts(4, 8)
+
+
+DESTROYED: dict[str, tuple[Callable[[Path], None], str]] = {
+    "gone": (shutil.rmtree, "is gone or cannot be read"),
+    "without its log": (unlink, "is gone or cannot be read"),
+    "written over": (overwrite, "is gone or cannot be read"),
+}
+
+
+@pytest.mark.parametrize("name", DESTROYED)
+def test_where_the_session_cannot_take_it_the_rescue_is_kept_and_sound(split, name):
+    session, rescue = split
+    destroy, words = DESTROYED[name]
+    destroy(session)
+    done = repair_session(rescue, T0_UTC_NS)
+    assert not done.merged
+    assert words in done.unmerged[rescue]
+    assert texts(rescue) == facts(4, 8)
+    assert verify_session(rescue).is_sound
+
+
+def fail(*_: object) -> None:
+    raise SessionError("record 5 cannot be read back")
+
+
+@pytest.mark.parametrize(
+    ("name", "stand_in", "words"),
+    [
+        ("_expect_all", fail, "cannot be read back"),
+        ("is_written", lambda _: True, "is being written"),
+        ("shutil.disk_usage", lambda _: SimpleNamespace(free=10), "left on its disk"),
+    ],
+)
+def test_the_rescue_is_kept_until_all_of_it_has_been_read_back(
+    split, monkeypatch, name, stand_in, words
+):
+    session, rescue = split
+    monkeypatch.setattr(f"rsoconsole.session.merge.{name}", stand_in)
+    assert words in repair_session(session, T0_UTC_NS).unmerged[rescue]
+    assert texts(rescue) == facts(4, 8)
+    monkeypatch.undo()
+    monkeypatch.setenv("XDG_STATE_HOME", str(rescue.parents[2]))
+    assert repair_session(session, T0_UTC_NS).merged
+    assert texts(session) == facts(1, 8)
+
+
+def test_the_list_names_a_rescue_and_whose_it_is(split, tmp_path):
+    session, _ = split
+    for words in (["list"], []):
+        done = CliRunner().invoke(app, ["sessions", *words, "--root", str(session.parent)])
+        assert done.exit_code == 0, done.output
+        *_, last = done.stdout.splitlines()
+        assert f"rescue of {session}" in last
+        assert len(done.stdout.splitlines()) == 3
+    done = CliRunner().invoke(app, ["sessions", "list", "--root", str(tmp_path), "--json"])
+    assert done.stdout == ""
+    done = CliRunner().invoke(app, ["sessions", "repair", str(session)])
+    assert "5 records" in done.stdout
+    assert "the rescue session is removed" in done.stdout
+    done = CliRunner().invoke(app, ["sessions", "list", "--root", str(session.parent), "--json"])
+    (row,) = [json.loads(line) for line in done.stdout.splitlines()]
+    assert row["rescues"] is None
+    assert row["records"] == 8

@@ -45,7 +45,8 @@ def sessions(
 
     The share is that of the frames in which the object followed was measured.
     "cut off" means that the engine did not live to close it: nothing that was
-    acknowledged is lost, and 'rsoconsole sessions repair' closes it.
+    acknowledged is lost, and 'rsoconsole sessions repair' closes it. Rescue sessions,
+    which went on where a session could not be written, come last and name it.
 
     Example: rsoconsole sessions --root /media/usb/sessions
     """
@@ -53,10 +54,31 @@ def sessions(
         if root is not None or config is not None or json_:
             raise typer.BadParameter(f"give options behind the verb: {context.invoked_subcommand}")
         return
-    from rsoconsole.session.store import list_sessions
+    _list(root, config, json_)
+
+
+@sessions_app.command("list")
+def list_(
+    root: RootOption = None, config: ConfigOption = None, *, json_: JsonOption = False
+) -> None:
+    """List recorded sessions: the same as 'rsoconsole sessions' alone.
+
+    Example: rsoconsole sessions list --json
+    """
+    _list(root, config, json_)
+
+
+def _list(root: Path | None, config: Path | None, json_: bool) -> None:
+    from rsoconsole.session.merge import find_rescues
+    from rsoconsole.session.store import list_sessions, summarise
 
     folder = _root(root, config)
     found = list_sessions(folder)
+    own = {each.folder.resolve() for each in found}
+    rescues = (each for each in find_rescues() if each.resolve() not in own)
+    found += tuple(
+        each for each in map(summarise, rescues) if root is None or _lies_under(each.rescues, root)
+    )
     if found and not json_:
         output.say(told.HEADER)
     for each in found:
@@ -110,7 +132,9 @@ def repair(places: SessionArgument, *, json_: JsonOption = False) -> None:
     Closes it with the digest of its log, takes in frames that were whole on the
     disk and not yet in the log, removes what was half written. No record is
     changed. A damaged database stays as it is: what can be read of it goes into
-    a new session beside it, NAME.recovered. A second time there is nothing to do.
+    a new session beside it, NAME.recovered. What a rescue session holds goes back into
+    its session, is read back, and only then is the rescue removed. A second time
+    there is nothing to do.
 
     Example: rsoconsole sessions repair NIGHT
     """
@@ -278,6 +302,11 @@ def _end(failed: int, what: str) -> None:
     if failed:
         output.complain(f"rsoconsole: {failed} {what}")
         raise typer.Exit(1)
+
+
+def _lies_under(session: Path | None, root: Path) -> bool:
+    """Whether a rescue is of a session there; one that does not say is shown everywhere."""
+    return session is None or session.resolve().parent == root.resolve()
 
 
 def _root(root: Path | None, config: Path | None) -> Path:

@@ -43,6 +43,7 @@ def summary_json(each: "SessionSummary") -> dict[str, Any]:
         "kept": each.is_kept,
         "branches": list(each.branches),
         "fault": each.fault,
+        "rescues": None if each.rescues is None else str(each.rescues),
     }
 
 
@@ -57,7 +58,12 @@ def summary_words(each: "SessionSummary") -> str:
         return f"{'-':16} {'-':>8} {'-':>7} {'-':>9} {size:>10}  {each.state}  {name}: {each.fault}"
     begin = (_iso(each.t_first_utc_ns) or "-")[:16].replace("T", " ")
     share = "-" if each.followed_share is None else f"{100 * each.followed_share:.0f} %"
-    marks = (", KEEP" if each.is_kept else "") + "".join(f", branch {b}" for b in each.branches)
+    rescue = "" if each.rescues is None else f", rescue of {each.rescues}"
+    marks = (
+        rescue
+        + (", KEEP" if each.is_kept else "")
+        + "".join(f", branch {b}" for b in each.branches)
+    )
     return (
         f"{begin:16} {_duration_words(each.duration_s):>8} {each.frames:7d} {share:>9} "
         f"{size_words(each.size_bytes):>10}  {each.state:8}  {name}{marks}"
@@ -124,6 +130,16 @@ def repair_json(done: "Repair") -> dict[str, Any]:
         "adopted": done.adopted,
         "removed": done.removed,
         "left": [{"path": path, "why": why} for path, why in done.left.items()],
+        "merged": [
+            {
+                "rescue": str(each.rescue),
+                "session": str(each.session),
+                "records": each.records,
+                "files": each.files,
+            }
+            for each in done.merged
+        ],
+        "unmerged": [{"rescue": str(path), "why": why} for path, why in done.unmerged.items()],
         "recovered": None
         if saved is None
         else {
@@ -146,6 +162,7 @@ def say_repair(done: "Repair") -> None:
             f"{done.session}: damaged, and left as it is; {saved.records} records{lost} and "
             f"{saved.files} files are saved{again} in {saved.folder}"
         )
+        _say_rescues(done)
         return
     deeds = [
         *(["closed, with the digest of its log"] if done.closed else []),
@@ -156,6 +173,17 @@ def say_repair(done: "Repair") -> None:
     output.say(f"{done.session}: {'; '.join(deeds) or 'nothing to do'}")
     for path, why in done.left.items():
         output.say(f"  left     {path}: {why}")
+    _say_rescues(done)
+
+
+def _say_rescues(done: "Repair") -> None:
+    for each in done.merged:
+        output.say(
+            f"  merged   {each.rescue}: {each.records} records and {each.files} rows of files are"
+            f" now in {each.session}, read back; the rescue session is removed"
+        )
+    for path, why in done.unmerged.items():
+        output.say(f"  kept     {path}, a rescue session, is not merged: {why}")
 
 
 def step_json(step: "Step", what: str, is_done: bool) -> dict[str, Any]:

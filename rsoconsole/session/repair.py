@@ -17,6 +17,7 @@ from rsoconsole.session.digest import mark_closed, sha256_of
 from rsoconsole.session.frame_files import PART
 from rsoconsole.session.holdings import FolderHoldings
 from rsoconsole.session.liveness import is_written
+from rsoconsole.session.merge import Merged, merge_rescue, rescued_session, rescues_of
 from rsoconsole.session.reader import LaterSchemaError, SessionReader
 from rsoconsole.session.recover import Recovered, recover_session
 from rsoconsole.session.schema import BRANCHES, DATABASE, JOURNAL, WAL, role_of
@@ -41,13 +42,17 @@ class Repair:
     """What was half written."""
     left: dict[str, str] = field(default_factory=dict)
     """Files that were not adopted, and why not."""
+    merged: list[Merged] = field(default_factory=list)
+    """Rescue sessions that went back into their session, and are gone."""
+    unmerged: dict[Path, str] = field(default_factory=dict)
+    """Those that did not, and why not."""
     recovered: Recovered | None = None
     """Where the database was damaged: the new session with what could be saved."""
 
     @property
     def did_anything(self) -> bool:
         """False where there was nothing to do."""
-        done = self.closed or self.folded or bool(self.adopted or self.removed)
+        done = self.closed or self.folded or bool(self.adopted or self.removed or self.merged)
         return done or (self.recovered is not None and self.recovered.is_new)
 
 
@@ -63,22 +68,36 @@ class _Stray:
 def repair_session(folder: Path, now_utc_ns: int) -> Repair:
     """Set a session right; a second time there is nothing left to do.
 
-    ``now_utc_ns`` dates the note in ``upkeep.jsonl``. Raises SessionError when there is no session,
-    when its engine still lives, when somebody has it open, or when the disk refuses.
+    A rescue session goes back into its session where that can be read, whichever of the two is
+    named. ``now_utc_ns`` dates the note in ``upkeep.jsonl``. Raises SessionError when there is no
+    session, when its engine still lives, when somebody has it open, or when the disk refuses.
     """
     folder = Path(folder)
     about = _readable_about(folder)
     if is_written(about):
         raise SessionError(f"{folder} is being written, its engine lives: end the engine first")
+    rescues = (folder,) if rescued_session(folder) is not None else rescues_of(folder)
     if _is_damaged(folder):
-        return Repair(session=folder, recovered=recover_session(folder, now_utc_ns))
+        done = Repair(session=folder, recovered=recover_session(folder, now_utc_ns))
+        done.unmerged = dict.fromkeys(rescues, "the session's database is damaged")
+        return done
     try:
-        return _set_right(SessionReader(folder), about, now_utc_ns)
+        done = _set_right(SessionReader(folder), about, now_utc_ns)
+        _merge(rescues, done, now_utc_ns)
+        return done
     except (sqlite3.Error, OSError) as error:
         raise SessionError(
             f"{folder} cannot be repaired now: {error}; close whatever shows it, "
             "see that the disk has room and can be written, and try again"
         ) from error
+
+
+def _merge(rescues: Sequence[Path], done: Repair, now_utc_ns: int) -> None:
+    for rescue in rescues:
+        try:
+            done.merged.append(merge_rescue(rescue, now_utc_ns))
+        except SessionError as error:
+            done.unmerged[rescue] = str(error)
 
 
 def _readable_about(folder: Path) -> dict[str, Any]:

@@ -33,7 +33,7 @@ _FILES = (
 )
 
 
-def _places() -> Iterator[Path]:
+def rescue_places() -> Iterator[Path]:
     """Folders to try, in order; a system whose every disk is full may not even have these."""
     yield state_dir() / "rescue"
     with contextlib.suppress(OSError):  # it tries to write there
@@ -50,7 +50,7 @@ class Rescue:
         session: Path,
         facts: Mapping[str, Any],
         config: bytes,
-        places: Callable[[], Iterable[Path]] = _places,
+        places: Callable[[], Iterable[Path]] = rescue_places,
     ) -> None:
         """``session``: whose place may fail; ``facts`` and ``config`` are a copy's, too."""
         self._session = session

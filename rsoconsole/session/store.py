@@ -51,6 +51,8 @@ class SessionSummary:
     """What-if branches by name."""
     is_kept: bool = False
     """Marked as never to be pruned."""
+    rescues: Path | None = None
+    """The session whose place it took while that could not be written; None of any other."""
 
     @property
     def duration_s(self) -> float | None:
@@ -137,6 +139,7 @@ def summarise(folder: Path) -> SessionSummary:
             is_kept=is_kept(folder),
         )
     title, is_simulated = about.get("title"), about.get("is_simulated")
+    rescues = about.get("rescues")
     return SessionSummary(
         folder=folder,
         title=title if isinstance(title, str) else None,
@@ -153,6 +156,7 @@ def summarise(folder: Path) -> SessionSummary:
         followed_frames=followed_frames,
         branches=branches_of(folder),
         is_kept=is_kept(folder),
+        rescues=Path(rescues) if isinstance(rescues, str) else None,
     )
 
 

@@ -1,0 +1,192 @@
+"""Brings what a rescue session holds back into the session whose place it took.
+
+The rescue is removed only when all of it has been read back from there; whatever goes wrong before,
+both are as they were.
+"""
+
+import os
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.errors import SessionError
+from rsoconsole.session.database import connect_to_write, leave_wal
+from rsoconsole.session.digest import META_KEY as DIGEST_KEY
+from rsoconsole.session.digest import LogDigest, digest_log, mark_closed
+from rsoconsole.session.liveness import is_written
+from rsoconsole.session.reader import SessionReader
+from rsoconsole.session.rescue import rescue_places
+from rsoconsole.session.schema import DATABASE
+from rsoconsole.session.store import remove_folder
+from rsoconsole.session.upkeep import add_note
+from rsoconsole.session.verify import page_faults
+
+LEAVE_WAL_S = 3.0
+_AT_A_TIME = 1000
+_LOG = "SELECT seq, t_utc_ns, kind, frame_id, body FROM log ORDER BY seq"
+_FILES = "SELECT frame_id, role, path, bytes, ms, reason, sha256 FROM files"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Merged:
+    """What came from a rescue session into its session; the rescue is gone."""
+
+    rescue: Path
+    session: Path
+    records: int
+    files: int
+
+
+def rescued_session(folder: Path) -> Path | None:
+    """The session that this one is a rescue of; None where it is none, or cannot be read."""
+    try:
+        named = SessionReader(folder).about().get("rescues")
+    except SessionError:
+        return None
+    is_path = isinstance(named, str) and "\0" not in named and Path(named).is_absolute()
+    return Path(str(named)) if is_path else None
+
+
+def find_rescues() -> tuple[Path, ...]:
+    """Every rescue session of this user, in all places where one may be."""
+    found: dict[Path, None] = {}
+    for place in rescue_places():
+        try:
+            folders = sorted(path for path in place.iterdir() if (path / DATABASE).is_file())
+        except OSError:
+            continue
+        found |= dict.fromkeys(path for path in folders if path.lstat().st_uid == os.getuid())
+    return tuple(found)
+
+
+def rescues_of(session: Path) -> tuple[Path, ...]:
+    """The rescue sessions of a session."""
+    own = session.resolve()
+    return tuple(
+        rescue
+        for rescue in find_rescues()
+        if (named := rescued_session(rescue)) is not None and named.resolve() == own
+    )
+
+
+def merge_rescue(rescue: Path, now_utc_ns: int) -> Merged:
+    """Take what the rescue has and its session lacks into the session, verify that, remove it.
+
+    No record is changed: where both have one and they differ, nothing is done. Raises SessionError
+    with why not; the rescue is kept then.
+    """
+    session = rescued_session(rescue)
+    if session is None:
+        raise SessionError(f"{rescue} does not say which session it is a rescue of")
+    if session.resolve() == rescue.resolve():
+        raise SessionError(f"{rescue} calls itself its own rescue")
+    source, target = SessionReader(rescue), _target(session)
+    for reader in (source, target):
+        about = reader.about()
+        if is_written(about):
+            raise SessionError(f"{reader.folder} is being written: end its engine first")
+        with closing(reader.connect()) as connection:
+            if page_faults(connection):
+                raise SessionError(f"the database of {reader.folder} is damaged")
+    if source.schema_version != target.schema_version:
+        raise SessionError(f"{rescue} and {session} are of different schemas")
+    _expect_sound_digest(target)
+    try:
+        records, files = _insert(source, session / DATABASE)
+        leave_wal(session / DATABASE, LEAVE_WAL_S)
+        _expect_all(source, SessionReader(session))
+        details: dict[str, Any] = {"rescue": str(rescue), "records": records, "files": files}
+        add_note(session, "merge", now_utc_ns, details)
+    except (sqlite3.Error, OSError) as error:
+        raise SessionError(f"{session} does not take it: {error}") from error
+    remove_folder(rescue)
+    return Merged(rescue=rescue, session=session, records=records, files=files)
+
+
+def _target(session: Path) -> SessionReader:
+    try:
+        return SessionReader(session)
+    except SessionError as error:
+        raise SessionError(f"its session is gone or cannot be read: {error}") from error
+
+
+def _expect_sound_digest(target: SessionReader) -> None:
+    """A log that is not what was closed is not continued."""
+    recorded = LogDigest.from_meta(target.about())
+    with closing(target.connect()) as connection:
+        if recorded is not None and digest_log(connection) != recorded:
+            raise SessionError(f"the log of {target.folder} is not the one that was closed")
+
+
+def _insert(source: SessionReader, database: Path) -> tuple[int, int]:
+    """Numbers of records and rows of files that were new, in one commit; then the end is marked."""
+    free_bytes = shutil.disk_usage(database.parent).free
+    needed_bytes = (source.folder / DATABASE).stat().st_size
+    if free_bytes < 2 * needed_bytes:
+        raise SessionError(
+            f"{database.parent} has {free_bytes / 1e6:.0f} MB left on its disk, "
+            f"{2 * needed_bytes / 1e6:.0f} are needed"
+        )
+    with closing(connect_to_write(database)) as connection:
+        connection.execute("BEGIN IMMEDIATE")
+        try:
+            records = sum(_take_record(connection, row) for row in _rows(source, _LOG))
+            files = sum(_take_file(connection, row) for row in _rows(source, _FILES))
+            # Until its end is marked again it counts as cut off.
+            connection.execute("DELETE FROM meta WHERE key = ?", (DIGEST_KEY,))
+            connection.execute("UPDATE meta SET value = 'false' WHERE key = 'is_closed'")
+            connection.execute("COMMIT")
+        except BaseException:
+            if connection.in_transaction:
+                connection.execute("ROLLBACK")
+            raise
+        mark_closed(connection)
+    return records, files
+
+
+def _take_record(connection: sqlite3.Connection, row: tuple[Any, ...]) -> bool:
+    sql = "SELECT seq, t_utc_ns, kind, frame_id, body FROM log WHERE seq = ?"
+    known = connection.execute(sql, row[:1]).fetchone()
+    if known is None:
+        connection.execute("INSERT INTO log VALUES (?, ?, ?, ?, ?)", row)
+    elif known != row:
+        raise SessionError(f"record {row[0]} is another one in the session than in the rescue")
+    return known is None
+
+
+def _take_file(connection: sqlite3.Connection, row: tuple[Any, ...]) -> bool:
+    sql = "SELECT count(*) FROM files WHERE frame_id = ? AND role = ?"
+    ((known,),) = connection.execute(sql, row[:2])
+    if not known:
+        connection.execute(
+            "INSERT INTO files (frame_id, role, path, bytes, ms, reason, sha256)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?)",
+            row,
+        )
+    return not known
+
+
+def _expect_all(source: SessionReader, target: SessionReader) -> None:
+    """Read back what was written. Raises SessionError where anything is missing."""
+    with closing(target.connect()) as connection:
+        if page_faults(connection):
+            raise SessionError(f"the database of {target.folder} is damaged")
+        sql = "SELECT seq, t_utc_ns, kind, frame_id, body FROM log WHERE seq = ?"
+        for row in _rows(source, _LOG):
+            if connection.execute(sql, row[:1]).fetchone() != row:
+                raise SessionError(f"record {row[0]} cannot be read back from {target.folder}")
+        known = {tuple(row) for row in connection.execute("SELECT frame_id, role FROM files")}
+    if any(row[:2] not in known for row in _rows(source, _FILES)):
+        raise SessionError(f"the files of {source.folder} cannot be read back")
+    _expect_sound_digest(target)
+
+
+def _rows(source: SessionReader, sql: str) -> Iterator[tuple[Any, ...]]:
+    with closing(source.connect()) as connection:
+        cursor = connection.execute(sql)
+        while some := cursor.fetchmany(_AT_A_TIME):
+            yield from some
