@@ -89,8 +89,9 @@ def test_a_clock_that_runs_wrong_is_named_once_and_believed_again_when_it_runs_r
 ):
     found = looked(machine, watch, 60.0, rate=rate)
     kinds = [each.kind for each in found]
-    assert kinds == ["set", "runs wrong"]
-    assert found[1].rate == pytest.approx(rate, abs=0.02)
+    assert kinds[-1:] == ["runs wrong"]
+    assert kinds[:-1] in ([], ["set"])
+    assert found[-1].rate == pytest.approx(rate, abs=0.15 * abs(rate - 1.0))
     assert not watch.is_steady
     assert looked(machine, watch, 9.0) == []
     assert not watch.is_steady
@@ -98,6 +99,39 @@ def test_a_clock_that_runs_wrong_is_named_once_and_believed_again_when_it_runs_r
     assert right.kind == "runs right"
     assert right.seconds == pytest.approx((rate - 1.0) * 60.0, abs=1.0)
     assert watch.is_steady
+
+
+def test_two_steps_in_a_row_are_two_steps(machine: Machine, watch: ClockWatch):
+    machine.step(1.0)
+    found = looked(machine, watch, 1.0)
+    machine.step(3600.0)
+    found += looked(machine, watch, 3.0)
+    machine.step(-3601.0)
+    found += looked(machine, watch, 30.0)
+    assert [(each.kind, round(each.seconds)) for each in found] == [
+        ("set", 1),
+        ("set", 3600),
+        ("set", -3601),
+    ]
+
+
+def test_looks_right_behind_each_other_make_no_speed_of_a_step(machine: Machine, watch: ClockWatch):
+    """The loop looks whenever it likes, beside the clock's own thread."""
+    found: list[ClockFault] = []
+    for step_s, apart_s in ((1.0, 0.001), (0.0, 1.0), (3600.0, 3.0)):
+        machine.run(apart_s)
+        machine.step(step_s)
+        found += watch.look(machine.read())
+    assert [(each.kind, round(each.seconds)) for each in found] == [("set", 1), ("set", 3600)]
+
+
+@pytest.mark.parametrize("rate", [0.5, 2.0])
+def test_looks_at_uneven_intervals_find_it_too(machine: Machine, watch: ClockWatch, rate: float):
+    found: list[ClockFault] = []
+    for every_s in (0.25, 0.7, 0.3, 0.25, 0.9, 0.25) * 3:
+        machine.run(every_s, rate=rate)
+        found += watch.look(machine.read())
+    assert [each.kind for each in found] == ["set", "runs wrong"]
 
 
 @pytest.mark.parametrize("rate", [0.5, 2.0])

@@ -17,8 +17,12 @@ MOST_DRIFT = 1e-3
 """Time services draw a clock in by half of that."""
 LOOKED_BACK_S = 60.0
 """For so long drift adds up before it is taken for granted."""
-SOON_S = 30.0
-"""Two steps that follow each other so soon are a clock that runs wrong."""
+LATELY_S = 2.0
+"""Steps of one size that follow each other so soon are a clock that runs wrong."""
+LEAST_APART_S = 0.02
+"""Of two looks, where their readings are to tell how fast a clock moves."""
+MOST_PACE = 10.0
+"""What moves by so many seconds in one is set, however often."""
 STEADY_S = 10.0
 """So long it must run right before it is believed again."""
 LEAST_SLEEP_S = 0.5
@@ -46,8 +50,8 @@ class ClockWatch:
 
     def __init__(self, first: ClockReadings) -> None:
         self._last = self._reference = first
-        self._step: ClockReadings | None = None
-        """When the clock was last found to be off."""
+        self._paced: tuple[ClockReadings, float] | None = None
+        """When the clock was last found to be off, and by how many seconds a second it moved."""
         self._unsteady_since: ClockReadings | None = None
         self._steady_since = first
 
@@ -74,17 +78,26 @@ class ClockWatch:
         off_s = _offset_s(now) - _offset_s(self._reference)
         since_s = _since_s(self._reference, now)
         if abs(off_s) > LEAST_STEP_S + MOST_DRIFT * since_s:
-            return self._stepped(last, now, off_s)
+            return self._moved(last, now, off_s)
         if since_s > LOOKED_BACK_S:
             self._reference = now
         return None
 
-    def _stepped(self, last: ClockReadings, now: ClockReadings, off_s: float) -> ClockFault:
-        before, self._step = self._step, now
+    def _moved(self, last: ClockReadings, now: ClockReadings, off_s: float) -> ClockFault:
+        """It is elsewhere than it was: by one step, or little by little."""
         start, self._reference = self._reference, now
-        if before is not None and _since_s(before, now) <= SOON_S:
+        step_s = _offset_s(now) - _offset_s(last)
+        pace = step_s / max(_since_s(last, now), LEAST_APART_S)
+        before, self._paced = self._paced, (now, pace)
+        is_again = (
+            before is not None
+            and _since_s(before[0], now) <= LATELY_S
+            and abs(pace - before[1]) < 0.5 * abs(pace)
+            and abs(pace) < MOST_PACE
+        )
+        if is_again or abs(step_s) < 0.5 * abs(off_s):
             self._unsteady_since, self._steady_since = start, now
-            return ClockFault(kind="runs wrong", seconds=off_s, rate=_rate(start, now))
+            return ClockFault(kind="runs wrong", seconds=off_s, rate=1.0 + pace)
         is_leap = abs(abs(off_s) - _LEAP_S) < LEAST_STEP_S and _is_leap_instant(last, now)
         return ClockFault(kind="leap second" if is_leap else "set", seconds=off_s)
 
@@ -96,7 +109,7 @@ class ClockWatch:
             return None
         if steady_s < STEADY_S:
             return None
-        self._unsteady_since = self._step = None
+        self._unsteady_since = self._paced = None
         self._reference = now
         return ClockFault(kind="runs right", seconds=_offset_s(now) - _offset_s(begun))
 
@@ -107,10 +120,6 @@ def _offset_s(at: ClockReadings) -> float:
 
 def _since_s(before: ClockReadings, now: ClockReadings) -> float:
     return (now.boottime_ns - before.boottime_ns) / _NS
-
-
-def _rate(before: ClockReadings, now: ClockReadings) -> float:
-    return (now.utc_ns - before.utc_ns) / max(now.boottime_ns - before.boottime_ns, 1)
 
 
 def _is_leap_instant(last: ClockReadings, now: ClockReadings) -> bool:
