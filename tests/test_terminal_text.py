@@ -1,10 +1,13 @@
 """What strangers wrote is shown as text: no verb and no screen lets it command the terminal."""
 
 import ast
+import contextlib
 import json
 import shutil
+import socket
 import sqlite3
 import sys
+import threading
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -89,7 +92,7 @@ def foreign(tmp_path: Path) -> Path:
         ("sessions", "repair"),
         ("sessions", "keep"),
         ("sessions", "archive"),
-        ("review", "--json"),
+        ("review",),
         ("what-if", "--q", "4"),
         ("orbit",),
         ("identify", "--tle", str(BELT)),
@@ -152,6 +155,33 @@ def test_wrong_usage_is_quoted_without_its_commands(run):
     assert "rsoconsole" in run("sessions", f"--{EVIL}")
     assert run(f"verb{EVIL}")
     assert run("set", f"detector.tau{EVIL}", "1")
+
+
+def announce(listener: socket.socket) -> None:
+    """What an INDI server says of a device that is called like that."""
+    name = "Mount&#27;[31m&#x202e;&#x2066;&#10;FORGED"
+    words = (
+        f'<defSwitchVector device="{name}" name="CONNECTION" state="Ok" perm="rw" rule="AnyOfMany">'
+    )
+    words += '<defSwitch name="CONNECT">On</defSwitch></defSwitchVector>'
+    with contextlib.ExitStack() as peers, contextlib.suppress(OSError):
+        while True:
+            peer = peers.enter_context(listener.accept()[0])
+            peer.sendall(words.encode())
+
+
+def test_no_name_of_an_indi_device_commands_the_terminal(run, tmp_path):
+    config = tmp_path / "config.toml"
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        server = threading.Thread(target=announce, args=(listener,), daemon=True)
+        server.start()
+        port = listener.getsockname()[1]
+        config.write_text(
+            f'[indi]\nport = {port}\nmount = "Telescope"\ncamera = "CCD"\n[waits]\nquiet_s = 1\n'
+        )
+        assert "it has: Mount" in run("doctor", "--config", config)
+        listener.shutdown(socket.SHUT_RDWR)
+        server.join()
 
 
 PRINTS = {"app.py": 1, "demo_night.py": 1}
