@@ -168,7 +168,7 @@ def test_doubt_is_a_sign_and_a_word_never_a_colour_alone() -> None:
     )
     assert "INTELSAT 14 (36097)?" in said(doubtful)
     assert "ambiguous: A and B fit alike" in said(doubtful)
-    assert target_words(doubtful) == ("INTELSAT 14?", "a 42165±9 km")
+    assert target_words(doubtful) == ("INTELSAT 14?", "a = 42165±9 km")
     reason = "no catalogued object within 0.2 deg moves like this; the nearest is 3 deg off"
     unknown = replace(KNOWN, identified=identified_of(20, verdict="unknown", reason=reason))
     assert "unknown: no catalogued object within 0.2 deg" in said(unknown, 47, 15)
@@ -185,7 +185,7 @@ def test_without_a_name_it_says_why() -> None:
     assert "not identified yet" in said(replace(KNOWN, identified=None))
     unnamed = replace(KNOWN, identified=None, has_catalogue=False)
     assert "no name: the setting catalogue.tle_files is empty" in said(unnamed)
-    assert target_words(unnamed) == ("", "a 42165±9 km")
+    assert target_words(unnamed) == ("", "a = 42165±9 km")
 
 
 def test_an_orbit_that_is_not_observable_has_no_size_in_the_first_line() -> None:
@@ -334,7 +334,7 @@ def test_the_first_line_has_the_target_and_cuts_it_first() -> None:
     engine = EngineView(
         reach="attached", state="TRACK", holder="autonomy", now_utc_ns=NOW + 724 * NS
     )
-    found = ("INTELSAT 14?", "a 42165±9 km")
+    found = ("INTELSAT 14?", "a = 42165±9 km")
 
     def line(width: int, found: tuple[str, str] = found) -> str:
         top = top_lines(view, engine, False, width, 1, found=found)[0]
@@ -342,13 +342,13 @@ def test_the_first_line_has_the_target_and_cuts_it_first() -> None:
         assert len(text) == width
         return text
 
-    assert "AUTO has the mount  INTELSAT 14? a 42165±9 km" in line(80)
+    assert "AUTO has the mount  INTELSAT 14? a = 42165±9 km" in line(80)
     assert "AUTO has the mount  INTELSAT 14?  " in line(64)
     assert "AUTO has the mount  INTEL" in line(50)
     assert line(50).endswith("Z ")
-    assert "target unidentified a 42165±9 km" in line(90, ("", "a 42165±9 km"))
+    assert "target unidentified a = 42165±9 km" in line(90, ("", "a = 42165±9 km"))
     past = review_top_lines(view, EngineView(reach="recorded"), None, 80, 1, found=found)[0]
-    assert "INTELSAT 14? a 42165±9 km" in "".join(text for text, _ in past)
+    assert "INTELSAT 14? a = 42165±9 km" in "".join(text for text, _ in past)
     for rows, width in ((1, 40), (2, 60)):
         past = review_top_lines(view, EngineView(reach="recorded"), None, width, rows, found=found)
         assert all(sum(len(text) for text, _ in each) <= width for each in past)
@@ -430,7 +430,7 @@ def test_in_a_larger_terminal_it_stands_and_the_key_makes_it_large(
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         found = app.live.query_one("#orbit", LinesPane)
         await until(pilot, lambda: "24 h" in shown_text(app.live))
-        assert "INTELSAT 14 a 42165±9 km" in pane(app, "top")
+        assert "INTELSAT 14 a = 42165±9 km" in pane(app, "top")
         height = found.size.height
         await pilot.press("o")
         await until(pilot, lambda: found.size.height > height)

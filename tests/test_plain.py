@@ -11,7 +11,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.config import ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.plain import PlainFilter, plain
+from rsoconsole.console.plain import PlainFilter, plain, spelled
 from tests.seat_rig import FakeWire, play, until
 
 BLACK = Color(0, 0, 0)
@@ -28,8 +28,29 @@ def test_what_the_seat_says_stays_readable():
         'a 05:32:11 d -04o52\'10" ~0.2" > COAST . 3s'
     )
     assert plain("├── 3σ ─┤") == "+-- 3s -+"
-    assert plain("⠛⣤⠁⡀⠀") == "*o'. "
+    # What was measured is a star wherever in its cell it lies; what was missed is an o.
+    assert plain("⠛⣤⠁⡀⠀○") == "**'. o"
     assert plain(string.printable) == string.printable
+
+
+def test_signs_are_spelled_out_where_the_line_has_room():
+    def said(*texts: str) -> str:
+        return "".join(spelled(texts))
+
+    assert said("a = 42166±1 km", "    02:23:27Z") == "a = 42166+-1 km   02:23:27Z"
+    assert said("─ δ residual ", "──────", " 3σ 2.1″ ─") == '- Dec residual -- 3sig 2.1" -'
+    assert said("  α 05:32:11", "  δ -04°52′10″", "     ") == " RA 05:32:11  Dec -04deg52'10\" "
+    # An axis keeps its place: the gap before it gives the room.
+    assert said("    τ┤", " . * ") == "  tau+ . * "
+    # Where there is none one letter must do.
+    assert said("±1σ") == "~1s"
+
+
+@given(st.lists(st.text(alphabet="ab ─±°στ┤α", max_size=9), max_size=5))
+def test_spelled_out_a_line_is_as_long_as_before(texts):
+    made = spelled(texts)
+    assert len("".join(made)) == len("".join(texts))
+    assert "".join(made).isascii()
 
 
 def test_pictures_become_brighter_signs_where_there_is_more_light():

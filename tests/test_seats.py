@@ -39,7 +39,7 @@ def test_the_first_console_that_acts_has_the_seat_and_others_are_refused(seats: 
     assert seats.refusal(BOB, needs_control=False) is None
     assert seats.view().holder is None
     assert seats.refusal(ANA, needs_control=True) is None
-    assert seats.refusal(BOB, needs_control=True) == "ana@pts/1 has the seat: ask for it"
+    assert seats.refusal(BOB, needs_control=True) == "ana@pts/1 has control: ask for it"
     assert seats.refusal(ANA, needs_control=True) is None
 
 
@@ -63,7 +63,7 @@ def test_who_is_asked_gives_or_keeps(seats: Seats):
     assert "keep" in seats.answer(ANA, gives=False)
     assert seats.view() == SeatView(holder=ANA, asked_by=None)
     seats.ask(BOB)
-    assert "bob@pts/2 has the seat now" in seats.answer(ANA, gives=True)
+    assert "bob@pts/2 has control now" in seats.answer(ANA, gives=True)
     assert seats.refusal(BOB, needs_control=True) is None
     assert seats.refusal(ANA, needs_control=True) is not None
     with pytest.raises(ValueError, match="nobody asks you"):
@@ -137,7 +137,7 @@ def test_the_holder_is_asked_in_the_alert_and_answers_by_a_key_of_its_own(
         await until(pilot, lambda: app.live.engine.is_attached)
         await pilot.press(key)
         wire.status |= {"seat": "ana@pts/1", "seat_asked_by": "bob@pts/2"}
-        await until(pilot, lambda: "bob@pts/2 asks for the seat" in pane(app, "alert"))
+        await until(pilot, lambda: "bob@pts/2 asks for control" in pane(app, "alert"))
         assert app.screen is app.live
         await pilot.press(key)
         await until(pilot, lambda: wire.verbs == ["answer_seat"])
@@ -169,7 +169,7 @@ def test_an_answer_is_for_whom_it_was_meant(seats: Seats, clock: Watch):
     seats.ask(Sender.console("carl"))
     with pytest.raises(ValueError, match="carl asks by now"):
         seats.answer(Sender.console("ana"), gives=True, to="bob")
-    assert "carl has the seat" in seats.answer(Sender.console("ana"), gives=True, to="carl")
+    assert "carl has control" in seats.answer(Sender.console("ana"), gives=True, to="carl")
 
 
 def test_others_are_not_asked(wire: FakeWire):

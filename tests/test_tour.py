@@ -36,7 +36,7 @@ def test_a_simulated_night_says_so_and_every_night_its_date():
 
 def test_the_date_gives_way_to_the_target_in_a_narrow_terminal():
     engine = EngineView(reach="attached", state="TRACK", holder="autonomy", now_utc_ns=NOW)
-    found = ("INTELSAT 14 of two", "a 42166±1 km")
+    found = ("INTELSAT 14 of two", "a = 42166±1 km")
     line = top_lines(NightView(is_simulated=True), engine, False, 80, 1, found=found)[0]
     words = "".join(text for text, _ in line)
     assert "INTELSAT 14 of two" in words

@@ -63,6 +63,45 @@ def test_a_step_there_and_back_is_no_trial():
         assert tuning.tried == {}
 
 
+def test_a_number_is_typed_within_its_bounds_and_steps_go_on_from_it():
+    tuning = Tuning()
+    tuning.see(PRESENT)
+    assert tuning.type("0.37") == ""
+    assert tuning.tried == {"detector.tau": 0.37}
+    tuning.step(1)
+    assert tuning.tried["detector.tau"] == pytest.approx(0.37 * 1.25, rel=0.01)
+    assert "between 0.01 and 0.99" in tuning.type("7")
+    assert "no number" in tuning.type("much")
+    assert tuning.type(str(PRESENT["detector.tau"])) == ""
+    assert tuning.tried == {}
+
+
+def test_what_has_been_sent_is_shown_as_sent_until_it_is_in_force():
+    def said() -> str:
+        lines = tune_lines(tuning, None, None)(46, 24)
+        return "\n".join("".join(text for text, _ in line) for line in lines)
+
+    tuning = Tuning()
+    tuning.see(PRESENT)
+    tuning.type("0.37")
+    assert "1 tried" in said()
+    tuning.apply()
+    assert "→ 0.37 sent" in said()
+    assert "1 sent, in force from the next frame" in said()
+    tuning.see(PRESENT | {"detector.tau": 0.37})
+    assert "sent" not in said()
+
+
+def test_log_likelihood_prefers_the_sigma_that_fits(night):
+    tuned = {"filter.preset": "tuned"}
+    now = what_if(night, CONFIG, tuned)
+    absurd = what_if(night, CONFIG, {**tuned, "filter.r_multiplier": 400.0})
+    assert now.log_likelihood_mean is not None
+    assert absurd.log_likelihood_mean is not None
+    assert now.log_likelihood_mean > absurd.log_likelihood_mean + 1.0
+    assert figures_of([]).log_likelihood_mean is None
+
+
 def test_steps_at_a_bound_need_not_be_gone_back():
     tuning = Tuning()
     tuning.see(PRESENT | {"detector.tau": 0.5})
@@ -333,3 +372,18 @@ def test_a_seat_that_only_looks_may_try_and_not_apply(wire: FakeWire):
         assert wire.verbs == []
 
     play(wire, scene, read_only=True)
+
+
+def test_a_figure_on_the_keyboard_begins_a_number_for_the_chosen_setting(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await pilot.press("t")
+        await until(pilot, lambda: isinstance(app.focused, TunePane))
+        await pilot.press("0")
+        await until(pilot, lambda: isinstance(app.focused, Input))
+        await pilot.press(*".25", "enter")
+        await until(pilot, lambda: "→ 0.25" in pane(app, "tune"))
+        await pilot.press("enter")
+        await until(pilot, lambda: ("set", {"name": "detector.tau", "value": 0.25}) in wire.sent)
+        await until(pilot, lambda: "sent" in pane(app, "tune"))
+
+    play(wire, scene)

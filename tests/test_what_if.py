@@ -114,8 +114,8 @@ def test_nothing_followed_has_no_figures_and_no_nan():
 @pytest.mark.parametrize(
     ("tried", "words"),
     [
-        ({"filter.sigma": 1.0}, "config show"),
-        ({"filter.q_multiplier": -1.0}, "greater than 0"),
+        ({"filter.sigma": 1.0}, "did you mean"),
+        ({"filter.q_multiplier": -1.0}, "must be above 0"),
         ({"mount.type": "fork"}, "no part in what is followed"),
         ({"detector.map_mode": "paper"}, "--detector"),
         ({"solver.radius_deg": 5.0}, "--solver"),

@@ -45,7 +45,7 @@ def test_the_figures_are_those_computed_here(process):
 def test_one_process_answers_all_and_what_cannot_be_tried_is_said(process):
     process.ask(question())
     pid = process.pid
-    with pytest.raises(ConfigError, match="greater than 0"):
+    with pytest.raises(ConfigError, match="must be above 0"):
         process.ask(question({"filter.q_multiplier": -1.0}))
     with pytest.raises(SessionError, match="holds no session"):
         process.ask(Question(folder=SCHEMA_1.parent, config=CONFIG, tried=WIDER))

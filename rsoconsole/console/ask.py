@@ -307,8 +307,10 @@ class AimDialog(SettingsDialog):
 class LineDialog(FieldDialog[str | None]):
     """One line of words. Gives them; empty ones too."""
 
-    def __init__(self, title: str, words: str, value: str = "") -> None:
+    def __init__(self, title: str, words: str, value: str = "", *, goes_on: bool = False) -> None:
+        """``goes_on``: what is typed comes behind the value; else it takes its place."""
         super().__init__()
+        self._goes_on = goes_on
         self._title, self._words, self._value = title, words, value
 
     def compose(self) -> ComposeResult:
@@ -316,7 +318,12 @@ class LineDialog(FieldDialog[str | None]):
         with VerticalScroll() as box:
             box.border_title = self._title
             box.border_subtitle = "enter takes it · esc back"
-            yield Input(self._value, placeholder=self._words, id="line")
+            yield Input(
+                self._value,
+                placeholder=self._words,
+                id="line",
+                select_on_focus=not self._goes_on,
+            )
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Take it."""

@@ -314,7 +314,7 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
     _command(
         "give_seat",
         "ctrl+g",
-        "Give the seat",
+        "Give control",
         "to the console that asks for it; said nothing, it goes there after 30 s",
         "console",
         acts=True,
@@ -323,7 +323,7 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
     _command(
         "keep_seat",
         "ctrl+k",
-        "Keep the seat",
+        "Keep control",
         "though another console asks for it",
         "console",
         acts=True,

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 Item = tuple[str, Ink]
 
+WAITS = "wait for a second frame"
+"""An aim that says nothing once something is followed."""
 OLD_S = 120.0
 """A direction older than this is shown with its instant."""
 LIMIT_SOON_MIN = 60
@@ -44,7 +46,7 @@ STAGES = {
     "detect": "det",
     "solve": "solve",
     "filter": "filt",
-    "order": "order",
+    "order": "slew cmd",
 }
 """What of a cycle is shown, and under which short name."""
 SOLVER_FRAMES = 10
@@ -78,7 +80,7 @@ def fact_lines(
     if rows >= GROUPS_ROWS and width >= WIDE_COLUMNS:
         margins = _margin_items(outlook)
         if margins:
-            margins[0] = (f"limits: {margins[0][0]}", margins[0][1])
+            margins[0] = (f"to the limits: {margins[0][0]}", margins[0][1])
         is_mounts = bool(mount) and place[0] == mount[0]
         groups = [
             [*place, *margins],
@@ -90,7 +92,12 @@ def fact_lines(
         return [line for group in groups for line in packed(group, width, 1) or [[("", "")]]]
     worst = [item for item in health if item[1]]
     if rows >= 3 and width >= WIDE_COLUMNS:
-        groups = [place, [*motion, *schedule[:1], *ahead[:1]], [*worst, *cycle]]
+        # The cycle's stages are for the larger screens: what the mount may not do weighs more.
+        margins = _margin_items(outlook)[:2]
+        if margins:
+            margins[0] = (f"to the limits: {margins[0][0]}", margins[0][1])
+        coming = [*worst, *ahead[:2], *margins] if ahead or margins else [*worst, *cycle]
+        groups = [place, [*motion, *schedule[:1]], coming]
         return [line for group in groups for line in packed(group, width, 1)]
     return packed([*place, *worst, *motion, *schedule[:1], *cycle], width, rows)
 
@@ -157,8 +164,8 @@ def _motion_items(night: NightView) -> list[Item]:
     ]
     if track.misses:
         items.append((f"coasted {track.misses} frame{'s' if track.misses > 1 else ''}", "warn"))
-    if night.slew is not None:
-        items.append((f"slew: {night.slew.reason}", ""))
+    if night.slew is not None and night.slew.reason != WAITS:
+        items.append((f"aim: {night.slew.reason}", ""))
     return items
 
 
@@ -210,7 +217,10 @@ def _margin_items(outlook: "Outlook | None") -> list[Item]:
     if outlook is None:
         return []
     return [
-        (f"{name} {margin:+.0f}°", "warn" if margin < NEAR_DEG else "")
+        (
+            f"{name} {margin:.0f}°" if margin >= 0.0 else f"{-margin:.0f}° beyond {name}",
+            "warn" if margin < NEAR_DEG else "",
+        )
         for name, margin in outlook.margins_deg
     ]
 
@@ -273,8 +283,8 @@ def _focus_items(night: NightView) -> list[Item]:
     means = _running_medians(widths)
     now_px, best_px = means[-1], min(means)
     if now_px > FOCUS_WORSE * best_px:
-        return [(f"stars {now_px:.1f} px, were {best_px:.1f}: focus or seeing", "warn")]
-    return [(f"stars {now_px:.1f} px", "")]
+        return [(f"FWHM {now_px:.1f} px, was {best_px:.1f}: focus or seeing", "warn")]
+    return [(f"FWHM {now_px:.1f} px", "")]
 
 
 def _running_medians(values: Sequence[float]) -> list[float]:

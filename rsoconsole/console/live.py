@@ -81,7 +81,7 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
         """What must not be missed."""
         give, keep = (first_key(name, self.keymap) for name in ("give_seat", "keep_seat"))
         asker = self.asker
-        asked = f"{asker} asks for the seat: {give} gives it, {keep} keeps it" if asker else ""
+        asked = f"{asker} asks for control: {give} gives it, {keep} keeps it" if asker else ""
         said = words.alert_text(self.night, self.engine)
         return " · ".join(part for part in (asked, said) if part)
 

@@ -71,7 +71,7 @@ def target_words(shown: OrbitShown) -> tuple[str, str]:
         return "", ""
     has_size = estimate is not None and estimate.label != "not observable"
     return "" if found is None else _name_of(found), (
-        f"a {_with_sigma(estimate.a_km, estimate.sigma_a_km)} km"
+        f"a = {_with_sigma(estimate.a_km, estimate.sigma_a_km)} km"
         if has_size and estimate is not None
         else ""
     )

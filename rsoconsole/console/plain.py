@@ -3,7 +3,9 @@
 The last thing before the terminal: panes, dialogs and pictures pass through it alike.
 """
 
+import re
 import unicodedata
+from collections.abc import Sequence
 
 from rich.color import Color as RichColor
 from rich.segment import Segment
@@ -23,6 +25,9 @@ _SIGNS = str.maketrans(
         "▀": "#",
     }
 )
+SPELLED = {"±": "+-", "°": "deg", "σ": "sig", "τ": "tau", "α": "RA", "δ": "Dec"}
+"""Signs of which one letter would say another thing."""
+_WIDE_GAP = {n: re.compile(f" {{{n + 1},}}|─{{{n + 2},}}") for n in (1, 2)}
 _RAMP = " .:-=+*#%@"
 """From dark to bright: what a square of a picture becomes."""
 _BRAILLE = range(0x2800, 0x2900)
@@ -41,11 +46,59 @@ def _one(character: str) -> str:
         dots = code - _BRAILLE.start
         if not dots:
             return " "
-        is_fat = dots.bit_count() > 2
+        if dots.bit_count() > 2:
+            # What was measured: never the sign of what was missed.
+            return "*"
         is_upper = bool(dots & _UPPER_DOTS) and not dots & ~_UPPER_DOTS
-        return ("*" if is_upper else "o") if is_fat else ("'" if is_upper else ".")
+        return "'" if is_upper else "."
     base = unicodedata.normalize("NFKD", character)[0]
     return base if base.isascii() and base.isprintable() else "?"
+
+
+def spelled(texts: Sequence[str]) -> list[str]:
+    """A line's pieces in ASCII, with ``SPELLED`` signs written out; as long in all as before.
+
+    The columns that this takes come from blanks and rules: right before the sign where a gap stands
+    there, so that what follows keeps its place, else behind it, else earlier. Without any the sign
+    becomes one letter as in ``plain``.
+    """
+    line = "".join(texts)
+    owners = [number for number, text in enumerate(texts) for _ in text]
+    cells: list[tuple[str, int]] = list(zip(line, owners, strict=True))
+    at = 0
+    while at < len(cells):
+        sign, owner = cells[at]
+        words = SPELLED.get(sign)
+        if words is None:
+            at += 1
+            continue
+        gap = _gap(cells, at, len(words) - 1)
+        if gap is None:
+            cells[at] = plain(sign), owner
+            at += 1
+            continue
+        cells[at : at + 1] = [(letter, owner) for letter in words]
+        first = gap if gap < at else gap + len(words) - 1
+        del cells[first : first + len(words) - 1]
+        at += len(words) if gap > at else 1
+    made = [""] * len(texts)
+    for letter, owner in cells:
+        made[owner] += letter
+    return [plain(text) for text in made]
+
+
+def _gap(cells: Sequence[tuple[str, int]], at: int, wanted: int) -> int | None:
+    """Where so many cells can be taken out of a gap that keeps one; None where there is none."""
+    line = "".join(sign for sign, _ in cells)
+    before = line[:at]
+    width = len(before) - len(before.rstrip(" "))
+    if width > wanted:
+        return at - width
+    behind = _WIDE_GAP[wanted].search(line, at + 1)
+    if behind is not None:
+        return behind.start() + 1
+    earlier = list(_WIDE_GAP[wanted].finditer(before))
+    return earlier[-1].start() + 1 if earlier else None
 
 
 class PlainFilter(LineFilter):
@@ -53,7 +106,18 @@ class PlainFilter(LineFilter):
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:  # noqa: ARG002 -- as Textual asks
         """One line."""
-        return [self._plain(segment) for segment in segments]
+        words = [index for index, segment in enumerate(segments) if not segment.control]
+        if any(HALF_BLOCK in segments[index].text for index in words):
+            # Beside a picture nothing may move.
+            return [self._plain(segment) for segment in segments]
+        texts = spelled([segments[index].text for index in words])
+        told = dict(zip(words, texts, strict=True))
+        return [
+            Segment(told[index], segment.style, segment.control)
+            if index in told
+            else self._plain(segment)
+            for index, segment in enumerate(segments)
+        ]
 
     def _plain(self, segment: Segment) -> Segment:
         text, style, control = segment

@@ -190,7 +190,7 @@ class Seat(Screen[None]):
             if is_wanted:
                 self.send(AskSeat())
 
-        text = f"{holder} has the seat. Who is asked and says nothing for 30 s gives it up."
+        text = f"{holder} has control. Who is asked and says nothing for 30 s gives it up."
         self.app.push_screen(
             ConfirmDialog("another console acts", text, yes="Ask for it", letter="y"), decided
         )

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline.what_if import TrackFigures
 
 Value = float | int | str
-Wanting = Literal["apply", "lend", "undo", "save", "load", "close", "try"]
+Wanting = Literal["apply", "lend", "undo", "save", "load", "close", "try", "type"]
 LAST_FRAMES = 40
 LABEL_COLUMNS, VALUE_COLUMNS = 16, 12
 
@@ -98,6 +98,8 @@ class Tuning:
     loaded: dict[str, Value] = field(default_factory=dict)
     """What a loaded preset said."""
     row: int = 0
+    sent: dict[str, Value] = field(default_factory=dict)
+    """What the engine has been given and the record does not show yet."""
 
     @property
     def tunables(self) -> tuple[Tunable, ...]:
@@ -112,6 +114,7 @@ class Tuning:
         self.tried = {n: v for n, v in self.tried.items() if self.present.get(n) != v}
         self.steps = {n: k for n, k in self.steps.items() if n in self.tried}
         self.loaded = {n: v for n, v in self.loaded.items() if n in self.tried}
+        self.sent = {n: v for n, v in self.sent.items() if self.tried.get(n) == v}
 
     def step(self, by: int) -> None:
         """Change the chosen one."""
@@ -134,6 +137,29 @@ class Tuning:
             names = {each.name for each in self.tunables}
             self.tried = {n: v for n, v in self.tried.items() if n in names}
 
+    def type(self, text: str) -> str:
+        """Try the number that was typed for the chosen one; what is wrong with it, else nothing."""
+        tunable = self.tunables[self.row]
+        if tunable.choices:
+            if text not in tunable.choices:
+                return f"{tunable.label} is one of {', '.join(tunable.choices)}"
+            value: Value = text
+        else:
+            try:
+                value = float(text.replace("−", "-").replace(",", "."))
+            except ValueError:
+                return f"{text!r} is no number"
+            if not tunable.low <= value <= tunable.high:
+                return f"{tunable.label} lies between {tunable.low:g} and {tunable.high:g}"
+        if self.present.get(tunable.name) == value:
+            self.tried.pop(tunable.name, None)
+        else:
+            self.tried[tunable.name] = value
+        self.steps.pop(tunable.name, None)
+        # The steps go on from here.
+        self.loaded[tunable.name] = value
+        return ""
+
     def load(self, preset: Mapping[str, Value]) -> None:
         """Try what a preset says."""
         self.tried = {n: v for n, v in preset.items() if self.present.get(n) != v}
@@ -145,6 +171,7 @@ class Tuning:
         present = {name: self.present.get(name) for name in wanted}
         if wanted:
             self.before.append({n: value for n, value in present.items() if value is not None})
+        self.sent = dict(wanted)
         return wanted
 
     def undo(self) -> dict[str, Value]:
@@ -169,6 +196,8 @@ class TunePane(LinesPane, can_focus=False):
         Binding("w", "say('save')", "Save as preset"),
         Binding("o", "say('load')", "Load a preset"),
         Binding("t,escape", "say('close')", "Close"),
+        *(Binding(key, f"type('{key}')", show=False) for key in "0123456789"),
+        Binding("full_stop", "type('.')", show=False),
     ]
     DEFAULT_CSS = """
     TunePane { background: $surface; border: none; }
@@ -177,9 +206,10 @@ class TunePane(LinesPane, can_focus=False):
     class Wanted(Message):
         """Something is to be done with the tuning."""
 
-        def __init__(self, what: Wanting) -> None:
+        def __init__(self, what: Wanting, begun: str = "") -> None:
+            """``begun``: what has been typed of a number."""
             super().__init__()
-            self.what = what
+            self.what, self.begun = what, begun
 
     tuning: Tuning | None = None
 
@@ -195,6 +225,10 @@ class TunePane(LinesPane, can_focus=False):
             self.tuning.step(by)
             self.post_message(self.Wanted("try"))
 
+    def action_type(self, begun: str) -> None:
+        """The first figure of a number for the chosen setting."""
+        self.post_message(self.Wanted("type", begun))
+
     def action_say(self, what: Wanting) -> None:
         """What is wanted."""
         self.post_message(self.Wanted(what))
@@ -205,7 +239,7 @@ class TuneWords(NamedTuple):
 
     frames: str = f"last {LAST_FRAMES} frames"
     """Over which its figures are."""
-    keys: str = "enter apply  u undo  w save  o load"
+    keys: str = "0-9 type  enter apply  u undo  w save  o load"
 
 
 def tune_lines(
@@ -218,7 +252,10 @@ def tune_lines(
     """What builds the pane's lines: settings, then figures now and with what is tried."""
 
     def build(width: int, height: int) -> list[Line]:
-        changed = f"{len(tuning.tried)} tried" if tuning.tried else "as it is"
+        waiting = sum(tuning.sent.get(name) == value for name, value in tuning.tried.items())
+        changed = f"{len(tuning.tried) - waiting} tried" if tuning.tried else "as it is"
+        if waiting:
+            changed = f"{waiting} sent, in force from the next frame"
         lines: list[Line] = [_rule(f"tune · {changed}", width)]
         figures = _figures(now, then, words.frames, is_tried=bool(tuning.tried))
         keys: Line = [(f" {words.keys}", "dim")]
@@ -260,7 +297,12 @@ def _setting(tuning: Tuning, number: int, tunable: Tunable) -> Line:
         (f"{present:>{VALUE_COLUMNS}}", "dim" if tunable.name in tuning.tried else ""),
     ]
     if tunable.name in tuning.tried:
-        line.append((f"  → {tunable.words(tuning.tried[tunable.name])}", "warn"))
+        value = tuning.tried[tunable.name]
+        is_sent = tuning.sent.get(tunable.name) == value
+        # In force when the record shows it: from the next frame.
+        line.append((f"  → {tunable.words(value)}", "good" if is_sent else "warn"))
+        if is_sent:
+            line.append((" sent", "good"))
     return line
 
 
@@ -274,6 +316,7 @@ def _figures(
     rows: tuple[tuple[str, Callable[[TrackFigures], tuple[str, Ink]]], ...] = (
         ("residual rms", lambda f: (_text(f.residual_rms_arcsec, ".2f", "″"), "")),
         ("NIS mean (2)", _nis),
+        ("log L an update", lambda f: (_text(f.log_likelihood_mean, "+.2f"), "")),
         ("3σ holds", lambda f: (_percent(f.inside_3sigma), "")),
         ("misses", lambda f: (f"{f.misses}", "")),
         ("state", lambda f: (f.state or "-", "")),

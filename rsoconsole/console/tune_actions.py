@@ -129,6 +129,9 @@ class TuneActions(Seat):
     def on_tune_pane_wanted(self, message: TunePane.Wanted) -> None:
         """One of the pane's keys."""
         message.stop()
+        if message.what == "type":
+            self._type(message.begun)
+            return
         {
             "try": self._try,
             "apply": self._apply,
@@ -138,6 +141,29 @@ class TuneActions(Seat):
             "load": self._load,
             "close": self.close_tune,
         }[message.what]()
+
+    def _type(self, begun: str) -> None:
+        """A number for the chosen setting, typed."""
+        tunable = self.tuning.tunables[self.tuning.row]
+        if self.tuning.present.get(tunable.name) is None:
+            return
+        if tunable.choices:
+            self.say(f"{tunable.label} is chosen with ←→: {', '.join(tunable.choices)}", "warn")
+            return
+
+        def decided(text: str | None) -> None:
+            if not text:
+                return
+            fault = self.tuning.type(text)
+            if fault:
+                self.say(fault, "warn")
+                return
+            self._try()
+
+        words = f"from {tunable.low:g} to {tunable.high:g}"
+        title = f"{tunable.label}{tunable.unit}: a number {words}"
+        dialog = LineDialog(title, words, begun, goes_on=True)
+        self.app.push_screen(dialog, decided)
 
     def _try(self) -> None:
         self._figures = (self._figures[0], None)

@@ -149,7 +149,9 @@ def pointing_check(
     apart_deg = separation_deg(
         solution.ra_icrs_deg, solution.dec_icrs_deg, report.ra_icrs_deg, report.dec_icrs_deg
     )
-    detail = f"the stars lie {60 * apart_deg:.1f} arcmin beside where the mount says it looks"
+    detail = (
+        f"pointing offset {60 * apart_deg:.1f} arcmin: the stars lie beside where the mount says"
+    )
     if apart_deg <= POINTING_DEG:
         return ArmingCheck(name=name, ok=True, detail=detail)
     return ArmingCheck(

@@ -47,7 +47,7 @@ class Seats:
             if self._holder in {None, who}:
                 self._holder = who
                 return None
-            return f"{name_of(self._holder)} has the seat: ask for it"
+            return f"{name_of(self._holder)} has control: ask for it"
 
     def ask(self, who: Sender) -> str:
         """Somebody wants the seat; says how that stands."""
@@ -55,7 +55,7 @@ class Seats:
             self._hear(who)
             if self._holder in {None, who}:
                 self._holder = who
-                return "the seat is yours"
+                return "you have control"
             if self._asked_by not in {None, who}:
                 return f"{name_of(self._asked_by)} has asked already"
             if self._asked_by is None:
@@ -70,14 +70,14 @@ class Seats:
         with self._lock:
             self._hear(who)
             if who != self._holder or self._asked_by is None:
-                raise ValueError("nobody asks you for the seat")
+                raise ValueError("nobody asks you for control")
             if to is not None and to != name_of(self._asked_by):
                 raise ValueError(f"{name_of(self._asked_by)} asks by now: answer that")
             asked_by, self._asked_by = self._asked_by, None
             if gives:
                 self._holder = asked_by
-                return f"{name_of(asked_by)} has the seat now"
-            return "you keep the seat"
+                return f"{name_of(asked_by)} has control now"
+            return "you keep control"
 
     def view(self) -> SeatView:
         """How it stands."""

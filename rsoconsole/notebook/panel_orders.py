@@ -142,7 +142,7 @@ class PanelOrders:
                 self._tell("stop_news", NOTHING)
         elif outcome.data.get("seat"):
             holder = str(outcome.data["seat"])
-            self._say(f"{name}: not done, {holder} has the seat", "warning")
+            self._say(f"{name}: not done, {holder} has control", "warning")
             self._tell("asked", {"kind": "seat", "holder": holder})
         elif isinstance(command, Arm) and outcome.data.get("checks"):
             self._say("not armed", "warning")

@@ -51,6 +51,9 @@ class TrackFigures:
     """Updates whose prediction was the orbit's, because the filter's had failed."""
     states: Mapping[str, int] = field(default_factory=dict)
     """How many frames ended in each."""
+    log_likelihood_mean: float | None = None
+    """Of an update's innovation in arcsec under its own sigmas; the larger, the likelier. The
+    correlation of the two axes counts in the NIS alone."""
 
     @property
     def is_nis_sound(self) -> bool | None:
@@ -119,6 +122,7 @@ def figures_of(frames: Iterable[FollowedFrame], last: int | None = None) -> Trac
         carried_by_orbit=sum(u.foretold_by == "orbit" for u in updates),
         state=chosen[-1].state if chosen else "",
         states=dict(Counter(each.state for each in chosen)),
+        log_likelihood_mean=_log_likelihood(updates),
     )
 
 
@@ -149,6 +153,18 @@ def _seconds_between(first: FollowedFrame, later: FollowedFrame) -> float | None
 def _share_in_track(frames: Sequence[FollowedFrame]) -> float | None:
     in_track = sum(each.state == "TRACK" for each in frames)
     return in_track / len(frames) if frames else None
+
+
+def _log_likelihood(updates: Sequence[TrackState]) -> float | None:
+    """Mean over the updates. Source: Bar-Shalom et al. 2001, ch. 5.4."""
+    terms = [
+        -math.log(2.0 * math.pi * sigma[0] * sigma[1]) - 0.5 * update.nis
+        for update in updates
+        if (sigma := update.sigma_innovation_arcsec) is not None
+        and update.nis is not None
+        and min(sigma) > 0.0
+    ]
+    return sum(terms) / len(terms) if terms else None
 
 
 def _is_inside(update: TrackState) -> bool:

@@ -261,7 +261,7 @@ function render({ model, el }) {
     dialog.replaceChildren();
     if (asked.kind === "arm") askToOverride(asked);
     else if (asked.kind === "seat") {
-      dialog.append(make("p", { textContent: `${asked.holder} has the seat. Who is asked and says ` +
+      dialog.append(make("p", { textContent: `${asked.holder} has control. Who is asked and says ` +
         "nothing for 30 s gives it up." }),
       button("Leave it", () => send("forget")), " ", button("Ask for it", () => order("ask_seat")));
     } else if (asked.kind === "asker") {
