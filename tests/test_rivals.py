@@ -200,6 +200,21 @@ def test_a_track_begun_with_two_objects_is_begun_anew_with_one() -> None:
     assert following.track_id == 2
 
 
+def test_a_track_begun_with_two_of_three_is_begun_again_with_one_of_them() -> None:
+    """What stood beside the second of two streaks of two objects is no neighbour of either."""
+    random = np.random.default_rng(2)
+    places = {"a": (0.0, 0.0), "b": (70.0, 20.0), "c": (-160.0, 60.0)}
+    following = Following()
+    for k in range(12):
+        rate = truth()[k].rate
+        names = {0: "a", 1: "bc"}.get(k, "abc")
+        shown = [streak(k, n, random, np.array(places[n]), rate, 0.0) for n in names]
+        following, _ = follow(following, seen(k, *shown), every_day())
+    assert following.state == "TRACK"
+    assert following.track is not None
+    assert following.track.innovations >= 4
+
+
 def test_after_a_burn_it_is_re_acquired_and_the_record_says_by_how_much() -> None:
     random = np.random.default_rng(2)
     following, told, taken = Following(), [], []

@@ -94,7 +94,11 @@ def with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
         for rival in rivals
         if rival.measurements[-1].frame_id == seen.frame_id
         and any(m.object_class in MAY_BE_FOLLOWED for m in rival.measurements)
-        and not _is_neighbour(rival.measurements[-1], predicted, before.neighbours)
+        # Two streaks alone may be of two objects: what stood beside them then says nothing.
+        and not (
+            before.track.innovations
+            and _is_neighbour(rival.measurements[-1], predicted, before.neighbours)
+        )
     ]
     if likely:
         chance, rival = max(likely, key=lambda each: each[0])
