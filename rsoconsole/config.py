@@ -407,7 +407,9 @@ class SessionConfig(_Section):
     """Where sessions are kept and what of the frames."""
 
     root: Path = Path(platformdirs.user_data_path(APP)) / "sessions"
-    keep_frames: Literal["all", "detected", "none"] = "all"
+    keep_frames: Literal["all", "detected", "last", "none"] = Field(
+        "all", description="whose pixels are kept; last: of the last 12 frames alone"
+    )
 
 
 class Config(_Section):

@@ -51,6 +51,7 @@ from rsoconsole.session.faults import Faults
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.schema import SCHEMA_VERSION, VIEWS
 from rsoconsole.session.store import list_sessions, new_session_folder, size_bytes
+from rsoconsole.session.verify import verify_session
 from rsoconsole.session.writer import SessionWriter
 from tests.orbit_night import estimate_of, identified_of
 
@@ -500,6 +501,26 @@ def test_frames_that_come_too_fast_are_given_up_and_said_so(
     assert [reader.frame_path(i) is not None for i in range(1, 6)] == taken
     reasons = _files(folder, "SELECT frame_id, reason FROM files WHERE path IS NULL")
     assert [frame_id for frame_id, _ in reasons] == [4, 5]
+
+
+def test_where_only_the_last_frames_are_kept_the_disk_they_take_is_bounded(folder: Path) -> None:
+    last = Config.model_validate({"session": {"keep_frames": "last"}})
+    writer = SessionWriter.create(folder, last, {})
+    count = writer_module.LAST_KEPT + 5
+    for number in range(1, count + 1):
+        assert writer.save_frame(small_frame(number))
+        assert writer._frames.drain(20)
+    kept = frozenset(range(6, count + 1))
+    # One file may wait for the next frame to be removed: nothing names it any more.
+    assert len(list((folder / "frames").iterdir())) <= writer_module.LAST_KEPT + 1
+    writer.append(NIGHT[0], T0_UTC_NS)
+    writer.close()
+    assert not writer.faults
+    assert len(list((folder / "frames").iterdir())) == writer_module.LAST_KEPT
+    reader = SessionReader(folder)
+    assert reader.frames_with_pixels() == kept
+    assert "of the last 12 frames alone" in str(reader.not_kept_because(1))
+    assert verify_session(folder).is_sound
 
 
 @pytest.mark.parametrize(

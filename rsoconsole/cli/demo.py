@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rsoconsole.simulator.world import World
 
 Preset: TypeAlias = Literal["adaptive", "tuned", "paper"]
-KeepFrames: TypeAlias = Literal["all", "detected", "none"]
+KeepFrames: TypeAlias = Literal["all", "detected", "last", "none"]
 
 FRAMES_UNSEEN = 20
 FRAME_TIMEOUT_S = 120.0
@@ -66,8 +66,12 @@ def demo(
     ] = None,
     session: SessionOption = None,
     keep_frames: Annotated[
-        KeepFrames, typer.Option(help="Which frames to keep in the session.")
-    ] = "none",
+        KeepFrames | None,
+        typer.Option(
+            help="Which frames' pixels to keep in the session. Default: in the console those of the"
+            " last 12, else none."
+        ),
+    ] = None,
     tle: Annotated[
         list[Path] | None,
         typer.Option(
@@ -138,6 +142,7 @@ def demo(
         return
     catalogue = [each.resolve() for each in tle or [elements_path()]]
     is_seen = not (headless or json_) and sys.stdin.isatty() and sys.stdout.isatty()
+    keeps: KeepFrames = keep_frames or ("last" if is_seen and not lines else "none")
     pace = (0.0 if headless or json_ else 10.0) if speed is None else speed
     if frames is None and not is_seen:
         frames = FRAMES_UNSEEN
@@ -146,7 +151,7 @@ def demo(
         config = demo_config(
             site_of(site) if site else DAYTONA_BEACH,
             preset=preset,
-            keep_frames=keep_frames,
+            keep_frames=keeps,
             catalogue=catalogue,
         )
         plan = plan_targets(target, config, at=at, seed=seed, frames=frames or NIGHT_FRAMES)
@@ -157,9 +162,7 @@ def demo(
         raise typer.BadParameter("--at and --site belong to a night of --target")
     else:
         known = scenario_named(scenario)
-        config = demo_config(
-            known.site, preset=preset, keep_frames=keep_frames, catalogue=catalogue
-        )
+        config = demo_config(known.site, preset=preset, keep_frames=keeps, catalogue=catalogue)
         heading = (known.title, *known.description.splitlines())
     imperfect = _world_of(world, seed)
     config = config_in(imperfect, config)

@@ -33,6 +33,7 @@ REVIEW_SIGNS = """\
 Time line  the night from its first record to its last; its words are states,
            ┃ is here, A the moment kept to compare with, ░ not read yet
            ○ miss   × refused   ▼ lost   ▲ operator   ✎ note   ! alarm   / found
+           ▫ the frame's pixels are kept: enter opens it at full resolution
            a cell of many frames shows what a quarter of them have; the mouse
            goes where it is clicked or drawn"""
 

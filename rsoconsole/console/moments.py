@@ -70,7 +70,8 @@ class Moments:
 
     def timeline(self) -> Timeline:
         """What is known of the night's course."""
-        return self._timeline.so_far(self.read_seq, is_closed=self._head.is_closed)
+        so_far = self._timeline.so_far(self.read_seq, is_closed=self._head.is_closed)
+        return replace(so_far, with_pixels=self.reader.frames_with_pixels())
 
     @property
     def is_read(self) -> bool:

@@ -21,7 +21,7 @@ _SIGNS = str.maketrans(
         **dict(zip("αδστ″′²³°±×·…•∙○●◆☾☼▸✓✗", "adst\"'23o~x.~*.oo#CO>yn", strict=True)),
         **dict(zip("↑↓←→↗↘↙↖▲▼‹›▔", "^v<>/\\/\\^v<>-", strict=True)),
         **dict(zip("╍░✎═", "~%n=", strict=True)),
-        **dict(zip("«»▾▴◂", "<>v^<", strict=True)),
+        **dict(zip("«»▾▴◂▫", "<>v^<.", strict=True)),
         "▀": "#",
     }
 )

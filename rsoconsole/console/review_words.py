@@ -102,7 +102,10 @@ def place_words(timeline: Timeline, seq: int, t_utc_ns: int | None) -> list[str]
     frame_id = timeline.frames[index].frame_id
     which = f"frame {frame_id:04d}" if frame_id != index + 1 else f"frame {frame_id}"
     number = f" ({index + 1} of {count})" if frame_id != index + 1 else f" of {count}"
-    return [which + number, clock_text(t_utc_ns)]
+    pixels = []
+    if timeline.with_pixels:
+        pixels = ["enter opens it" if frame_id in timeline.with_pixels else "pixels not kept"]
+    return [which + number, clock_text(t_utc_ns), *pixels]
 
 
 def reading_words(timeline: Timeline) -> str:

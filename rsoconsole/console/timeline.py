@@ -80,6 +80,8 @@ class Timeline:
     read_seq: int = 0
     """How far it has been read, so that any moment before is shown at once and whole."""
     is_closed: bool = False
+    with_pixels: frozenset[int] = frozenset()
+    """Numbers of the frames whose pixels are there: those can be opened at full resolution."""
 
     @property
     def is_whole(self) -> bool:

@@ -33,7 +33,7 @@ KIND_INKS: dict[Kind, Ink] = {
     "miss": "warn",
 }
 FREQUENT: frozenset[Kind] = frozenset(("miss", "rejection"))
-FOUND, HERE, KEPT, UNREAD = "/", "┃", "A", "░"
+FOUND, HERE, KEPT, UNREAD, PIXELS = "/", "┃", "A", "░", "▫"
 SHARE = 0.25
 """Of its frames that a cell must have before it shows what is frequent, among other kinds."""
 FILLS: dict[LoopState | None, tuple[str, Ink]] = {
@@ -115,6 +115,9 @@ def _strip(
     cells = list(_states(timeline, columns))
     events = _events(timeline, place.kinds, place.found, columns)
     row: list[tuple[str, Ink]] = [events.get(column, (" ", "")) for column in range(columns)]
+    for column in () if is_one_row else _with_pixels(timeline, columns):
+        if row[column][0] == " ":
+            row[column] = (PIXELS, "dim")
     if is_one_row:
         cells = [events.get(column, cell) for column, cell in enumerate(cells)]
     for seq, sign in ((place.kept_seq, KEPT), (place.seq, HERE)):
@@ -122,9 +125,22 @@ def _strip(
         if t is not None and columns > 0:
             column = _column(timeline, t, columns)
             cells[column] = (sign, "here")
-            if not is_one_row and row[column][0] == " ":
+            if not is_one_row and row[column][0] in {" ", PIXELS}:
                 row[column] = (sign, "title")
     return _joined(cells), _joined(row)
+
+
+@lru_cache(maxsize=8)
+def _with_pixels(timeline: Timeline, columns: int) -> frozenset[int]:
+    """The cells that have a frame whose pixels are there."""
+    kept = timeline.with_pixels
+    if not kept or columns <= 0:
+        return frozenset()
+    return frozenset(
+        _column(timeline, mark.t_utc_ns, columns)
+        for mark in timeline.frames
+        if mark.frame_id in kept
+    )
 
 
 def _joined(cells: list[tuple[str, Ink]]) -> Line:

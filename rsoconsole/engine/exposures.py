@@ -106,7 +106,9 @@ class Exposures:
     def keep(self, frame: Frame, state: LoopState, place_px: tuple[float, float] | None) -> None:
         """The frame's small pictures, and its pixels where the configuration wants them."""
         wanted = self._config.session.keep_frames
-        is_wanted = wanted == "all" or (wanted == "detected" and state in ("ACQUIRE", "TRACK"))
+        is_wanted = wanted in {"all", "last"} or (
+            wanted == "detected" and state in ("ACQUIRE", "TRACK")
+        )
         self._chronicle.keep(frame, is_wanted=is_wanted, place_px=place_px)
 
     def end_at_limit(self, words: str) -> NoReturn:

@@ -4,9 +4,11 @@ Nothing here waits for a disk or raises because of one: the telescope goes on, a
 says what the record lacks.
 """
 
+import contextlib
 import shutil
 import sqlite3
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from pathlib import Path
@@ -45,6 +47,9 @@ from rsoconsole.session.worker import BoundedWorker
 MAX_FRAMES_WAITING = 3
 MAX_PREVIEWS_WAITING = 64
 """Pictures of 0.3 MB: the disk is waited for with each, and they come in bursts."""
+LAST_KEPT = 12
+"""Frames whose pixels ``session.keep_frames = last`` keeps: 0.2 GB of a 16 Mpx camera."""
+NOT_AMONG_LAST = f"of the last {LAST_KEPT} frames alone the pixels are kept (session.keep_frames)"
 RESERVE_BYTES = 200_000_000
 """Frames are given up below this much free disk: the log must have room."""
 
@@ -90,7 +95,8 @@ class SessionWriter:
                 "free some disk or name another folder with --session"
             ) from error
         rescue = Rescue(folder, facts, config_to_toml(config).encode())
-        return cls(folder, on_fault, reserve_bytes, rescue)
+        keeps_last = LAST_KEPT if config.session.keep_frames == "last" else None
+        return cls(folder, on_fault, reserve_bytes, rescue, keeps_last)
 
     def __init__(
         self,
@@ -98,8 +104,14 @@ class SessionWriter:
         on_fault: Callable[[str], None] | None,
         reserve_bytes: int,
         rescue: Rescue,
+        keeps_last: int | None = None,
     ) -> None:
         self.folder = folder
+        self._keeps_last = keeps_last
+        self._kept_frames: deque[int] = deque()
+        """Frames whose pixels are there, where only the last ones are kept."""
+        self._going: list[Path] = []
+        """Files that no row names any more."""
         self._reserve_bytes = reserve_bytes
         self._faults = Faults(on_fault)
         self._is_closed = False
@@ -157,6 +169,9 @@ class SessionWriter:
             self._faults.report("close", f"frames were still unwritten after {timeout_s:g} s")
         if not self._log.close(timeout_s):
             return
+        with contextlib.suppress(OSError):
+            for path in self._going:
+                path.unlink(missing_ok=True)
         try:
             with closing(connect_to_write(self._log.path)) as connection:
                 mark_closed(connection)
@@ -183,6 +198,19 @@ class SessionWriter:
         write_durably(path, content)
         self._faults.clear("frame")
         self._kept(frame.frame_id, "frame", path, content, began)
+        if self._keeps_last is not None:
+            self._let_go(frame.frame_id, self._keeps_last)
+
+    def _let_go(self, frame_id: int, keeps: int) -> None:
+        """The oldest frame beyond those that are kept: its row first, its file with the next."""
+        for path in self._going:
+            path.unlink(missing_ok=True)
+        self._going.clear()
+        self._kept_frames.append(frame_id)
+        while len(self._kept_frames) > keeps:
+            oldest = self._kept_frames.popleft()
+            self._put_absent(oldest, "frame", NOT_AMONG_LAST)
+            self._going.append(self.folder / file_name("frame", oldest))
 
     def _keep_picture(self, frame_id: int, role: str, picture: npt.NDArray[np.uint8]) -> None:
         path = self.folder / file_name(role, frame_id)
@@ -206,7 +234,11 @@ class SessionWriter:
         )
 
     def _give_up(self, frame_id: int, role: str, reason: str) -> None:
-        self._faults.report(role, f"the {role} of exposure {frame_id} is not kept: {reason}")
+        if role != "frame" or self._keeps_last is None:  # of those none is missed
+            self._faults.report(role, f"the {role} of exposure {frame_id} is not kept: {reason}")
+        self._put_absent(frame_id, role, reason)
+
+    def _put_absent(self, frame_id: int, role: str, reason: str) -> None:
         self._log.put_file(
             KeptFile(
                 frame_id=frame_id,
