@@ -1,5 +1,6 @@
 """What the plots and the log make of what is out of the ordinary."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,9 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.console.night import Night
 from rsoconsole.console.plot import Column, residual_limit, residual_plot
+from rsoconsole.console.review_words import place_words
+from rsoconsole.console.timeline import FrameMark, Timeline
+from rsoconsole.console.timeline_lines import Place, timeline_lines
 from rsoconsole.reasons import BelowTau, Cause, HiddenBy, Missed, NotAStreak
 from rsoconsole.records import Detections, FrameTaken, Miss, Rejection, StateChange
 from tests.made_up_night import taken
@@ -80,3 +84,28 @@ def test_a_cloud_is_reason_enough():
     )
     (line,) = said(rejected(0.24, NotAStreak(kind="no ends")), change)
     assert "left out" not in line
+
+
+# -- which frames can be opened ------------------------------------------------------------------
+
+
+def test_the_time_line_shows_which_frames_have_their_pixels():
+    minute = 60 * 10**9
+    frames = tuple(FrameMark(n * 10, T0_UTC_NS + n * minute, n) for n in range(1, 21))
+    line = Timeline(
+        frames=frames,
+        first_utc_ns=frames[0].t_utc_ns,
+        last_utc_ns=frames[-1].t_utc_ns,
+        last_seq=209,
+        read_seq=209,
+        with_pixels=frozenset({18, 19}),
+    )
+    events, *_ = timeline_lines(line, Place(seq=10), 100, 3)
+    text = "".join(part for part, _ in events)
+    assert text.count("▫") == 2
+    assert text.index("▫") > 75
+    assert place_words(line, 185, None)[-1] == "enter opens it"
+    assert place_words(line, 15, None)[-1] == "pixels not kept"
+    nowhere = replace(line, with_pixels=frozenset())
+    assert "▫" not in "".join(part for part, _ in timeline_lines(nowhere, Place(), 100, 3)[0])
+    assert len(place_words(nowhere, 15, None)) == 2

@@ -21,8 +21,10 @@ from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.sheet import Sheet
+from rsoconsole.console.sheet_actions import SendMark
 from rsoconsole.console.sheet_view import STEPS
 from rsoconsole.console.sheet_worker import Opened
+from rsoconsole.control.commands import MarkByHand
 from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.pipeline import reprocess
 from rsoconsole.pipeline.reprocess import Reprocessor, recorded_frame
@@ -76,6 +78,7 @@ def look(
     config: Config | None = None,
     size: tuple[int, int] = (80, 24),
     wire: FakeWire | None = None,
+    send_mark: SendMark | None = None,
     **of_app: object,
 ) -> None:
     """Open a frame over a seat, wait until all is said of it, and act."""
@@ -86,7 +89,9 @@ def look(
         app = ConsoleApp(lambda: the_wire, session=session, **of_app)
         async with app.run_test(size=size) as pilot:
             await until(pilot, lambda: app.live.picture is not None)
-            sheet = FrameSheet(folder, frame_id, config, keymap=app.live.keymap)
+            sheet = FrameSheet(
+                folder, frame_id, config, keymap=app.live.keymap, send_mark=send_mark
+            )
             app.push_screen(sheet)
             await calm(pilot, sheet)
             await act(app, sheet, pilot)
@@ -226,7 +231,7 @@ def test_the_stretch_changes_the_light_and_not_the_place(impatient_seat: None):
 def test_marks_can_be_put_away_to_see_what_they_cover(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         assert "[" in drawn(sheet)
-        await pilot.press("o")
+        await pilot.press("O")
         assert "[" not in drawn(sheet)
         assert "▾" in drawn(sheet)
 
@@ -245,7 +250,7 @@ def test_another_tau_says_what_the_detector_would_have_said(impatient_seat: None
         assert sheet.sheet.done.result.tau == 0.195
         await press(pilot, sheet, "comma")
         assert "τ 0.1 → 0.156" in " ".join(words(sheet, "panel").split())
-        await press(pilot, sheet, "r")
+        await press(pilot, sheet, "R")
         assert sheet.sheet.tau == sheet.sheet.recorded_tau == 0.1
         assert "→ 0." not in words(sheet, "panel")
 
@@ -267,7 +272,7 @@ def test_tau_stops_at_its_bounds_and_comes_back_by_the_same_steps():
 
 def test_with_the_paper_map_the_streak_is_less_sure_and_it_says_so(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
-        await press(pilot, sheet, "m")
+        await press(pilot, sheet, "M")
         panel = " ".join(words(sheet, "panel").split())
         assert "map fast → paper" in panel
         now = re.search(r"1\.00 → (\.\d\d) at 1969,1765", panel)
@@ -275,7 +280,7 @@ def test_with_the_paper_map_the_streak_is_less_sure_and_it_says_so(impatient_sea
         assert float(now[1]) < 0.995
         assert "then followed, NIS 4.4 now detected" in panel
         assert "{" in drawn(sheet)
-        await press(pilot, sheet, "m")
+        await press(pilot, sheet, "M")
         assert "now the same" in " ".join(words(sheet, "panel").split())
         assert "{" in drawn(sheet)
 
@@ -285,18 +290,18 @@ def test_with_the_paper_map_the_streak_is_less_sure_and_it_says_so(impatient_sea
 def test_what_the_network_sees_is_shown_as_a_picture(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         frame = sheet.picture.drawing
-        await press(pilot, sheet, "v")
+        await press(pilot, sheet, "V")
         assert "network's map" in title(sheet)
         assert re.search(r"[3-9]\.\dσ", caption(sheet))
         graded = sheet.picture.drawing
         assert frame is not None
         assert graded is not None
         assert not np.array_equal(frame.greys, graded.greys)
-        await press(pilot, sheet, "m")
+        await press(pilot, sheet, "M")
         hard = sheet.picture.drawing
         assert hard is not None
         assert len(np.unique(hard.greys)) < len(np.unique(graded.greys))
-        await press(pilot, sheet, "m", "v")
+        await press(pilot, sheet, "M", "V")
         again = sheet.picture.drawing
         assert again is not None
         assert np.array_equal(again.greys, frame.greys)
@@ -306,14 +311,14 @@ def test_what_the_network_sees_is_shown_as_a_picture(impatient_seat: None):
 
 def test_a_plate_from_its_own_stars(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
-        await press(pilot, sheet, "p")
+        await press(pilot, sheet, "P")
         panel = " ".join(words(sheet, "panel").split())
         assert "plate found anew" in panel
         assert re.search(r"plate \d+", panel)
         shift = re.search(r"on the sky ([+-][\d.]+)″ E ([+-][\d.]+)″ N", panel)
         assert shift is not None
         assert max(abs(float(part)) for part in shift.groups()) < 0.5
-        await press(pilot, sheet, "p")
+        await press(pilot, sheet, "P")
         assert "plate as recorded" in " ".join(words(sheet, "panel").split())
 
     look(act)
@@ -329,7 +334,7 @@ def test_a_frame_that_was_not_kept_says_why_and_shows_its_preview(impatient_seat
         assert "frame 8 was not kept: left out of the sample" in alert
         assert "▀" in drawn(sheet)
         assert "1.00  at 2323,1755" in words(sheet, "panel")
-        await press(pilot, sheet, "m", "full_stop", "p", "v", "plus", "up", "d")
+        await press(pilot, sheet, "M", "full_stop", "P", "V", "plus", "up", "d")
         assert "→" not in words(sheet, "panel")
         whole = drawn(sheet)
         await pilot.press("z")
@@ -360,7 +365,7 @@ def test_what_cannot_be_read_is_one_clear_line(tmp_path: Path, impatient_seat: N
             app.push_screen(sheet)
             await calm(pilot, sheet)
             await until(pilot, lambda: said in " ".join(words(sheet, "alert").split()))
-            await pilot.press("m", "d", "plus", "z", "v", "l", "escape", "escape")
+            await pilot.press("M", "d", "plus", "z", "V", "L", "escape", "escape")
             assert app.screen is app.live
 
     asyncio.run(run())
@@ -398,6 +403,45 @@ def test_enter_opens_the_frame_that_is_shown_and_escape_goes_back(impatient_seat
             assert app.screen is app.live
 
     asyncio.run(run())
+
+
+def test_a_streak_is_marked_at_full_resolution(impatient_seat: None):
+    sent: list[MarkByHand] = []
+
+    def send(mark: MarkByHand) -> str:
+        sent.append(mark)
+        return "the mark is sent"
+
+    async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
+        await press(pilot, sheet, "d", "plus", "plus", "plus", "left_square_bracket")
+        await pilot.press("m")
+        assert "mark the first end" in title(sheet), sheet.sheet.fault
+        await pilot.press("escape")
+        assert app.screen is sheet
+        assert "mark" not in title(sheet)
+        view = sheet.sheet.view
+        assert view is not None
+        await pilot.press("m", "enter")
+        assert "mark the second end" in title(sheet)
+        assert "1" in drawn(sheet)
+        await pilot.press(*["right"] * 6, "enter")
+        (mark,) = sent
+        assert mark.frame_id == KEPT
+        assert (mark.x_a_px, mark.y_a_px) == (view.x_px, view.y_px)
+        assert mark.x_b_px - mark.x_a_px == pytest.approx(6 * view.px_per_square)
+        # As finely as one can point there: the picture's squares are 97 px.
+        assert mark.sigma_px == 1.0
+        assert "the mark is sent" in title(sheet)
+
+    look(act, size=(120, 40), send_mark=send)
+
+
+def test_in_a_night_that_is_over_nothing_is_marked(impatient_seat: None):
+    async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
+        await pilot.press("m")
+        assert "no marks in a night that is over" in title(sheet)
+
+    look(act, size=(120, 40))
 
 
 def test_enter_sets_an_end_while_a_mark_is_made(wire: FakeWire):
@@ -513,7 +557,7 @@ def test_in_the_smallest_terminal_the_streak_is_found_and_the_list_opens(impatie
         await press(pilot, sheet, "d")
         assert "[" in drawn(sheet)
         assert "]" in drawn(sheet)
-        await pilot.press("l")
+        await pilot.press("L")
         await pilot.pause()
         assert "1.00 → .99" in words(sheet, "panel")
         assert not sheet.picture.display

@@ -95,7 +95,7 @@ def test_a_jump_goes_from_event_to_event_of_the_chosen_kind_and_back(eventful: P
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
         for kind, frames in JUMPS.items():
             while review.kind != kind:
-                await pilot.press("e")
+                await pilot.press("E")
             review.go_to_text("50")
             places, seen = [], []
             while True:
@@ -231,10 +231,10 @@ def test_beginning_at_a_frame_that_is_not_there_says_so_and_shows_the_first(even
 
 def test_two_moments_are_compared_side_by_side_with_what_lies_between(eventful: Path):
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
-        await pilot.press("k")
+        await pilot.press("K")
         assert "A frame 50" in text_of(review, "timeline")
         await press(review, pilot, "g", *"95", "enter")
-        await pilot.press("k")
+        await pilot.press("K")
         await pilot.pause()
         assert isinstance(pilot.app.screen, CompareDialog)
         text = pilot.app.screen.query_one("#compared", LinesPane).text
@@ -255,7 +255,7 @@ def test_two_moments_are_compared_side_by_side_with_what_lies_between(eventful: 
 
 def test_what_is_asked_for_before_the_moment_is_there_is_compared_once_it_is(eventful: Path):
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
-        await pilot.press("k")
+        await pilot.press("K")
         kept = review.kept
         review.go(review.timeline.step(review.seq, 1))
         review.action_compare()
@@ -269,19 +269,19 @@ def test_what_is_asked_for_before_the_moment_is_there_is_compared_once_it_is(eve
 
 def test_b_blinks_the_whole_screen_between_the_two(eventful: Path):
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
-        await pilot.press("b")
+        await pilot.press("B")
         assert "keeps a moment" in text_of(review, "keys")
-        await pilot.press("k")
+        await pilot.press("K")
         await press(review, pilot, "g", *"95", "enter")
         for frame_id in (50, 95, 50, 95):
-            await press(review, pilot, "b")
+            await press(review, pilot, "B")
             assert frame_shown(review) == frame_id
-        await pilot.press("k")
+        await pilot.press("K")
         await pilot.pause()
-        await press(review, pilot, "b")  # from the table too
+        await press(review, pilot, "B")  # from the table too
         assert pilot.app.screen is review
         assert frame_shown(review) == 50
-        await pilot.press("u")
+        await pilot.press("U")
         assert review.kept is None
         assert " A frame" not in text_of(review, "timeline")
 
@@ -290,12 +290,12 @@ def test_b_blinks_the_whole_screen_between_the_two(eventful: Path):
 
 def test_k_in_the_table_keeps_this_moment_as_the_new_a(eventful: Path):
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
-        await pilot.press("k", "k")
+        await pilot.press("K", "K")
         assert "this is A" in text_of(review, "keys")
         await press(review, pilot, "right")
-        await pilot.press("k")
+        await pilot.press("K")
         await pilot.pause()
-        await pilot.press("k")
+        await pilot.press("K")
         await pilot.pause()
         assert review.kept.view.frame.frame_id == 60
 
@@ -403,7 +403,7 @@ def test_tuning_reckons_up_to_the_moment_and_applies_nothing(eventful: Path):
         assert review._figures[0].frames == 40
         await pilot.press("enter")
         assert "nothing is changed here" in text_of(review, "keys")
-        await pilot.press("a")
+        await pilot.press("A")
         await until(pilot, lambda: review._figures[0].frames == 50)
         assert "all frames so far" in text_of(review, "tune")
         await pilot.press("escape")
@@ -681,7 +681,7 @@ def test_without_a_session_the_list_is_asked_and_shows_what_each_is(root: Path):
 
 def test_from_a_review_another_session_or_a_branch_is_opened(root: Path):
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
-        await pilot.press("k", "r")
+        await pilot.press("K", "r")
         dialog = await listed(review, pilot)
         assert dialog.shown[dialog._at].folder == review.folder
         await pilot.press(*"larger", "enter")

@@ -38,9 +38,9 @@ async def moment(_review: ReviewScreen, _pilot: Pilot[str]) -> None:
 
 
 async def compare(review: ReviewScreen, pilot: Pilot[str]) -> None:
-    await pilot.press("k")
+    await pilot.press("K")
     await press(review, pilot, "g", *"95", "enter")
-    await pilot.press("k")
+    await pilot.press("K")
     await until(pilot, lambda: isinstance(pilot.app.screen, CompareDialog))
 
 

@@ -37,8 +37,8 @@ def review(
 
     The line at the bottom is the night; the mouse goes anywhere in it. space
     plays, [ ] changes the speed, , . steps by frame, < > jumps to the next miss,
-    rejection, loss, action, note or alarm (e chooses which), g goes to a frame
-    or a UTC time, k keeps a moment and compares it with another, b blinks
+    rejection, loss, action, note or alarm (E chooses which), g goes to a frame
+    or a UTC time, K keeps a moment and compares it with another, B blinks
     between the two, / searches the log, t tries other settings on what was
     recorded, r lists the sessions, F1 shows every key, q leaves.
 

@@ -179,8 +179,8 @@ class CompareDialog(Dialog[Choice | None]):
     """A and B; ``b`` flips the whole screen between them, ``k`` keeps B as the new A."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("b", "choose('blink')", "Blink", show=False),
-        Binding("k", "choose('keep')", "Keep B as A", show=False),
+        Binding("B", "choose('blink')", "Blink", show=False),
+        Binding("K", "choose('keep')", "Keep B as A", show=False),
         Binding("q", "put_away", "Back", show=False),
     ]
     DEFAULT_CSS = """
@@ -196,7 +196,7 @@ class CompareDialog(Dialog[Choice | None]):
         """The table."""
         with VerticalScroll() as box:
             box.border_title = "compare A with B, this moment"
-            box.border_subtitle = "b blinks · k keeps B as A · esc back"
+            box.border_subtitle = "B blinks · K keeps B as A · esc back"
             table = LinesPane(id="compared")
             table.styles.height = len(self._rows) + len(self._ends) + 2
             yield table

@@ -17,7 +17,7 @@ from rsoconsole.console.key_line import Key, Mode, key_at, key_line, keys_for
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.plot import Line
 from rsoconsole.console.sheet import Sheet
-from rsoconsole.console.sheet_actions import SheetActions
+from rsoconsole.console.sheet_actions import SendMark, SheetActions
 from rsoconsole.console.sheet_boxes import sheet_boxes
 from rsoconsole.console.sheet_pane import SheetPane
 from rsoconsole.console.sheet_panel import panel_lines
@@ -59,10 +59,11 @@ class FrameSheet(SheetActions):
         status: Callable[[int, int], list[Line]] | None = None,
         alert: Callable[[], str] | None = None,
         keymap: Mapping[str, str] | None = None,
+        send_mark: SendMark | None = None,
     ) -> None:
         """``config``: None takes the session's own; ``status`` builds the first line and ``alert``
         what must not be missed, where a telescope is at work meanwhile."""
-        super().__init__(Sheet(frame_id=frame_id))
+        super().__init__(Sheet(frame_id=frame_id), send_mark)
         self.keymap = dict(keymap or {})
         self._status, self._alert = status, alert
         self._is_list_open = False
@@ -212,8 +213,10 @@ class FrameSheet(SheetActions):
     # -- keys ----------------------------------------------------------------------------------
 
     def action_back(self) -> None:
-        """The list first, then the screen below."""
-        if self._is_list_open:
+        """A mark first, then the list, then the screen below."""
+        if self.sheet.is_marking:
+            self.end_mark("")
+        elif self._is_list_open:
             self.action_list()
         else:
             self.dismiss(None)

@@ -16,10 +16,11 @@ from rsoconsole.console.messages import EngineSeen, NightSeen
 from rsoconsole.console.night_screen import NightScreen
 from rsoconsole.console.orbit_lines import target_words
 from rsoconsole.console.review import HEAD, ReviewScreen
+from rsoconsole.console.sheet_actions import SendMark
 from rsoconsole.console.streak_actions import StreakActions
 from rsoconsole.console.telescope_actions import TelescopeActions
 from rsoconsole.console.tour import intro_text
-from rsoconsole.control.commands import Note, Shutdown
+from rsoconsole.control.commands import MarkByHand, Note, Shutdown
 
 
 class LiveScreen(NightScreen, TelescopeActions, StreakActions):
@@ -137,6 +138,18 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
             if self.covers_picture():
                 self.action_orbit()
         super().action_mark()
+
+    @property
+    def send_mark(self) -> SendMark | None:
+        """To the engine, as from the picture."""
+
+        def send(mark: MarkByHand) -> str:
+            if not self.may_act():
+                return "no engine takes a mark from this seat"
+            self.send(mark)
+            return "the mark is sent: esc goes back, and shows what came of it"
+
+        return send
 
     def action_note(self) -> None:
         """A remark into the session."""

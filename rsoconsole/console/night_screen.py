@@ -35,6 +35,7 @@ from rsoconsole.console.orbit_view import OrbitShown, orbit_shown
 from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBanner
 from rsoconsole.console.picture import STRETCHES, Drawing, Picture, fitted_cells
 from rsoconsole.console.plot import Line
+from rsoconsole.console.sheet_actions import SendMark
 from rsoconsole.console.sky_view import sky_lines
 from rsoconsole.console.tune import TunePane
 from rsoconsole.console.verdicts import VerdictsDialog
@@ -387,8 +388,14 @@ class NightScreen(CurveActions):
                 status=self.top,
                 alert=self._alert_elsewhere,
                 keymap=self.keymap,
+                send_mark=self.send_mark,
             )
         )
+
+    @property
+    def send_mark(self) -> SendMark | None:
+        """Where a mark of the opened frame goes; a night that is over takes none."""
+        return None
 
     def _alert_elsewhere(self) -> str:
         """The alert for a screen over this one, which covers what came of a STOP."""

@@ -1,4 +1,5 @@
-"""What can be done with a recorded night. Nothing of it acts: the keys that do are free here."""
+"""What can be done with a recorded night: small letters mean what they mean everywhere, capitals
+are this screen's own."""
 
 from rsoconsole.console.command import KeyCommand, Place
 from rsoconsole.console.command import command as _command
@@ -31,7 +32,7 @@ REVIEW_COMMANDS: tuple[KeyCommand, ...] = (
     ),
     _command(
         "event_kind",
-        "e",
+        "E",
         "Kind of event",
         "any, miss, rejection, loss, operator, note, alarm, or what the log is searched for",
         "time",
@@ -67,7 +68,7 @@ REVIEW_COMMANDS: tuple[KeyCommand, ...] = (
     ),
     _command(
         "compare",
-        "k",
+        "K",
         "Compare",
         "keeps this moment as A; from another one: both side by side",
         "time",
@@ -75,18 +76,18 @@ REVIEW_COMMANDS: tuple[KeyCommand, ...] = (
     ),
     _command(
         "blink",
-        "b",
+        "B",
         "Blink",
         "the whole screen between A and where you were",
         "time",
         where=_HERE,
     ),
     _command(
-        "forget_moment", "u", "Forget A", "no moment is kept to compare with", "time", where=_HERE
+        "forget_moment", "U", "Forget A", "no moment is kept to compare with", "time", where=_HERE
     ),
     _command(
         "tune_scope",
-        "a",
+        "A",
         "Tune over all frames",
         "the tuning pane reckons over the last 40 frames, or over all so far",
         "streaks",

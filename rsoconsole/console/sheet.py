@@ -42,6 +42,13 @@ class Sheet:
     solves_anew: bool = False
     wish: Wish | None = None
     """The one under way."""
+    is_marking: bool = False
+    first_px: tuple[float, float] | None = None
+    """The first end of the mark that is made."""
+    coarsest_px: float = 0.0
+    """Of the views in which its ends were set."""
+    word: str = ""
+    """What is said of it."""
     began_s: float = field(default_factory=time.monotonic)
     """When what is under way began."""
 

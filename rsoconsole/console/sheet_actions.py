@@ -1,6 +1,6 @@
 """What the keys and the mouse do in a frame at full resolution."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import ClassVar
 
@@ -13,8 +13,14 @@ from rsoconsole.console.picture import STRETCHES
 from rsoconsole.console.sheet import Sheet
 from rsoconsole.console.sheet_pane import SheetPane
 from rsoconsole.console.sheet_view import STEPS
+from rsoconsole.console.streak_actions import why_no_mark
+from rsoconsole.control.commands import MarkByHand
 from rsoconsole.records import MapMode
 
+FINEST_MARK_PX = 1.0
+"""Nobody points more finely."""
+SendMark = Callable[[MarkByHand], str]
+"""Hands a mark to the engine; gives what is to be said of it."""
 ROOM_PX = 20.0
 """Seen beyond both ends of a candidate that is gone to."""
 _MOVES = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
@@ -25,6 +31,7 @@ class SheetActions(Screen[None]):
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "back", "Back", show=False),
+        Binding("enter", "set_end", "Set an end", show=False),
         Binding("q", "app.leave", "Leave", id="leave", show=False),
         *(Binding(key, f"move('{key}')", show=False) for key in _MOVES),
         Binding("left_square_bracket", "step(-1)", "Smaller step", id="smaller_step", show=False),
@@ -33,20 +40,24 @@ class SheetActions(Screen[None]):
         Binding("minus", "zoom_by(1)", "Farther", show=False),
         Binding("z", "zoom", "Zoom", id="zoom", show=False),
         Binding("f", "stretch", "Stretch", id="stretch", show=False),
-        Binding("o", "marks", "Marks on and off", show=False),
+        Binding("O", "marks", "Marks on and off", show=False),
         Binding("d", "next_candidate", "Next candidate", id="follow_next", show=False),
         Binding("comma", "tau(-1)", "Smaller tau", show=False),
         Binding("full_stop", "tau(1)", "Larger tau", show=False),
-        Binding("m", "map_mode", "Map mode", show=False),
-        Binding("v", "network_view", "What the network sees", show=False),
-        Binding("p", "plate", "Plate anew", show=False),
-        Binding("r", "as_recorded", "As recorded", show=False),
-        Binding("l", "list", "List", id="log", show=False),
+        Binding("m", "mark", "Mark by hand", id="mark", show=False),
+        Binding("M", "map_mode", "Map mode", show=False),
+        Binding("V", "network_view", "What the network sees", show=False),
+        Binding("P", "plate", "Plate anew", show=False),
+        Binding("R", "as_recorded", "As recorded", show=False),
+        Binding("L", "list", "List", show=False),
     ]
 
-    def __init__(self, sheet: Sheet) -> None:
+    def __init__(self, sheet: Sheet, send_mark: SendMark | None = None) -> None:
+        """``send_mark``: hands a mark to the engine, and says why it cannot be; None: there is
+        none, as of a night that is over."""
         super().__init__()
         self.sheet = sheet
+        self._send_mark = send_mark
 
     def show(self) -> None:
         """Draw everything again; the screen does."""
@@ -123,6 +134,54 @@ class SheetActions(Screen[None]):
             sheet.view = view
         self.show()
 
+    # -- a mark by hand ------------------------------------------------------------------------
+
+    def action_mark(self) -> None:
+        """Begin a mark at the cross, or leave off."""
+        sheet = self.sheet
+        if sheet.is_marking:
+            self.end_mark("")
+            return
+        detail = None if sheet.opened is None else sheet.opened.detail
+        if self._send_mark is None:
+            why_not = "no marks in a night that is over"
+        elif detail is None or sheet.view is None:
+            why_not = "no mark yet: the frame is still being read"
+        else:
+            why_not = why_no_mark(sheet.frame_id, detail)
+        if why_not:
+            self.end_mark(why_not)
+            return
+        sheet.is_marking, sheet.word = True, "mark the first end: arrows, enter"
+        self.picture.redraw()
+
+    def end_mark(self, word: str) -> None:
+        """No mark is made any more."""
+        sheet = self.sheet
+        sheet.is_marking, sheet.first_px, sheet.coarsest_px, sheet.word = False, None, 0.0, word
+        self.picture.redraw()
+
+    def action_set_end(self) -> None:
+        """The cross is an end; with the second the mark is sent."""
+        sheet, view = self.sheet, self.sheet.view
+        if not sheet.is_marking or view is None or self._send_mark is None:
+            return
+        sheet.coarsest_px = max(sheet.coarsest_px, view.px_per_square, FINEST_MARK_PX)
+        if sheet.first_px is None:
+            sheet.first_px, sheet.word = (view.x_px, view.y_px), "mark the second end"
+            self.picture.redraw()
+            return
+        (x_a, y_a), sigma_px = sheet.first_px, sheet.coarsest_px
+        mark = MarkByHand(
+            frame_id=sheet.frame_id,
+            x_a_px=x_a,
+            y_a_px=y_a,
+            x_b_px=view.x_px,
+            y_b_px=view.y_px,
+            sigma_px=sigma_px,
+        )
+        self.end_mark(self._send_mark(mark))
+
     # -- the settings --------------------------------------------------------------------------
 
     def _can_process(self) -> bool:
@@ -198,6 +257,7 @@ class SheetActions(Screen[None]):
             ("Frame: next candidate", "go to it", self.action_next_candidate),
             ("Frame: nearer", "by two", lambda: self.action_zoom_by(-1)),
             ("Frame: farther", "by two", lambda: self.action_zoom_by(1)),
+            ("Frame: mark by hand", "the streak's two ends", self.action_mark),
             ("Frame: stretch", "how light becomes grey", self.action_stretch),
             ("Frame: marks", "on and off", self.action_marks),
             ("Frame: smaller tau", "by a quarter; processes again", lambda: self.action_tau(-1)),

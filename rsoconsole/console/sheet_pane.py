@@ -80,6 +80,9 @@ class SheetPane(FramePane):
         marks = marks if sheet.has_marks else ()
         if sheet.view is None or sheet.pixels is None:
             return marks
+        if sheet.first_px is not None:
+            x_px, y_px = sheet.first_px
+            marks = (*marks, Mark(x_px=x_px, y_px=y_px, kind="cursor", label="1"))
         return (*marks, Mark(x_px=sheet.view.x_px, y_px=sheet.view.y_px, kind="cursor"))
 
     def _absent(self) -> str:

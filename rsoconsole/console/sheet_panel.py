@@ -57,10 +57,10 @@ def _settings(sheet: Sheet, width: int) -> list[Line]:
             "map",
             str(sheet.recorded_mode),
             None if mode == sheet.recorded_mode else str(mode),
-            "m",
+            "M",
             width,
         ),
-        _setting("plate", plate, None, "p", width),
+        _setting("plate", plate, None, "P", width),
     ]
     for text, ink in _course(sheet, width - 1):
         lines.append([(f" {text}", ink)])
@@ -211,11 +211,11 @@ def _summary(sheet: Sheet) -> list[Line]:
     then = sum(pair.was is not None and pair.was.is_taken for pair in pairs)
     now = sum(pair.now is not None and pair.now.is_taken for pair in pairs)
     if sheet.done is None:
-        return [head, [(f" {then} detected then · l lists", "")]]
+        return [head, [(f" {then} detected then · L lists", "")]]
     is_same = all(pair.is_as_recorded for pair in pairs)
     ink: Ink = "" if is_same else "warn"
     words = "as recorded" if is_same else "not as recorded"
-    return [head, [(f" then {then}, now {now}: {words} · l lists", ink)]]
+    return [head, [(f" then {then}, now {now}: {words} · L lists", ink)]]
 
 
 def _rule(words: str, width: int) -> Line:

@@ -10,7 +10,7 @@ from rsoconsole.sky.angles import format_dec, format_ra
 
 def title_parts(sheet: Sheet) -> list[str]:
     """Which frame, how close, in which light."""
-    parts = [f"frame {sheet.frame_id:04d}"]
+    parts = [f"frame {sheet.frame_id:04d}", *([sheet.word] if sheet.word else [])]
     opened = sheet.opened
     if opened is not None and sheet.pixels is None and not sheet.fault:
         seconds = time.monotonic() - sheet.began_s

@@ -252,13 +252,12 @@ class SessionReader:
         return self._file(frame_id, "frame")
 
     def frames_with_pixels(self) -> frozenset[int]:
-        """Numbers of the frames whose pixels are there, also in the session that this branched of."""
+        """Numbers of the frames whose pixels are there; of a branch, also its origin's."""
         sql = "SELECT frame_id, path FROM files WHERE role = 'frame' AND path IS NOT NULL"
         there = {p.name for p in (self.folder / FOLDERS["frame"]).glob("*")}
         own = {int(number) for number, path in self._fetch(sql) if Path(path).name in there}
-        return frozenset(
-            own | (set() if self._origin is None else self._origin.frames_with_pixels())
-        )
+        before = frozenset[int]() if self._origin is None else self._origin.frames_with_pixels()
+        return before | own
 
     def not_kept_because(self, frame_id: int) -> str | None:
         """Why the frame's pixels are not there; None when they are, or nothing is said of it.
