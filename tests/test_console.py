@@ -66,6 +66,8 @@ def test_the_screen_reads_as_it_was_agreed(wire: FakeWire, size: tuple[int, int]
         nonlocal seen
         await until(pilot, lambda: "TRACK 3m37" in pane(app, "top"))
         await until(pilot, lambda: app.live.outlook is not None)
+        if app.live.query_one("#tune").display:
+            await until(pilot, lambda: "…" not in pane(app, "tune"))
         seen = screen_text(app)
 
     play(wire, scene, size)
