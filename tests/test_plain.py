@@ -30,6 +30,7 @@ def test_what_the_seat_says_stays_readable():
     assert plain("├── 3σ ─┤") == "+-- 3s -+"
     # What was measured is a star wherever in its cell it lies; what was missed is an o.
     assert plain("⠛⣤⠁⡀⠀○") == "**'. o"
+    assert plain("⣀⠉") == "**"  # one that lies across two cells
     assert plain(string.printable) == string.printable
 
 

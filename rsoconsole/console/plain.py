@@ -31,6 +31,8 @@ _WIDE_GAP = {n: re.compile(f" {{{n + 1},}}|─{{{n + 2},}}") for n in (1, 2)}
 _RAMP = " .:-=+*#%@"
 """From dark to bright: what a square of a picture becomes."""
 _BRAILLE = range(0x2800, 0x2900)
+_FAT = (0x01 | 0x08, 0x02 | 0x10, 0x04 | 0x20, 0x40 | 0x80)
+"""Two dots side by side: of a fat one, or of the half of it that lies in this cell."""
 _UPPER_DOTS = 0x01 | 0x02 | 0x08 | 0x10
 HALF_BLOCK = "▀"
 
@@ -46,7 +48,7 @@ def _one(character: str) -> str:
         dots = code - _BRAILLE.start
         if not dots:
             return " "
-        if dots.bit_count() > 2:
+        if any(dots & pair == pair for pair in _FAT):
             # What was measured: never the sign of what was missed.
             return "*"
         is_upper = bool(dots & _UPPER_DOTS) and not dots & ~_UPPER_DOTS
