@@ -93,6 +93,32 @@ def test_a_parent_that_no_folder_can_be_called_is_none(night: Path, name: str):
     run(night, "regions")
 
 
+IMPLAUSIBLE = {
+    "Measurement": {"t_mid_utc_ns": 2**70, "dec_icrs_deg": 1e308, "cov_sky_arcsec2": [-1, 0, 1]},
+    "TrackState": {"t_utc_ns": -1, "x": [1e308] * 4, "P": [[1.0], [1.0, 2.0], [1.0], [1.0]]},
+    "FrameTaken": {"t_start_utc_ns": 2**70, "exposure_s": 1e308},
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [(kind, name) for kind, names in IMPLAUSIBLE.items() for name in names]
+)
+def test_a_record_with_numbers_that_are_none_is_damaged(night: Path, kind: str, name: str):
+    with closing(sqlite3.connect(night / "session.db")) as connection:
+        seq, body = connection.execute(
+            "SELECT seq, body FROM log WHERE kind = ? ORDER BY seq", (kind,)
+        ).fetchone()
+    change(
+        night,
+        "UPDATE log SET body = ? WHERE seq = ?",
+        json.dumps({**json.loads(body), name: IMPLAUSIBLE[kind][name]}),
+        seq,
+    )
+    found = {at: record for at, _, record in SessionReader(night).records()}[seq]
+    assert isinstance(found, Event)
+    assert found.text.startswith(f"a {kind} of this session is damaged: ")
+
+
 def test_an_offset_of_the_clock_that_is_no_number_is_not_recorded(night: Path):
     change(night, "INSERT OR REPLACE INTO meta VALUES ('clock_offset_s', '\"soon\"')")
     run(night, "html")

@@ -71,7 +71,7 @@ def stars_of(detections: Detections, exposure_s: float) -> Stars | None:
     flux_adu = detections.star_flux_adu
     return Stars(
         count=detections.star_count,
-        flux_adu_s=None if flux_adu is None else flux_adu / exposure_s,
+        flux_adu_s=None if flux_adu is None or exposure_s <= 0.0 else flux_adu / exposure_s,
     )
 
 

@@ -41,6 +41,7 @@ from rsoconsole.session.legacy import (
     with_ids,
     with_kind,
 )
+from rsoconsole.session.plausible import LAST_UTC_NS, expect_plausible
 from rsoconsole.session.schema import (
     APPLICATION_ID,
     BESIDE_DATABASE,
@@ -62,8 +63,6 @@ _SELECT = "SELECT seq, t_utc_ns, kind, body FROM log WHERE seq > ?"
 _VIEWS_SQL = "SELECT name, sql FROM sqlite_master WHERE type = 'view'"
 
 
-LAST_UTC_NS = 7_258_118_400 * 10**9
-"""The year 2200."""
 _GOOD_TIME = (
     f"CASE WHEN typeof(t_utc_ns) = 'integer' AND t_utc_ns BETWEEN 0 AND {LAST_UTC_NS}"
     " THEN t_utc_ns END"
@@ -209,10 +208,15 @@ class SessionReader:
     def _decoded(self, seq: int, kind: str, body: str) -> Record:
         try:
             if self._is_old:
-                return with_ids(decode_old(kind, body), self._ids.get(seq, Ids()))
-            return decode_recorded(kind, body)
+                found = with_ids(decode_old(kind, body), self._ids.get(seq, Ids()))
+            else:
+                found = decode_recorded(kind, body)
+            expect_plausible(found)
         except SessionError as error:
             return Event(level="alarm", text=str(error))
+        except ValueError as error:
+            return Event(level="alarm", text=f"a {kind} of this session is damaged: {error}")
+        return found
 
     def _learn_ids(self, until_seq: int) -> None:
         """Go through an old session up to there: ids depend on all that came before."""
