@@ -230,6 +230,31 @@ def test_signs_stand_beside_a_streak_and_never_on_it():
     assert written[33, 10][0] == "]"
 
 
+@pytest.mark.parametrize(
+    ("ends", "written"),
+    [
+        ((100.0, 300.0), "].93 satellite"),
+        ((300.0, 560.0), ".93 satellite["),
+        ((90.0, 520.0), "].93"),
+        ((10.0, 590.0), ""),
+    ],
+)
+def test_a_label_is_written_whole_or_its_figure_alone(ends: tuple[float, float], written: str):
+    window = Window(x0_px=0.0, y0_px=0.0, width_px=600.0, height_px=400.0, columns=60, rows=20)
+    (xa, xb), y = ends, 200.0
+    mark = Mark(
+        x_px=(xa + xb) / 2,
+        y_px=y,
+        kind="followed",
+        ends_px=((xa, y), (xb, y)),
+        label=".93 satellite",
+    )
+    cells = overlay((mark,), window)
+    row = "".join(cells.get((column, 10), (" ", ""))[0] for column in range(60))
+    assert written in row
+    assert "satellite" in row or "sat" not in row
+
+
 def test_a_cross_on_empty_sky_stays_a_cross():
     window = Window(x0_px=0.0, y0_px=0.0, width_px=600.0, height_px=400.0, columns=60, rows=20)
     written = overlay((Mark(x_px=100.0, y_px=100.0, kind="predicted"),), window)

@@ -98,7 +98,7 @@ def test_a_morning_from_the_miss_to_the_what_if_of_the_same_night(house: dict[st
     with Terminal([*COMMAND, "review", str(SAMPLE)], house, SIZE) as seat:
         wait_for(lambda: seat.shows("REVIEW", "frame 0001 · 10 s"), "a screen", seat)
         # Where was it missed, and what did the sky do?
-        shown_after(seat, "e", "events: ○ miss")
+        shown_after(seat, "E", "events: ○ miss")
         shown_after(seat, ">", "COAST")
         shown_after(seat, "2", "FWHM", "stars")
         shown_after(seat, "4", "polar alignment")

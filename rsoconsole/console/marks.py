@@ -239,11 +239,21 @@ def _signs(
     beside = 2 if mark.is_outer else 1
     left = (_edged(left[0], -beside, window), left[1])
     right = (_edged(right[0], beside, window), right[1])
-    columns = mark.gap + len(mark.label)
-    fits_right = right[0] + 1 + columns <= window.columns
-    label_at = right[0] + 1 + mark.gap if fits_right else left[0] - columns
-    label_row = (right[1] if fits_right else left[1]) + mark.is_outer
-    return [(*left, opening), (*right, closing), (label_at, label_row, mark.label)]
+    label, label_at, is_right = _label_of(mark, left[0], right[0], window)
+    label_row = (right[1] if is_right else left[1]) + mark.is_outer
+    return [(*left, opening), (*right, closing), (label_at, label_row, label)]
+
+
+def _label_of(mark: Mark, left: int, right: int, window: Window) -> tuple[str, int, bool]:
+    """What is written, from which column on, and whether behind the streak: whole if it can be."""
+    first = mark.label.split(" ")[0]
+    for label in (mark.label, first):
+        columns = mark.gap + len(label)
+        if right + 1 + columns <= window.columns:
+            return label, right + 1 + mark.gap, True
+        if left - columns >= 0:
+            return label, left - columns, False
+    return first, right + 1 + mark.gap, True
 
 
 def _edged(column: int, beside: int, window: Window) -> int:
