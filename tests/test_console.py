@@ -696,7 +696,7 @@ def test_a_seat_that_only_looks_sends_nothing_but_stop(wire: FakeWire) -> None:
     ("owns_engine", "keys", "sent", "ending"),
     [
         (False, ["q", "enter"], [], "quit"),
-        (True, ["q", "enter"], ["shutdown"], "stop engine"),
+        (True, ["q", "enter"], [], "quit"),
         (True, ["q", "l"], [], "quit"),
         (False, ["q", "s"], ["shutdown"], "stop engine"),
         (True, ["q", "escape"], [], None),

@@ -17,7 +17,8 @@ def alerts_between(
     """What has come to pass between two looks at the same session, with words for it."""
     (night, engine), (night_now, engine_now) = before, after
     gone: list[tuple[Alert, str]] = []
-    if engine_now.reach in {"gone", "silent"} and engine.reach == "attached":
+    has_ended = engine_now.reach == "gone" and night_now.has_ended
+    if engine_now.reach in {"gone", "silent"} and engine.reach == "attached" and not has_ended:
         gone = [("fault", f"the engine is {engine_now.reach}")]
     if night.folder != night_now.folder or not night.is_read:
         return gone  # another night, or its past still being read: it is history, not news

@@ -283,8 +283,12 @@ class ConsoleApp(App[str]):
 
         self.push_screen(TourDialog(self._own_keys), decided)
 
+    def action_suspend(self) -> None:
+        """To the shell, as any program in a terminal."""
+        self.action_suspend_process()
+
     def action_colours(self) -> None:
-        """The next of night, dark, light and the terminal's own."""
+        """The next of dark, night, the terminal's own and light."""
         names = [theme for theme in COLOURS if theme in self.available_themes]
         at = names.index(self.theme) if self.theme in names else -1
         self.theme = names[(at + 1) % len(names)]

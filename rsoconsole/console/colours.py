@@ -54,12 +54,12 @@ THEMES = (
 )
 COLOURS = {
     "dark": "dark",
-    "light": "light",
     "night": "night: deep red only",
     "ansi-dark": "the terminal's own sixteen, dark",
     "ansi-light": "the terminal's own sixteen, light",
+    "light": "light",
 }
-"""Themes that ctrl+t goes through, and what they are called."""
+"""Themes that ctrl+t goes through, and what they are called: red comes first, white last."""
 
 NIGHT_CSS = """
 ConsoleApp.-theme-night FramePane > .frame--followed { color: #d84028; }

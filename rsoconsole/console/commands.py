@@ -340,6 +340,23 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
     _command("note", "n", "Note", "a remark into the session", "console", acts=True),
     _command("log", "l", "Log", "all of it, and back; slash filters it", "console", where=BOTH),
     _command(
+        "read",
+        "ctrl+o",
+        "Messages in full",
+        "everything that was said, none of it cut; enter copies the chosen one",
+        "console",
+        where=BOTH,
+    ),
+    _command(
+        "copy",
+        "ctrl+y",
+        "Copy",
+        "what is looked at, to the terminal's clipboard (OSC 52): a line of the log, the orbit,"
+        " the tuning, or where things stand; shift and drag selects by the mouse in most terminals",
+        "console",
+        where=BOTH,
+    ),
+    _command(
         "filter_log",
         "slash",
         "Filter the log",
@@ -367,10 +384,18 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "help", "f1,question_mark", "Help", "the keys and signs", "console", is_everywhere=True
     ),
     _command(
+        "suspend",
+        "ctrl+z",
+        "Suspend",
+        "back to the shell, 'fg' comes back; the engine goes on meanwhile",
+        "console",
+        is_everywhere=True,
+    ),
+    _command(
         "colours",
         "ctrl+t",
         "Colours",
-        "night, dark, light, the terminal's own",
+        "night (deep red) first, then the terminal's own, light last",
         "console",
         is_everywhere=True,
     ),

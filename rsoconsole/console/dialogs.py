@@ -1,7 +1,7 @@
 """What the operator is asked, and the help. STOP works in each of them: the app binds it first."""
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from textual.app import ComposeResult
@@ -152,10 +152,10 @@ class Tick(Static, can_focus=True):
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("space,enter", "tick", "Tick")]
 
-    def __init__(self, words: str, *, id: str) -> None:  # noqa: A002 -- as all widgets have it
-        super().__init__(f"[ ] {words}", markup=False, id=id)
+    def __init__(self, words: str, *, id: str, is_on: bool = False) -> None:  # noqa: A002 -- as all widgets have it
+        super().__init__(f"[{'x' if is_on else ' '}] {words}", markup=False, id=id)
         self._words = words
-        self.is_on = False
+        self.is_on = is_on
 
     def action_tick(self) -> None:
         """Tick, or not."""
@@ -198,26 +198,41 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
     Gives the names to override, or None.
     """
 
-    def __init__(self, message: str, checks: Sequence[Mapping[str, Any]]) -> None:
+    def __init__(
+        self, message: str, checks: Sequence[Mapping[str, Any]], ticked: Collection[str] = ()
+    ) -> None:
+        """``ticked``: names that were overridden before, and are again unless taken back."""
         super().__init__()
         self._message = message
         self._failed = [check for check in checks if not check.get("ok")]
+        self._passed = [check for check in checks if check.get("ok")]
+        self._ticked = ticked
 
     def compose(self) -> ComposeResult:
         """The message, a box to tick for each failed check, and the two ways on."""
         with VerticalScroll() as box:
             box.border_title = "not armed"
             box.border_subtitle = "space ticks · ↑↓ move · esc back"
-            yield Static(self._message, markup=False)
+            told = "These stand against it; tick what you answer for, by name and on record."
+            yield Static(told if self._failed else self._message, markup=False)
             for number, check in enumerate(self._failed):
                 words = f"{check.get('name')}: {check.get('detail') or 'failed'}"
-                yield Tick(words, id=f"check-{number}")
+                is_on = check.get("name") in self._ticked
+                yield Tick(words, id=f"check-{number}", is_on=is_on)
                 if check.get("remedy"):
                     yield Static(str(check["remedy"]), markup=False, classes="remedy")
+            if self._passed:
+                passed = ", ".join(str(check.get("name")) for check in self._passed)
+                yield Static(f"well: {passed}", markup=False, classes="remedy")
             with Vertical(classes="choices"):
                 yield Button("Stay disarmed", id="stay", compact=True)
                 if self._failed:
                     yield Button("Arm, overriding the ticked", id="arm", compact=True)
+
+    def on_mount(self) -> None:
+        """The first box has the cursor; enter there arms nothing."""
+        first = self.query(Tick).first() if self._failed else self.query_one("#stay", Button)
+        first.focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
         """Arm anyway, or not."""
@@ -278,10 +293,11 @@ class LeaveDialog(Dialog[Leave | None]):
         Binding("q", "put_away", "Stay", show=False),
     ]
 
-    def __init__(self, state_words: str, *, proposes_stop: bool) -> None:
+    def __init__(self, state_words: str, *, proposes_staying: bool) -> None:
+        """``proposes_staying``: the telescope moves by hand, and nobody else would look at it."""
         super().__init__()
         self._state_words = state_words
-        self._proposes_stop = proposes_stop
+        self._proposes_staying = proposes_staying
 
     def compose(self) -> ComposeResult:
         """Three plain choices; the proposed one has the focus."""
@@ -298,8 +314,8 @@ class LeaveDialog(Dialog[Leave | None]):
                     yield Button(words, id=name, compact=True)
 
     def on_mount(self) -> None:
-        """Enter does what is proposed."""
-        self.query_one("#stop-engine" if self._proposes_stop else "#leave", Button).focus()
+        """Enter does what is safe: it never ends the engine."""
+        self.query_one("#stay" if self._proposes_staying else "#leave", Button).focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
         """One of the three."""

@@ -16,11 +16,13 @@ from rsoconsole.console.messages import EngineSeen, NightSeen
 from rsoconsole.console.night_screen import NightScreen
 from rsoconsole.console.orbit_lines import target_words
 from rsoconsole.console.review import HEAD, ReviewScreen
+from rsoconsole.console.second_press import has_track
 from rsoconsole.console.sheet_actions import SendMark
 from rsoconsole.console.streak_actions import StreakActions
 from rsoconsole.console.telescope_actions import TelescopeActions
 from rsoconsole.console.tour import intro_text
 from rsoconsole.control.commands import MarkByHand, Note, Shutdown
+from rsoconsole.control.mount_words import motion_words
 
 
 class LiveScreen(NightScreen, TelescopeActions, StreakActions):
@@ -121,7 +123,13 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
 
         holder = words.HOLDERS.get(self.engine.holder or "", "who has the mount is not known")
         text = f"The engine is running: {self.engine.state or 'state not known'}, {holder}."
-        self.app.push_screen(LeaveDialog(text, proposes_stop=self.owns_engine), decided)
+        is_moving = bool(self.engine.is_slewing)
+        if is_moving:
+            text += f" THE TELESCOPE IS MOVING: {motion_words(self.engine)}."
+        if has_track(self.engine):
+            text += f" It follows {self.track_words()}."
+        is_left_alone = is_moving and self.engine.holder != "autonomy"
+        self.app.push_screen(LeaveDialog(text, proposes_staying=is_left_alone), decided)
 
     def action_put_away(self) -> None:
         """A mark first."""

@@ -57,6 +57,12 @@ class LogPane(ScrollView):
             self.scroll_to(y=self.scroll_offset.y + grown, animate=False)
 
     @property
+    def top_line(self) -> LogLine | None:
+        """The line in the first row; None where there is none."""
+        at = self.scroll_offset.y
+        return self._rows[at][0] if at < len(self._rows) else None
+
+    @property
     def wanted(self) -> str:
         """The words that every shown line has; empty: all lines."""
         return self._wanted

@@ -10,7 +10,9 @@ from rsoconsole.config import Config
 from rsoconsole.console.last_measured import LastMeasured, last_measured
 from rsoconsole.console.log_lines import LogLine, is_without_detection, left_out, line_of
 from rsoconsole.console.log_merging import append_line
+from rsoconsole.control.commands import Shutdown
 from rsoconsole.reason_text import text
+from rsoconsole.reasons import Cause
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -130,6 +132,8 @@ class NightView:
     """Place in the log of the last record that has been taken."""
     is_read: bool = False
     """Whether the past has been read to its end: what comes now is news."""
+    has_ended: bool = False
+    """Its engine was asked to end, or has ended well."""
     fault: str | None = None
     """Why the session cannot be read at this moment."""
     tau: float = 0.1
@@ -188,6 +192,7 @@ class _Now:
     tau: float
     seq: int = 0
     is_read: bool = False
+    has_ended: bool = False
     state: LoopState | None = None
     state_since_utc_ns: int | None = None
     last_utc_ns: int | None = None
@@ -252,6 +257,7 @@ class Night:
             tau=now.tau,
             seq=now.seq,
             is_read=now.is_read,
+            has_ended=now.has_ended or now.is_closed,
             state=now.state,
             state_since_utc_ns=now.state_since_utc_ns,
             last_utc_ns=now.last_utc_ns,
@@ -382,6 +388,8 @@ class Night:
                 self._cycle_timing(record, t_utc_ns)
             case SlewCommand():
                 self._slew_command(record, t_utc_ns)
+            case OperatorAction(verb=Shutdown.verb):
+                self._now.has_ended = True
             case OperatorAction() | Event():
                 pass  # they change nothing but the log
             case _:
@@ -525,6 +533,8 @@ class Night:
 
     def _state_change(self, record: StateChange, t_utc_ns: int) -> None:
         now = self._now
+        if isinstance(record.reason, Cause) and record.reason.kind == "engine ended":
+            now.has_ended = True
         if record.after in {"TRACK", "COAST"}:
             # What was followed before the operator ended it is followed again.
             now.track, now.set_aside = now.track or now.set_aside, None

@@ -1,6 +1,7 @@
 """The panes over one instant of a night, and the keys that only look: live and review have them."""
 
 import math
+import time
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -11,8 +12,8 @@ from textual.app import ComposeResult
 from rsoconsole.config import SessionConfig
 from rsoconsole.console import words
 from rsoconsole.console.ask import LineDialog
-from rsoconsole.console.commands import BY_NAME
-from rsoconsole.console.curve_actions import CurveActions
+from rsoconsole.console.commands import BY_NAME, first_key
+from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.fold import (
     MOST_ALERT_ROWS,
@@ -35,6 +36,7 @@ from rsoconsole.console.orbit_view import OrbitShown, orbit_shown
 from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBanner
 from rsoconsole.console.picture import STRETCHES, Drawing, Picture, fitted_cells
 from rsoconsole.console.plot import Line
+from rsoconsole.console.reading import ReadingActions
 from rsoconsole.console.sheet_actions import SendMark
 from rsoconsole.console.sky_view import sky_lines
 from rsoconsole.console.tune import TunePane
@@ -42,11 +44,13 @@ from rsoconsole.console.verdicts import VerdictsDialog
 from rsoconsole.control.stop import StopNews
 
 DEFAULT_ASPECT = 4 / 3
+DEAF_S = 1.0
+"""So long enter does nothing after a dialog has closed."""
 SEEN_COLUMNS = 3.0
 """A streak that is shorter in the field is a dot among stars there."""
 
 
-class NightScreen(CurveActions):
+class NightScreen(ReadingActions):
     """Shows a night as it is at one instant; which one, and what may be done, its heirs say."""
 
     PANES: ClassVar[tuple[Name, ...]] = (
@@ -75,6 +79,9 @@ class NightScreen(CurveActions):
         self.sessions_root = sessions_root or SessionConfig().root
         self._drawn_keys: tuple[list[Key], str] = ([], "")
         """The keys and the notice that the last line shows."""
+        self._is_under_dialog = False
+        self._deaf_until_s = 0.0
+        """Until then enter opens no frame."""
         self._rows_of_alert = 0
         """For which the panes have been laid out."""
         self._sight: int | None = None
@@ -102,6 +109,16 @@ class NightScreen(CurveActions):
         self.place_panes()
         self.show_night()
         self.show_engine()
+
+    def on_screen_suspend(self) -> None:
+        """Something lies over this screen: a dialog, or another one."""
+        self._is_under_dialog = isinstance(self.app.screen, Dialog)
+
+    def on_screen_resume(self) -> None:
+        """It has gone."""
+        if self._is_under_dialog:
+            self._deaf_until_s = time.monotonic() + DEAF_S
+        self._is_under_dialog = False
 
     def on_resize(self) -> None:
         """Another terminal, other places."""
@@ -204,7 +221,10 @@ class NightScreen(CurveActions):
         if self.alert_rows() != self._rows_of_alert:
             self.place_panes()
             self.call_after_refresh(self.look_again)
-        self.pane("alert").show(lambda width, height: words.wrapped(f" {alert}", width, height))
+        cut = f"… ({first_key('read', self.keymap)} shows all) …"
+        self.pane("alert").show(
+            lambda width, height: words.wrapped(f" {alert}", width, height, cut)
+        )
         self.show_keys()
 
     def top(self, width: int, rows: int) -> list[Line]:
@@ -376,6 +396,8 @@ class NightScreen(CurveActions):
 
     def action_open_frame(self) -> None:
         """The frame that is shown, at full resolution."""
+        if time.monotonic() < self._deaf_until_s:
+            return  # a second enter was still meant for the dialog
         shown = self.picture or self.night.frame
         if shown is None or self.night.folder is None:
             self.say("no frame has been shown yet", "warn")

@@ -71,8 +71,11 @@ class Seat(Screen[None]):
         self.on_known = on_known
         self._from_thread = from_thread
         self._notice: tuple[str, Ink] = ("", "")
+        self.last_said = ""
         self._notice_until_s = 0.0
         self._stops = 0
+        self._ticked: tuple[str, ...] = ()
+        """Checks that were overridden here last."""
         self._refused_at_once: set[str] = set()
         """What the engine has just said no to, in a dialog."""
         self._stopped_utc_ns: int | None = None
@@ -83,6 +86,7 @@ class Seat(Screen[None]):
     def say(self, text: str, ink: Ink = "title", seconds: float = NOTICE_S) -> None:
         """A word over the last line, for a while."""
         self._notice, self._notice_until_s = (text, ink), time.monotonic() + seconds
+        self.last_said = text or self.last_said
         self.show_keys()
         if text:
             self.set_timer(seconds + 0.1, self.show_keys)
@@ -155,7 +159,7 @@ class Seat(Screen[None]):
         elif outcome.data.get("seat"):
             self._ask_for_seat(str(outcome.data["seat"]))
         elif isinstance(command, Arm):
-            self._ask_to_override(outcome)
+            self._ask_to_override(outcome, command.override)
         elif isinstance(command, MarkByHand) and outcome.data.get("asks") == "replaces":
             self._ask_to_replace(command, outcome)
         else:
@@ -215,16 +219,17 @@ class Seat(Screen[None]):
         else:
             self.send(AnswerSeat(gives=gives, to=self.asker))
 
-    def _ask_to_override(self, outcome: Outcome) -> None:
+    def _ask_to_override(self, outcome: Outcome, ticked: tuple[str, ...]) -> None:
         given = outcome.data.get("checks")
         checks = [check for check in given if isinstance(check, Mapping)] if given else []
 
         def decided(names: tuple[str, ...] | None) -> None:
             if names is not None:
+                self._ticked = names
                 self.send(Arm(override=names))
 
         self.say("not armed", "warn")
-        self.app.push_screen(ArmDialog(outcome.message, checks), decided)
+        self.app.push_screen(ArmDialog(outcome.message, checks, ticked or self._ticked), decided)
 
     def stop(self) -> None:
         """STOP: act first, then put away whatever is open, then say so."""

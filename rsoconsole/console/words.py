@@ -133,6 +133,9 @@ def _state_words(
 ) -> tuple[tuple[str, Ink], tuple[str, Ink]]:
     if engine.reach == "unknown":
         return ("waiting for the engine to start", "title"), ("", "")
+    if engine.reach == "gone" and night.has_ended:
+        ended = clock_text(engine.since_utc_ns or now)
+        return (f"ENGINE ENDED {ended}", "title"), ("it was asked to", "dim")
     if engine.reach in {"gone", "silent"}:
         word = "ENGINE GONE" if engine.reach == "gone" else "ENGINE SILENT"
         last = engine.state or night.state
@@ -155,7 +158,9 @@ def _state_words(
 def alert_text(night: NightView, engine: EngineView) -> str:
     """What must not be missed; empty when all is well."""
     parts: list[str] = []
-    if engine.reach == "gone":
+    if engine.reach == "gone" and night.has_ended:
+        parts.append("the engine has ended: 'rsoconsole engine' starts one")
+    elif engine.reach == "gone":
         parts.append("'rsoconsole stop' stops the mount without it; 'rsoconsole engine' starts one")
     elif engine.reach == "silent":
         parts.append("the engine does not answer: 'rsoconsole stop' works without it")
@@ -300,16 +305,17 @@ def _sin_deg(angle_deg: float) -> float:
     return math.sin(math.radians(angle_deg))
 
 
-def wrapped(text: str, width: int, rows: int) -> list[Line]:
+def wrapped(text: str, width: int, rows: int, cut: str = "…") -> list[Line]:
     """Text over as many rows as there are, broken between words; what is too long loses its middle.
 
-    What happened stands first and the remedy last: neither is what is left out.
+    What happened stands first and the remedy last: neither is what is left out. ``cut`` stands in
+    place of it.
     """
-    return [[(line, "")] for line in _broken(text, max(width, 1), rows)]
+    return [[(line, "")] for line in _broken(text, max(width, 1), rows, cut)]
 
 
 @lru_cache(maxsize=256)
-def _broken(text: str, width: int, rows: int) -> tuple[str, ...]:
+def _broken(text: str, width: int, rows: int, cut: str) -> tuple[str, ...]:
     lines = textwrap.wrap(text, width) or [""]
     if len(lines) <= rows:
         return tuple(lines)
@@ -319,7 +325,7 @@ def _broken(text: str, width: int, rows: int) -> tuple[str, ...]:
     def without(count: int) -> list[str]:
         first = (len(words) - count + 1) // 2
         return textwrap.wrap(
-            indent + " ".join([*words[:first], "…", *words[first + count :]]), width
+            indent + " ".join([*words[:first], cut, *words[first + count :]]), width
         )
 
     fewest = bisect.bisect_left(

@@ -1,0 +1,212 @@
+"""Small things that a night is long with: enter after a dialog, what is cut, copied, left."""
+
+import asyncio
+import base64
+from typing import Any
+
+import pytest
+from textual.pilot import Pilot
+from textual.widgets import Button, OptionList
+
+from rsoconsole.console.alerts import alerts_between
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.colours import COLOURS
+from rsoconsole.console.dialogs import ArmDialog, Tick
+from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.frame_sheet import FrameSheet
+from rsoconsole.console.reading import ReadingDialog
+from rsoconsole.control import Outcome
+from rsoconsole.control.commands import Shutdown
+from rsoconsole.reasons import Cause, CommandResult
+from rsoconsole.records import OperatorAction, StateChange
+from rsoconsole.session.writer import SessionWriter
+from tests import made_up_night as night
+from tests.makers import NS
+from tests.seat_rig import FRAMES, FakeWire, pane, play, until
+
+LARGE = (120, 40)
+IDLE = {"state": "IDLE", "holder": "nobody"}
+
+
+def shown(app: ConsoleApp) -> str:
+    return "\n".join(str(each.render()) for each in app.screen.query("Static"))
+
+
+def test_a_second_enter_after_a_dialog_opens_no_frame(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("n")
+        await until(pilot, lambda: app.screen is not app.live)
+        await pilot.press("c", "enter")
+        await until(pilot, lambda: app.screen is app.live)
+        await pilot.press("enter")
+        await pilot.pause(0.1)
+        assert app.screen is app.live
+        app.live._deaf_until_s = 0.0  # a second later
+        await pilot.press("enter")
+        await until(pilot, lambda: isinstance(app.screen, FrameSheet))
+
+    play(wire, scene)
+
+
+def test_night_colours_come_first_and_the_bright_ones_last():
+    names = list(COLOURS)
+    assert names[:2] == ["dark", "night"]
+    assert names[-1] == "light"
+
+
+def test_every_message_is_there_in_full_and_can_be_copied(wire: FakeWire):
+    fault = "no INDI server answers, " + "and so on " * 40 + "-> start indiserver"
+    wire.status |= {"faults": [fault]}
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: "shows all" in pane(app, "alert"))
+        assert "start indiserver" in pane(app, "alert")
+        await pilot.press("ctrl+o")
+        await until(pilot, lambda: isinstance(app.screen, ReadingDialog))
+        options = app.screen.query_one(OptionList)
+        assert fault in str(options.get_option_at_index(0).prompt)
+        assert options.option_count > 3
+        await pilot.press("enter")
+        await until(pilot, lambda: app.screen is app.live)
+        assert fault in app.clipboard
+        assert "copied" in pane(app, "keys")
+
+    play(wire, scene, LARGE)
+
+
+def test_what_is_looked_at_is_copied_as_plain_text(wire: FakeWire):
+    written: list[str] = []
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        assert app._driver is not None
+        app._driver.write = written.append  # type: ignore[method-assign]
+        await pilot.press("ctrl+y")
+        await until(pilot, lambda: "copied" in pane(app, "keys"))
+        assert pane(app, "top").strip() in app.clipboard
+        coded = base64.b64encode(app.clipboard.encode()).decode()
+        assert any(f"\x1b]52;c;{coded}\a" in each for each in written)
+        await pilot.press("l", "down", "down", "ctrl+y")
+        await until(pilot, lambda: app.clipboard.count("\n") == 0)
+        assert app.clipboard.split("Z")[0].count(":") == 2
+
+    play(wire, scene, LARGE)
+
+
+def test_an_engine_that_was_asked_to_end_is_not_gone(wire: FakeWire, writer: SessionWriter):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        writer.append(
+            OperatorAction(
+                verb=Shutdown.verb,
+                arguments={},
+                outcome=CommandResult(kind="accepted"),
+                by="command",
+            ),
+            night.t_of(FRAMES) + 8 * NS,
+        )
+        before = app.live.night, app.live.engine
+        await until(pilot, lambda: app.live.night.has_ended)
+        wire.is_gone = True
+        await until(pilot, lambda: "ENGINE ENDED" in pane(app, "top"))
+        assert "GONE" not in pane(app, "top")
+        assert "'rsoconsole engine' starts one" in pane(app, "alert")
+        assert alerts_between(before, (app.live.night, app.live.engine)) == []
+
+    play(wire, scene)
+
+
+def test_an_engine_that_ended_well_by_itself_is_not_gone_either(
+    wire: FakeWire, writer: SessionWriter
+):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        writer.append(
+            StateChange(
+                frame_id=0, before="TRACK", after="IDLE", reason=Cause(kind="engine ended")
+            ),
+            night.t_of(FRAMES) + 8 * NS,
+        )
+        await until(pilot, lambda: app.live.night.has_ended)
+
+    play(wire, scene)
+
+
+def test_an_engine_that_dies_is_an_alarm_as_ever():
+    from rsoconsole.console.night import NightView
+
+    seen = NightView(is_read=True), EngineView(reach="attached", state="TRACK")
+    gone = seen[0], EngineView(reach="gone", state="TRACK")
+    assert alerts_between(seen, gone) == [("fault", "the engine is gone")]
+
+
+@pytest.mark.parametrize(
+    ("status", "focused", "says"),
+    [
+        (
+            {"state": "MANUAL", "holder": "operator", "is_slewing": True, "slew_left_s": 23.0},
+            "stay",
+            "THE TELESCOPE IS MOVING: slewing, 23 s left",
+        ),
+        ({}, "leave", "It follows"),
+        (IDLE, "leave", "nobody has the mount"),
+    ],
+)
+def test_leaving_says_what_moves_and_proposes_what_is_safe(
+    wire: FakeWire, status: dict[str, Any], focused: str, says: str
+):
+    wire.status |= status
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("q")
+        await until(pilot, lambda: app.screen is not app.live)
+        await until(pilot, lambda: isinstance(app.focused, Button))
+        assert app.focused is not None
+        assert app.focused.id == focused
+        assert says in shown(app)
+
+    play(wire, scene, owns_engine=True)
+
+
+def test_what_stands_against_arming_is_said_once_and_ticks_are_kept(wire: FakeWire):
+    wire.status |= IDLE
+    checks = [
+        {"name": "site", "ok": True, "detail": "equal", "remedy": ""},
+        {"name": "sun", "ok": False, "detail": "the Sun stands high", "remedy": "wait 40 min"},
+        {"name": "disk", "ok": False, "detail": "3 GB free", "remedy": "free 40 GB"},
+    ]
+    refused = "not armed. sun: the Sun stands high. If you answer for it: --override sun"
+    wire.outcomes["arm"] = Outcome(ok=False, message=refused, data={"checks": checks})
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.holder == "nobody")
+        await pilot.press("a")
+        await until(pilot, lambda: isinstance(app.screen, ArmDialog))
+        await until(pilot, lambda: isinstance(app.focused, Tick))
+        assert "--override" not in shown(app)
+        assert shown(app).count("the Sun stands high") == 1
+        assert "well: site" in shown(app)
+        await pilot.press("space")
+        app.screen.query_one("#arm", Button).press()
+        await until(pilot, lambda: wire.sent[-1] == ("arm", {"override": ["sun"]}))
+        await until(pilot, lambda: isinstance(app.screen, ArmDialog))
+        await until(pilot, lambda: len(app.screen.query(Tick)) == 2)
+        assert [tick.is_on for tick in app.screen.query(Tick)] == [True, False]
+
+    play(wire, scene)
+
+
+def test_ctrl_z_gives_the_terminal_back_to_the_shell(
+    wire: FakeWire, monkeypatch: pytest.MonkeyPatch
+):
+    suspended: list[bool] = []
+    monkeypatch.setattr(ConsoleApp, "action_suspend_process", lambda _app: suspended.append(True))
+
+    async def scene(_app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await pilot.press("ctrl+z")
+        await until(pilot, lambda: bool(suspended))
+        await asyncio.sleep(0)
+
+    play(wire, scene)
