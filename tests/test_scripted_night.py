@@ -118,6 +118,9 @@ def test_a_night_at_the_console(tmp_path: Path, house: dict[str, str]):
         time.sleep(0.3)
         # Nudge, and hand back.
         seat.press("\x1b[A")
+        wait_for(lambda: seat.shows("takes the mount from AUTO"), "what an arrow would do", seat)
+        time.sleep(0.3)
+        seat.press("\x1b[A")
         wait_for(
             lambda: seat.shows("YOU have the mount"), "the mount in the operator's hands", seat
         )
