@@ -257,7 +257,7 @@ class Night:
             tau=now.tau,
             seq=now.seq,
             is_read=now.is_read,
-            has_ended=now.has_ended or now.is_closed,
+            has_ended=now.has_ended,
             state=now.state,
             state_since_utc_ns=now.state_since_utc_ns,
             last_utc_ns=now.last_utc_ns,
