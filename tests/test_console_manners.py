@@ -11,7 +11,7 @@ from textual.widgets import Button, OptionList
 from rsoconsole.console.alerts import alerts_between
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.colours import COLOURS
-from rsoconsole.console.dialogs import ArmDialog, Tick
+from rsoconsole.console.dialogs import ArmDialog, Dialog, Tick
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.reading import ReadingDialog
@@ -32,7 +32,9 @@ def shown(app: ConsoleApp) -> str:
     return "\n".join(str(each.render()) for each in app.screen.query("Static"))
 
 
-def test_a_second_enter_after_a_dialog_opens_no_frame(wire: FakeWire):
+def test_a_second_enter_after_a_dialog_opens_no_frame(
+    wire: FakeWire, monkeypatch: pytest.MonkeyPatch
+):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
         await pilot.press("n")
@@ -42,7 +44,7 @@ def test_a_second_enter_after_a_dialog_opens_no_frame(wire: FakeWire):
         await pilot.press("enter")
         await pilot.pause(0.1)
         assert app.screen is app.live
-        app.live._deaf_until_s = 0.0  # a second later
+        monkeypatch.setattr(Dialog, "closed_s", 0.0)  # a second later
         await pilot.press("enter")
         await until(pilot, lambda: isinstance(app.screen, FrameSheet))
 

@@ -1,10 +1,12 @@
 """What the operator is asked, and the help. STOP works in each of them: the app binds it first."""
 
 import textwrap
+import time
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from textual.app import ComposeResult
+from textual.await_complete import AwaitComplete
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical, VerticalScroll
 from textual.events import Key
@@ -86,6 +88,14 @@ class Dialog(ModalScreen[Result], Generic[Result]):
     Dialog Tick:focus { text-style: bold reverse; }
     Dialog .remedy { padding: 0 0 0 4; color: $text-muted; }
     """
+
+    closed_s: ClassVar[float] = 0.0
+    """When the last one was closed, by a clock that nobody sets."""
+
+    def dismiss(self, result: Result | None = None) -> AwaitComplete:
+        """Close; what is typed right after it may still be meant for it."""
+        Dialog.closed_s = time.monotonic()
+        return super().dismiss(result)
 
     def action_put_away(self) -> None:
         """Close without a choice."""

@@ -79,9 +79,8 @@ class NightScreen(ReadingActions):
         self.sessions_root = sessions_root or SessionConfig().root
         self._drawn_keys: tuple[list[Key], str] = ([], "")
         """The keys and the notice that the last line shows."""
-        self._is_under_dialog = False
-        self._deaf_until_s = 0.0
-        """Until then enter opens no frame."""
+        self._deaf_after_s = time.monotonic()
+        """Enter opens no frame right behind a dialog that was closed since."""
         self._rows_of_alert = 0
         """For which the panes have been laid out."""
         self._sight: int | None = None
@@ -109,16 +108,6 @@ class NightScreen(ReadingActions):
         self.place_panes()
         self.show_night()
         self.show_engine()
-
-    def on_screen_suspend(self) -> None:
-        """Something lies over this screen: a dialog, or another one."""
-        self._is_under_dialog = isinstance(self.app.screen, Dialog)
-
-    def on_screen_resume(self) -> None:
-        """It has gone."""
-        if self._is_under_dialog:
-            self._deaf_until_s = time.monotonic() + DEAF_S
-        self._is_under_dialog = False
 
     def on_resize(self) -> None:
         """Another terminal, other places."""
@@ -396,7 +385,7 @@ class NightScreen(ReadingActions):
 
     def action_open_frame(self) -> None:
         """The frame that is shown, at full resolution."""
-        if time.monotonic() < self._deaf_until_s:
+        if self._deaf_after_s < Dialog.closed_s > time.monotonic() - DEAF_S:
             return  # a second enter was still meant for the dialog
         shown = self.picture or self.night.frame
         if shown is None or self.night.folder is None:
