@@ -284,6 +284,10 @@ def _track_lost(lost: TrackLost) -> str:
             return f"3 sigma of {wide:.0f} arcmin no longer fits the field"
         case "coasted":
             return f"coasted for {lost.coasted_min or 0.0:.0f} min"
+        case "not confirmed":
+            return "no third frame shows it"
+        case "left the field":
+            return "it has left the field"
         case _:
             assert_never(lost.kind)
 

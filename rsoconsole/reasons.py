@@ -273,7 +273,7 @@ class HiddenBy:
 class TrackLost:
     """What ended a track that no measurement updates any more; figures as they are told."""
 
-    kind: Literal["too wide", "wider than the field", "coasted"]
+    kind: Literal["too wide", "wider than the field", "coasted", "not confirmed", "left the field"]
     three_sigma_arcmin: float | None = None
     """Of the first two, to the whole one."""
     coasted_min: float | None = None

@@ -1,5 +1,7 @@
 """How two successive frames that agree on one motion begin a track. Pure."""
 
+from dataclasses import replace
+
 from rsoconsole.reasons import NotTaken
 from rsoconsole.records import (
     FoldRecord,
@@ -85,29 +87,57 @@ def acquire(
             ]
         if partners:
             first = min(partners, key=lambda m: pair_misfit_arcsec(m, second, seen.exposure_s))
-            others = tuple(
-                m for m in (*before.candidates, *usable) if m is not first and m is not second
-            )
-            track_id = before.last_track_id + 1
-            track = initiated(first, second, track_id, seen, settings)
-            told = (not_followed(m, NotTaken(kind="another leads")) for m in others)
-            neighbours = beside((), track, second, seen)
-            after = Following(
-                state="TRACK",
-                tracks=(
-                    Tracked(
-                        track=track,
-                        taken=second,
-                        neighbours=neighbours,
-                        excesses_arcsec=excesses_with((), track, second, seen),
-                    ),
-                ),
-                last_track_id=track_id,
-            )
-            return after, of_track((track, *told, *aside, *refused), track_id)
+            lead = first_state(first, second, before.last_track_id + 1, seen, settings)
+            return _begun_with(lead, pairs, before, usable, (*aside, *refused), seen, settings)
     alone = tuple(not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
     return before.without_track(state, usable), (*alone, *aside, *refused)
+
+
+def _begun_with(  # noqa: PLR0917 -- one call, each argument a different thing
+    lead: Tracked,
+    pairs: dict[Measurement, Measurement],
+    before: Following,
+    usable: tuple[Measurement, ...],
+    told: tuple[NotFollowed, ...],
+    seen: Seen,
+    settings: FollowSettings,
+) -> tuple[Following, tuple[FoldRecord, ...]]:
+    """The lead, and beside it a track of every other pair as far as there is room."""
+    track_id = lead.track.track_id
+    tracks = [lead]
+    is_alone = seen.chosen is not None or settings.filter.preset != "adaptive"
+    room = 1 if is_alone else settings.filter.most_tracks
+    for second in usable:
+        if second in pairs and second is not lead.taken and len(tracks) < room:
+            number = track_id + len(tracks)
+            other = first_state(pairs[second], second, number, seen, settings)
+            tracks.append(replace(other, track=replace(other.track, is_lead=False)))
+    used = {m for each in tracks for m in each.begun_with}
+    others = tuple(m for m in (*before.candidates, *usable) if m not in used)
+    refused = (not_followed(m, NotTaken(kind="another leads")) for m in others)
+    after = Following(
+        state="TRACK",
+        candidates=tuple(m for m in usable if m not in used) if room > 1 else (),
+        tracks=tuple(replace(each, begun_with=()) for each in tracks),
+        last_track_id=track_id + len(tracks) - 1,
+    )
+    begun = tuple(each.track for each in tracks)
+    return after, (*begun, *of_track((*refused, *told), track_id))
+
+
+def first_state(
+    first: Measurement, second: Measurement, track_id: int, seen: Seen, settings: FollowSettings
+) -> Tracked:
+    """What is followed from two measurements on."""
+    track = initiated(first, second, track_id, seen, settings)
+    return Tracked(
+        track=track,
+        taken=second,
+        neighbours=beside((), track, second, seen),
+        excesses_arcsec=excesses_with((), track, second, seen),
+        begun_with=(first, second),
+    )
 
 
 def initiated(

@@ -19,7 +19,8 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking import adaptive, estimator
+from rsoconsole.tracking import adaptive, company, estimator
+from rsoconsole.tracking import pattern as patterns
 from rsoconsole.tracking.acquire import (
     NOT_CHOSEN,
     REFUSED,
@@ -41,7 +42,8 @@ from rsoconsole.tracking.following import (
     three_sigma_deg,
 )
 from rsoconsole.tracking.gates import CANNOT_TELL, nis_of, refusals, updated_with, verdicts
-from rsoconsole.tracking.joint import Weighed, assigned
+from rsoconsole.tracking.joint import Weighed, assigned, own_covariance
+from rsoconsole.tracking.pattern import Pattern
 from rsoconsole.tracking.takeover import Step, cause_of, is_in_field, with_rivals
 
 ANOTHER_OBJECT_NIS = 100.0
@@ -128,12 +130,55 @@ def _follow_tracks(
         if done.begins_with is not None:
             return before.without_track("ACQUIRE", (done.begins_with,)), records
     after = replace(_led(before, tuple(ended)), last_track_id=last_track_id)
+    if is_joint and seen.chosen is None and settings.filter.most_tracks > 1 and after.tracks:
+        after, records = _with_company(before, after, ended, records, seen, settings)
+    if len(after.tracks) > 1:
+        after = replace(after, pattern=_pattern(before, after, seen))
     if causes and after.state == "TRACK":
         change = StateChange(
             frame_id=seen.frame_id, before=before.state, after="TRACK", reason=causes[0]
         )
         records = (*records, change)
     return after, records
+
+
+def _with_company(  # noqa: PLR0917 -- one call, each argument a different thing
+    before: Following,
+    after: Following,
+    steps: list[Step],
+    records: tuple[FoldRecord, ...],
+    seen: Seen,
+    settings: FollowSettings,
+) -> tuple[Following, tuple[FoldRecord, ...]]:
+    """With the tracks that begin beside those that there are."""
+    free = company.left_over(steps, seen)
+    room = settings.filter.most_tracks - len(after.tracks)
+    begun = company.begun(before.candidates, free, after.last_track_id, room, seen, settings)
+    begun = tuple(
+        replace(each, track=replace(each.track, is_lead=False), begun_with=()) for each in begun
+    )
+    taken = {each.taken for each in begun}
+    told = company.without_verdicts_on(records, begun)
+    return replace(
+        after,
+        candidates=tuple(m for m in free if m not in taken),
+        tracks=(*after.tracks, *begun),
+        last_track_id=after.last_track_id + len(begun),
+    ), (*told, *(each.track for each in begun))
+
+
+def _pattern(before: Following, after: Following, seen: Seen) -> Pattern:
+    """Where the tracks stand to each other after a frame."""
+    shown = {
+        each.track.track_id: (each.taken, own_covariance(each.taken, each.track))
+        for each in after.tracks
+        if each.taken is not None
+        and each.taken.frame_id == seen.frame_id
+        # Where what the frame cuts was taken is not where it is.
+        and not each.taken.is_clipped
+    }
+    alive = [each.track.track_id for each in after.tracks]
+    return patterns.after(before.pattern, alive, shown, seen.t_mid_utc_ns)
 
 
 def _steps_in_turn(before: Following, seen: Seen, settings: FollowSettings) -> list[Step]:
@@ -159,9 +204,9 @@ def _steps_of_all(before: Following, seen: Seen, settings: FollowSettings) -> li
     """All tracks at once; what one has taken is none of the others'."""
     alone = len(before.tracks) == 1
     # Where several are followed, neighbours are tracks themselves.
-    company = [each if alone else replace(each, neighbours=()) for each in before.tracks]
-    weighed = [_weighed(each, seen, settings) for each in company]
-    given = assigned(weighed)
+    tracks = [each if alone else replace(each, neighbours=()) for each in before.tracks]
+    weighed = [_weighed(each, seen, settings) for each in tracks]
+    given = assigned(weighed, before.pattern)
     steps = []
     for each, taken, unsure, track in zip(
         weighed, given.taken, given.is_ambiguous, before.tracks, strict=True
@@ -170,13 +215,14 @@ def _steps_of_all(before: Following, seen: Seen, settings: FollowSettings) -> li
         left = tuple(m for m in seen.measurements if m not in of_others)
         own = Weighed(
             predicted=each.predicted,
-            updated={m: each.updated[m] for m in left},
+            updated={m: each.updated[m] for m in left if m in each.updated},
             reasons={m: why for m, why in each.reasons.items() if m not in of_others},
         )
         if unsure:
             unclear = dict.fromkeys(own.fitting, CANNOT_TELL)
             own = replace(own, reasons={**own.reasons, **unclear})
-        steps.append(_stepped(own, taken, track, replace(seen, measurements=left), settings))
+        step = _stepped(own, taken, track, replace(seen, measurements=left), settings)
+        steps.append(step if track.track.is_lead else company.ended(step, track, seen))
     return steps
 
 
@@ -225,7 +271,10 @@ def _weighed_by(
     predicted: TrackState, before: Tracked, seen: Seen, settings: FollowSettings
 ) -> Weighed:
     expected = expected_motion(predicted, seen.exposure_s)
-    updated = {m: updated_with(predicted, m, before, seen, settings) for m in seen.measurements}
+    asked = seen.measurements
+    if not predicted.is_lead and settings.filter.preset == "adaptive":
+        asked = company.within_reach(asked, predicted)
+    updated = {m: updated_with(predicted, m, before, seen, settings) for m in asked}
     reasons: dict[Measurement, NotTaken] = {}
     if settings.choice == "nearest":  # the paper's rule asks for nothing but confidence
         reasons = refusals(predicted, expected, updated, before.neighbours, seen, settings)

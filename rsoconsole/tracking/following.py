@@ -24,6 +24,7 @@ from rsoconsole.tracking.neighbours import (
     Field,
     Neighbour,
 )
+from rsoconsole.tracking.pattern import NO_PATTERN, Pattern
 from rsoconsole.tracking.rivals import Rival
 
 Choice = Literal["nearest", "most confident"]
@@ -95,6 +96,8 @@ class Tracked:
     """Frames since then in which nothing hid it, and it was not there."""
     excesses_arcsec: tuple[float, ...] = ()
     """By how much its last streaks were longer than it moves in one exposure."""
+    begun_with: tuple[Measurement, ...] = ()
+    """The two that have just begun it; empty from the next step on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,9 +106,11 @@ class Following:
 
     state: LoopState = "SEARCH"
     candidates: tuple[Measurement, ...] = ()
-    """Measurements of the last frame, one of which may start a track."""
+    """Measurements of the last frame, each of which may start a track."""
     tracks: tuple[Tracked, ...] = ()
     """The lead first; empty where nothing is followed."""
+    pattern: Pattern = NO_PATTERN
+    """Where the tracks stand to each other."""
     last_track_id: int = 0
     """Of the session's last track that has begun; 0 before the first."""
 

@@ -5,11 +5,10 @@ is no track's; of all ways to explain the frame the likeliest is taken (global n
 Blackman & Popoli 1999, 6.4), by scipy's assignment.
 
 Errors of a frame's time are one number for all of its streaks, those of the frames before are in
-all predictions alike: members of a slot may all be beside their predictions by as much as they are
-from each other. So every pair is asked in turn what that one number would be if it were right, and
-the frame explained with it: the others then need only agree with each other. Where an explanation
-that does not give a track its streak is as likely, it takes none. (One track begins at a time:
-several are followed where a caller gives several.)
+the predictions: members of a slot may all be beside them by as much as they are from each other.
+So every likely pair is held to be right in turn, and the others then need only stand to it as they
+did before (``pattern``). Where an explanation that does not give a track its streak is as likely,
+it takes none.
 """
 
 import math
@@ -24,6 +23,8 @@ from rsoconsole.tracking import adaptive, lqe
 from rsoconsole.tracking.association import motion_between
 from rsoconsole.tracking.gates import nis_of
 from rsoconsole.tracking.neighbours import NEAREST_ARCSEC
+from rsoconsole.tracking.pattern import NO_PATTERN, Pattern
+from rsoconsole.tracking.sky_path import Plane
 
 DETECTED = 0.9
 """Chance that what is in the field is detected."""
@@ -34,6 +35,8 @@ LEAST_MARGIN = 4.0
 one."""
 RELATIVE_ARCSEC = 5.0
 """Sigma along the motion of one track's place to another's, without what they share."""
+_ANCHORS = 3
+"""Streaks of each track that are held to be right in turn: the likeliest."""
 _AGAINST = 2.0 * math.log(2.0 * math.pi * STRANGERS_ARCSEC2 / DETECTED)
 _MISSED = -2.0 * math.log(1.0 - DETECTED)
 
@@ -65,20 +68,21 @@ class Assignment:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Pairs:
-    """Every track with every streak that may be its: (tracks, streaks), NaN where none may."""
+    """Every track with every streak: (tracks, streaks), NaN where the streak may not be its."""
 
     columns: list[Measurement]
-    across: FloatArray
-    """Innovation across the motion in its sigmas, squared, and its log variance."""
-    along_arcsec: FloatArray
-    total: FloatArray
-    """Variance along the motion, arcsec^2: all of it."""
-    own: FloatArray
-    """Without what all tracks of a frame share."""
+    same: list[set[int]]
+    """Of each streak the columns that are it, found twice."""
     alone: FloatArray
-    """NIS and log determinant, of a track that is alone."""
-    speed_arcsec_s: FloatArray
-    """(tracks, 1)"""
+    """NIS and log determinant by the track itself."""
+    places: FloatArray
+    """(streaks, 2) arcsec on one plane."""
+    own: FloatArray
+    """(tracks, streaks, 2, 2) covariance of a place without what all of a frame share, arcsec^2."""
+    ways: FloatArray
+    """(tracks, tracks, 2) from one to another, arcsec."""
+    ways_covariance: FloatArray
+    """(tracks, tracks, 2, 2)"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,9 +92,12 @@ class _Explanation:
     """Column of each track; from the number of streaks on: it was not seen."""
 
 
-def assigned(tracks: Sequence[Weighed]) -> Assignment:
-    """The likeliest way to give the frame's measurements to the tracks."""
-    pairs = _pairs(tracks)
+def assigned(tracks: Sequence[Weighed], pattern: Pattern | None = None) -> Assignment:
+    """The likeliest way to give the frame's measurements to the tracks.
+
+    ``pattern``: where they stood to each other in the frames before.
+    """
+    pairs = _pairs(tracks, pattern or NO_PATTERN)
     if not pairs.columns:
         nobody = (None,) * len(tracks)
         return Assignment(taken=nobody, is_ambiguous=(False,) * len(tracks))
@@ -104,7 +111,7 @@ def assigned(tracks: Sequence[Weighed]) -> Assignment:
         is_seen = column < len(pairs.columns)
         unsure = False
         if is_seen and len(tracks) > 1:  # one alone knows its neighbours by their pattern
-            same = _same(pairs.columns, column)
+            same = pairs.same[column]
             others = [e.cost for e in found if e.chosen[row] not in same]
             others.append(_explained(_without(cost, row, same)).cost)
             unsure = min(others) - best.cost < LEAST_MARGIN
@@ -113,70 +120,96 @@ def assigned(tracks: Sequence[Weighed]) -> Assignment:
     return Assignment(taken=tuple(taken), is_ambiguous=tuple(is_ambiguous))
 
 
-def _pairs(tracks: Sequence[Weighed]) -> _Pairs:
+def _pairs(tracks: Sequence[Weighed], pattern: Pattern) -> _Pairs:
     columns = list(dict.fromkeys(m for each in tracks for m in each.fitting))
-    shape = (len(tracks), len(columns))
-    across, along, total, own, alone = (np.full(shape, np.nan) for _ in range(5))
-    speeds = np.zeros((len(tracks), 1))
+    plane = Plane.at(*lqe.direction_icrs_deg(tracks[0].predicted))
+    alone = np.full((len(tracks), len(columns)), np.nan)
+    own = np.zeros((*alone.shape, 2, 2))
     for row, each in enumerate(tracks):
-        rate = np.array(lqe.sky_rate_arcsec_s(each.predicted))
-        speeds[row] = max(float(np.hypot(*rate)), 1e-3)
-        ahead = rate / speeds[row]
-        aside = np.array([-ahead[1], ahead[0]])
         for m in each.fitting:
             column, updated = columns.index(m), each.updated[m]
             S = adaptive.innovation_covariance(updated)
-            innovation = np.array(updated.innovation_arcsec)
-            side = float(aside @ S @ aside)
-            along[row, column] = float(ahead @ innovation)
-            total[row, column] = float(ahead @ S @ ahead)
-            off = float(aside @ innovation) ** 2 / side
-            # The mixture allows for more than its moments say.
-            moments = off + along[row, column] ** 2 / total[row, column]
-            allowed = min(nis_of(updated) / moments, 1.0) if moments > 0.0 else 1.0
-            across[row, column] = allowed * off + math.log(side)
-            alone[row, column] = nis_of(updated) + math.log(side * total[row, column])
-            own[row, column] = _own_along(m, updated, ahead)
-    own = np.minimum(own, total)
+            alone[row, column] = nis_of(updated) + math.log(float(np.linalg.det(S)))
+            own[row, column] = own_covariance(m, updated)
+    ways, covariances = _ways(tracks, pattern, plane)
     return _Pairs(
         columns=columns,
-        across=across,
-        along_arcsec=along,
-        total=total,
-        own=own,
+        same=[_same(columns, column) for column in range(len(columns))],
         alone=alone,
-        speed_arcsec_s=speeds,
+        places=np.array([plane.place_of(m.ra_icrs_deg, m.dec_icrs_deg) for m in columns]),
+        own=own,
+        ways=ways,
+        ways_covariance=covariances,
     )
 
 
-def _own_along(m: Measurement, updated: TrackState, ahead: FloatArray) -> float:
-    """Variance along the motion that a streak shares with no other."""
+def _ways(
+    tracks: Sequence[Weighed], pattern: Pattern, plane: Plane
+) -> tuple[FloatArray, FloatArray]:
+    """Ways and their covariances between all tracks, by the pattern or by the predictions."""
+    number = len(tracks)
+    ways, covariances = np.zeros((number, number, 2)), np.zeros((number, number, 2, 2))
+    predicted = [each.predicted for each in tracks]
+    places = [plane.place_of(*lqe.direction_icrs_deg(state)) for state in predicted]
+    for i, j in ((i, j) for i in range(number) for j in range(number) if i < j):
+        known = pattern.way(predicted[i].track_id, predicted[j].track_id, predicted[i].t_utc_ns)
+        if known is None:
+            way = places[j] - places[i]
+            covariance = _unshared(predicted[i]) + _unshared(predicted[j])
+        else:
+            way, covariance = known
+        ways[i, j], ways[j, i] = way, -way
+        covariances[i, j] = covariances[j, i] = covariance
+    return ways, covariances
+
+
+def _unshared(predicted: TrackState) -> FloatArray:
+    """Covariance of a prediction, along the motion without what all tracks of the night share."""
+    covariance = lqe.sky_covariance_arcsec2(predicted)
+    rate = np.array(lqe.sky_rate_arcsec_s(predicted))
+    ahead = rate / max(float(np.hypot(*rate)), 1e-3)
+    aside = np.array([-ahead[1], ahead[0]])
+    across = float(aside @ covariance @ aside)
+    along = min(float(ahead @ covariance @ ahead), RELATIVE_ARCSEC**2)
+    return across * np.outer(aside, aside) + along * np.outer(ahead, ahead)
+
+
+def own_covariance(m: Measurement, updated: TrackState) -> FloatArray:
+    """Covariance (2, 2) of a streak's place that it shares with no other, arcsec^2."""
     ee, en, nn = m.cov_sky_arcsec2
-    own = float(ahead @ np.array([[ee, en], [en, nn]]) @ ahead)
     said = updated.mixture
     scale, more = (1.0, 0.0) if said is None else (said.variance_scale, said.along_arcsec)
-    return scale * own + more**2 + RELATIVE_ARCSEC**2
+    rate = np.array(lqe.sky_rate_arcsec_s(updated))
+    ahead = rate / max(float(np.hypot(*rate)), 1e-3)
+    return scale * np.array([[ee, en], [en, nn]]) + more**2 * np.outer(ahead, ahead)
 
 
 def _costs(pairs: _Pairs) -> list[FloatArray]:
-    """A cost matrix for each value of what the frame's streaks share; one where there is one track.
+    """A cost matrix for each pair that may be right: the other tracks stand to that one.
 
     The last columns are those of a track that is not seen.
     """
-    rows = len(pairs.along_arcsec)
+    rows = len(pairs.alone)
     if rows == 1:
         # What has passed the gates is taken rather than none.
         return [_with_misses(pairs.alone + _AGAINST, missed=math.inf)]
+    may = ~np.isnan(pairs.alone)
     found = []
-    late_s = pairs.along_arcsec / pairs.speed_arcsec_s
-    for row, column in np.argwhere(np.isfinite(late_s)):
-        shift = late_s[row, column] * pairs.speed_arcsec_s
-        own = (pairs.along_arcsec - shift) ** 2 / pairs.own + np.log(pairs.own)
-        common = pairs.along_arcsec[row, column] ** 2 / pairs.total[row, column]
-        cost = _with_misses(pairs.across + own + _AGAINST)
-        # Of the frame, once: what it shares is so much.
-        cost += common / rows
-        found.append(cost)
+    for row in range(rows):
+        order = np.argsort(np.where(may[row], pairs.alone[row], np.inf))
+        for column in order[: min(_ANCHORS, int(may[row].sum()))]:
+            off = pairs.places[None] - pairs.places[column] - pairs.ways[row][:, None]
+            spread = pairs.own + pairs.own[row, column] + pairs.ways_covariance[row][:, None]
+            spread = spread + np.eye(2)
+            inverse = np.linalg.inv(spread)
+            cost = np.einsum("tmi,tmij,tmj->tm", off, inverse, off)
+            cost += np.log(np.linalg.det(spread))
+            cost[~may] = np.nan
+            cost[row] = np.nan
+            cost[row, column] = pairs.alone[row, column]
+            anchored = _with_misses(cost + _AGAINST)
+            anchored[row, len(pairs.columns) :] = np.inf
+            found.append(anchored)
     return found
 
 

@@ -1,0 +1,141 @@
+"""Every satellite in the field: what no track has taken may begin another one. Pure.
+
+Two successive frames that agree on one motion begin it, as they do the first; until it has been
+measured once more it is on trial and ends with its first miss, so that two false streaks cost one
+frame. One that has left the field ends too: the lead alone is looked for.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from rsoconsole.reasons import Missed, NotTaken, TrackLost
+from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, TrackState
+from rsoconsole.tracking import lqe
+from rsoconsole.tracking.acquire import first_state
+from rsoconsole.tracking.association import motion_between, paired
+from rsoconsole.tracking.following import (
+    MAY_BE_FOLLOWED,
+    FollowSettings,
+    Seen,
+    Tracked,
+    three_sigma_deg,
+)
+from rsoconsole.tracking.takeover import Step
+
+ON_TRIAL = 1
+"""Measurements after its second that a track needs to outlive a miss."""
+_SAME_STREAK_ARCSEC = 8.0
+"""A streak that lies closer to one that a track has taken is that one, found twice."""
+_BEYOND_SIGMAS, _BEYOND_ARCSEC = 5.0, 120.0
+_OUTSIDE_S = 300.0
+
+
+def within_reach(
+    measurements: tuple[Measurement, ...], predicted: TrackState
+) -> tuple[Measurement, ...]:
+    """Those that may be asked whether they are a track's: the others are far beyond any gate."""
+    here = lqe.direction_icrs_deg(predicted)
+    scatter_s = 0.0 if predicted.mixture is None else predicted.mixture.scatter_high_s
+    reach_arcsec = _BEYOND_ARCSEC + _BEYOND_SIGMAS * (
+        3600.0 * three_sigma_deg(predicted) / 3.0
+        + scatter_s * float(np.hypot(*lqe.sky_rate_arcsec_s(predicted)))
+    )
+    return tuple(
+        m
+        for m in measurements
+        if motion_between(*here, m.ra_icrs_deg, m.dec_icrs_deg).length_arcsec
+        <= reach_arcsec + 3.0 * float(np.sqrt(max(m.cov_sky_arcsec2[0], m.cov_sky_arcsec2[2])))
+    )
+
+
+def ended(step: Step, before: Tracked, seen: Seen) -> Step:
+    """A step of one that does not lead: on trial it ends with a miss, and outside the field."""
+    if step.after is None or step.is_measured:
+        return step
+    track = step.after.track
+    lost: TrackLost | None = None
+    if track.innovations < ON_TRIAL:
+        lost = TrackLost(kind="not confirmed")
+    elif seen.field is not None and before.taken is not None:
+        ra_deg, dec_deg = lqe.direction_icrs_deg(track)
+        holds = seen.field.holds(np.array([ra_deg]), np.array([dec_deg]), np.zeros(1))
+        is_outside = not bool(holds[0])
+        coasted_s = (seen.t_mid_utc_ns - before.taken.t_mid_utc_ns) / 1e9
+        if is_outside and coasted_s > _OUTSIDE_S:
+            lost = TrackLost(kind="left the field")
+    if lost is None:
+        return step
+    records = tuple(
+        replace(r, reason=replace(r.reason, lost=lost))
+        if isinstance(r, Miss) and isinstance(r.reason, Missed)
+        else r
+        for r in step.records
+    )
+    return Step(records=records, after=None)
+
+
+def begun(  # noqa: PLR0917 -- one call, each argument a different thing
+    candidates: tuple[Measurement, ...],
+    usable: tuple[Measurement, ...],
+    last_track_id: int,
+    room: int,
+    seen: Seen,
+    settings: FollowSettings,
+) -> tuple[Tracked, ...]:
+    """Tracks through what two frames agree on, the surest first; ``room``: for so many."""
+    if room <= 0 or not candidates or not usable:
+        return ()
+    pairs = paired(candidates, usable, seen.exposure_s)
+    each = [(pairs[second], second) for second in usable if second in pairs][:room]
+    return tuple(
+        first_state(first, second, last_track_id + number, seen, settings)
+        for number, (first, second) in enumerate(each, 1)
+    )
+
+
+def left_over(steps: list[Step], seen: Seen) -> tuple[Measurement, ...]:
+    """What may begin a track: nobody has taken it, and nobody waits for it.
+
+    What a track that is missed may yet turn out to be (``takeover``) and what may be one of two
+    tracks' is not free.
+    """
+    taken = [s.after.taken for s in steps if s.is_measured and s.after is not None]
+    claimed = {
+        m
+        for step in steps
+        if step.after is not None and step.after.unexplained
+        for rival in step.after.rivals
+        for m in rival.measurements
+    }
+    claimed |= {
+        r.measurement
+        for step in steps
+        for r in step.records
+        if isinstance(r, NotFollowed)
+        and isinstance(r.reason, NotTaken)
+        and r.reason.kind in {"cannot be told apart", "another taken"}
+    }
+    return tuple(
+        m
+        for m in seen.measurements
+        if not m.is_clipped
+        and m.object_class in MAY_BE_FOLLOWED
+        and m not in claimed
+        and not any(t is not None and _is_same(m, t) for t in taken)
+    )
+
+
+def _is_same(m: Measurement, taken: Measurement) -> bool:
+    to = (taken.ra_icrs_deg, taken.dec_icrs_deg)
+    return motion_between(m.ra_icrs_deg, m.dec_icrs_deg, *to).length_arcsec < _SAME_STREAK_ARCSEC
+
+
+def without_verdicts_on(
+    records: tuple[FoldRecord, ...], tracks: tuple[Tracked, ...]
+) -> tuple[FoldRecord, ...]:
+    """What has begun a track is no longer refused by others."""
+    seconds = {each.taken for each in tracks}
+    return tuple(
+        r for r in records if not (isinstance(r, NotFollowed) and r.measurement in seconds)
+    )

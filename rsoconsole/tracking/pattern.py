@@ -1,0 +1,127 @@
+"""Where the satellites of a field stand to each other, from the frames that showed both. Pure.
+
+What a frame's time or plate is wrong by moves all of its streaks alike, so the way from one to
+another knows nothing of it (differential coordinates). Of every two tracks that way and its rate
+are filtered by themselves: they tell members of a slot apart after frames in which one of them was
+not seen, where each track's own prediction is off by what the shutter did in the others.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsoconsole.records import FloatArray, Measurement
+from rsoconsole.tracking.sky_path import Plane
+
+_RATE_ARCSEC_S = 0.5
+"""One sigma of how fast one may move against another before two frames have shown it."""
+_ACCELERATION_Q = 1e-9
+"""White acceleration of that, arcsec^2/s^3: relative orbits, and tangent planes that turn."""
+_LEAST_ARCSEC = 0.5
+"""Sigma on each axis of a way measured once: ends and lens."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pattern:
+    """The ways from each track to each other, arcsec east and north, at the last frame of both."""
+
+    track_ids: tuple[int, ...] = ()
+    t_utc_ns: FloatArray | None = None
+    """(N, N); 0 where no frame has shown both."""
+    ways: FloatArray | None = None
+    """(N, N, 4): east, north and their rates."""
+    covariances: FloatArray | None = None
+    """(N, N, 4, 4)"""
+
+    def way(self, one: int, other: int, t_utc_ns: int) -> tuple[FloatArray, FloatArray] | None:
+        """From a track to another at an instant: (2,) and covariance (2, 2); None: not known."""
+        if one not in self.track_ids or other not in self.track_ids:
+            return None
+        i, j = self.track_ids.index(one), self.track_ids.index(other)
+        assert self.t_utc_ns is not None
+        if self.t_utc_ns[i, j] == 0.0:
+            return None
+        mean, covariance = self.carried(i, j, t_utc_ns)
+        return mean[:2], covariance[:2, :2]
+
+    def carried(self, i: int, j: int, t_utc_ns: int) -> tuple[FloatArray, FloatArray]:
+        """Way and rate (4,) from the i-th to the j-th at an instant, with covariance (4, 4)."""
+        assert self.t_utc_ns is not None
+        assert self.ways is not None
+        assert self.covariances is not None
+        dt_s = (t_utc_ns - float(self.t_utc_ns[i, j])) / 1e9
+        carry = np.eye(4)
+        carry[0, 2] = carry[1, 3] = dt_s
+        span = abs(dt_s)
+        noise = np.zeros((4, 4))
+        for axis in (0, 1):
+            noise[axis, axis] = _ACCELERATION_Q * span**3 / 3.0
+            noise[axis, axis + 2] = noise[axis + 2, axis] = _ACCELERATION_Q * dt_s * span / 2.0
+            noise[axis + 2, axis + 2] = _ACCELERATION_Q * span
+        return carry @ self.ways[i, j], carry @ self.covariances[i, j] @ carry.T + noise
+
+
+NO_PATTERN = Pattern()
+"""Of a field with fewer than two tracks."""
+
+
+def after(
+    before: Pattern,
+    alive: Sequence[int],
+    seen: Mapping[int, tuple[Measurement, FloatArray]],
+    t_utc_ns: int,
+) -> Pattern:
+    """The pattern of the tracks ``alive``, with what a frame has shown of them.
+
+    ``seen``: of each track its streak and the covariance (2, 2) of its place, arcsec^2, without
+    what all of a frame share.
+    """
+    if len(alive) < 2:
+        return NO_PATTERN
+    number = len(alive)
+    t, ways = np.zeros((number, number)), np.zeros((number, number, 4))
+    covariances = np.zeros((number, number, 4, 4))
+    first = next(iter(seen.values()), None)
+    plane = None if first is None else Plane.at(first[0].ra_icrs_deg, first[0].dec_icrs_deg)
+    places = {
+        track: plane.place_of(m.ra_icrs_deg, m.dec_icrs_deg)
+        for track, (m, _) in seen.items()
+        if plane is not None
+    }
+    old = {track: k for k, track in enumerate(before.track_ids)}
+    for i, one in enumerate(alive):
+        for j, other in enumerate(alive):
+            if i >= j:
+                continue
+            if one in places and other in places:
+                way = places[other] - places[one]
+                R = seen[one][1] + seen[other][1] + _LEAST_ARCSEC**2 * np.eye(2)
+                mean, covariance = _taken(before, old.get(one), old.get(other), way, R, t_utc_ns)
+                at = float(t_utc_ns)
+            elif one in old and other in old and before.t_utc_ns is not None:
+                a, b = old[one], old[other]
+                assert before.ways is not None
+                assert before.covariances is not None
+                mean, covariance = before.ways[a, b], before.covariances[a, b]
+                at = float(before.t_utc_ns[a, b])
+            else:
+                continue
+            t[i, j] = t[j, i] = at
+            ways[i, j], ways[j, i] = mean, -mean
+            covariances[i, j] = covariances[j, i] = covariance
+    return Pattern(tuple(alive), t, ways, covariances)
+
+
+def _taken(  # noqa: PLR0917 -- one update, each argument a different thing
+    before: Pattern, i: int | None, j: int | None, way: FloatArray, R: FloatArray, t_utc_ns: int
+) -> tuple[FloatArray, FloatArray]:
+    if i is None or j is None or before.t_utc_ns is None or before.t_utc_ns[i, j] == 0.0:
+        covariance = np.diag([0.0, 0.0, _RATE_ARCSEC_S**2, _RATE_ARCSEC_S**2])
+        covariance[:2, :2] = R
+        return np.array([*way, 0.0, 0.0]), covariance
+    mean, covariance = before.carried(i, j, t_utc_ns)
+    gain = covariance[:, :2] @ np.linalg.inv(covariance[:2, :2] + R)
+    left = np.eye(4)
+    left[:, :2] -= gain
+    return mean + gain @ (way - mean[:2]), left @ covariance @ left.T + gain @ R @ gain.T
