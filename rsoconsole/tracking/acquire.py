@@ -11,6 +11,7 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.tracking import estimator
+from rsoconsole.tracking import pattern as patterns
 from rsoconsole.tracking.adaptive import Bend
 from rsoconsole.tracking.association import (
     Motion,
@@ -34,6 +35,7 @@ from rsoconsole.tracking.neighbours import (
     Neighbour,
     remembered,
 )
+from rsoconsole.tracking.pattern import NO_PATTERN, Pattern, own_covariance
 from rsoconsole.tracking.streak_length import along_error_arcsec, remembered_with
 
 AS_GOOD_AS_CERTAIN = 0.9
@@ -120,10 +122,26 @@ def _begun_with(  # noqa: PLR0917 -- one call, each argument a different thing
         state="TRACK",
         candidates=tuple(m for m in usable if m not in used) if room > 1 else (),
         tracks=tuple(replace(each, begun_with=()) for each in tracks),
+        pattern=_pattern_of(tracks, seen),
         last_track_id=track_id + len(tracks) - 1,
     )
     begun = tuple(each.track for each in tracks)
     return after, (*begun, *of_track((*refused, *told), track_id))
+
+
+def _pattern_of(tracks: list[Tracked], seen: Seen) -> Pattern:
+    """Where tracks that begin together stand to each other, from the two frames."""
+    found = NO_PATTERN
+    alive = [each.track.track_id for each in tracks]
+    for number in (0, 1):
+        shown = {}
+        for each in tracks:
+            m = each.begun_with[number]
+            along = along_error_arcsec(m, expected_motion(each.track, seen.exposure_s))
+            shown[each.track.track_id] = (m, own_covariance(m, each.track, along))
+        t_utc_ns = tracks[0].begun_with[number].t_mid_utc_ns
+        found = patterns.after(found, alive, shown, t_utc_ns)
+    return found
 
 
 def first_state(

@@ -42,8 +42,8 @@ from rsoconsole.tracking.following import (
     three_sigma_deg,
 )
 from rsoconsole.tracking.gates import CANNOT_TELL, nis_of, refusals, updated_with, verdicts
-from rsoconsole.tracking.joint import Weighed, assigned, own_covariance
-from rsoconsole.tracking.pattern import Pattern
+from rsoconsole.tracking.joint import Weighed, assigned
+from rsoconsole.tracking.pattern import Pattern, own_covariance
 from rsoconsole.tracking.takeover import Step, cause_of, is_in_field, with_rivals
 
 ANOTHER_OBJECT_NIS = 100.0

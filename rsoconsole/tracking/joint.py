@@ -23,7 +23,7 @@ from rsoconsole.tracking import adaptive, lqe
 from rsoconsole.tracking.association import motion_between
 from rsoconsole.tracking.gates import nis_of
 from rsoconsole.tracking.neighbours import NEAREST_ARCSEC
-from rsoconsole.tracking.pattern import NO_PATTERN, Pattern
+from rsoconsole.tracking.pattern import NO_PATTERN, Pattern, own_covariance
 from rsoconsole.tracking.sky_path import Plane
 
 DETECTED = 0.9
@@ -33,8 +33,8 @@ STRANGERS_ARCSEC2 = 1e-6
 LEAST_MARGIN = 4.0
 """By how much the likeliest explanation must be better than one without a track's streak: seven to
 one."""
-RELATIVE_ARCSEC = 5.0
-"""Sigma along the motion of one track's place to another's, without what they share."""
+_FREEDOM = 4.0
+"""Degrees of freedom of the law by which ways err."""
 _ANCHORS = 3
 """Streaks of each track that are held to be right in turn: the likeliest."""
 _AGAINST = 2.0 * math.log(2.0 * math.pi * STRANGERS_ARCSEC2 / DETECTED)
@@ -155,33 +155,13 @@ def _ways(
         known = pattern.way(predicted[i].track_id, predicted[j].track_id, predicted[i].t_utc_ns)
         if known is None:
             way = places[j] - places[i]
-            covariance = _unshared(predicted[i]) + _unshared(predicted[j])
+            # No frame has shown both: whatever they share counts twice.
+            covariance = sum(lqe.sky_covariance_arcsec2(predicted[k]) for k in (i, j))
         else:
             way, covariance = known
         ways[i, j], ways[j, i] = way, -way
         covariances[i, j] = covariances[j, i] = covariance
     return ways, covariances
-
-
-def _unshared(predicted: TrackState) -> FloatArray:
-    """Covariance of a prediction, along the motion without what all tracks of the night share."""
-    covariance = lqe.sky_covariance_arcsec2(predicted)
-    rate = np.array(lqe.sky_rate_arcsec_s(predicted))
-    ahead = rate / max(float(np.hypot(*rate)), 1e-3)
-    aside = np.array([-ahead[1], ahead[0]])
-    across = float(aside @ covariance @ aside)
-    along = min(float(ahead @ covariance @ ahead), RELATIVE_ARCSEC**2)
-    return across * np.outer(aside, aside) + along * np.outer(ahead, ahead)
-
-
-def own_covariance(m: Measurement, updated: TrackState) -> FloatArray:
-    """Covariance (2, 2) of a streak's place that it shares with no other, arcsec^2."""
-    ee, en, nn = m.cov_sky_arcsec2
-    said = updated.mixture
-    scale, more = (1.0, 0.0) if said is None else (said.variance_scale, said.along_arcsec)
-    rate = np.array(lqe.sky_rate_arcsec_s(updated))
-    ahead = rate / max(float(np.hypot(*rate)), 1e-3)
-    return scale * np.array([[ee, en], [en, nn]]) + more**2 * np.outer(ahead, ahead)
 
 
 def _costs(pairs: _Pairs) -> list[FloatArray]:
@@ -200,10 +180,10 @@ def _costs(pairs: _Pairs) -> list[FloatArray]:
         for column in order[: min(_ANCHORS, int(may[row].sum()))]:
             off = pairs.places[None] - pairs.places[column] - pairs.ways[row][:, None]
             spread = pairs.own + pairs.own[row, column] + pairs.ways_covariance[row][:, None]
-            spread = spread + np.eye(2)
             inverse = np.linalg.inv(spread)
-            cost = np.einsum("tmi,tmij,tmj->tm", off, inverse, off)
-            cost += np.log(np.linalg.det(spread))
+            nis = np.einsum("tmi,tmij,tmj->tm", off, inverse, off)
+            # One end behind a star or a cloud happens: tails as of Student's law, not of Gauss's.
+            cost = (_FREEDOM + 2.0) * np.log1p(nis / _FREEDOM) + np.log(np.linalg.det(spread))
             cost[~may] = np.nan
             cost[row] = np.nan
             cost[row, column] = pairs.alone[row, column]

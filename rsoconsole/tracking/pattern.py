@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.records import FloatArray, Measurement
+from rsoconsole.records import FloatArray, Measurement, TrackState
+from rsoconsole.tracking import lqe
 from rsoconsole.tracking.sky_path import Plane
 
 _RATE_ARCSEC_S = 0.5
@@ -19,7 +20,7 @@ _RATE_ARCSEC_S = 0.5
 _ACCELERATION_Q = 1e-9
 """White acceleration of that, arcsec^2/s^3: relative orbits, and tangent planes that turn."""
 _LEAST_ARCSEC = 0.5
-"""Sigma on each axis of a way measured once: ends and lens."""
+"""Sigma on each axis of any place against another in its frame: the lens, ends that err."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +97,7 @@ def after(
                 continue
             if one in places and other in places:
                 way = places[other] - places[one]
-                R = seen[one][1] + seen[other][1] + _LEAST_ARCSEC**2 * np.eye(2)
+                R = seen[one][1] + seen[other][1]
                 mean, covariance = _taken(before, old.get(one), old.get(other), way, R, t_utc_ns)
                 at = float(t_utc_ns)
             elif one in old and other in old and before.t_utc_ns is not None:
@@ -111,6 +112,24 @@ def after(
             ways[i, j], ways[j, i] = mean, -mean
             covariances[i, j] = covariances[j, i] = covariance
     return Pattern(tuple(alive), t, ways, covariances)
+
+
+def own_covariance(
+    m: Measurement, track: TrackState, along_arcsec: float | None = None
+) -> FloatArray:
+    """Covariance (2, 2) of a streak's place that it shares with no other, arcsec^2.
+
+    By what its track has learnt of its errors; ``along_arcsec``: what its length adds along the
+    motion; None: as of the one that the track took last.
+    """
+    ee, en, nn = m.cov_sky_arcsec2
+    said = track.mixture
+    scale, more = (1.0, 0.0) if said is None else (said.variance_scale, said.along_arcsec)
+    more = more if along_arcsec is None else along_arcsec
+    rate = np.array(lqe.sky_rate_arcsec_s(track))
+    ahead = rate / max(float(np.hypot(*rate)), 1e-3)
+    own = scale * np.array([[ee, en], [en, nn]]) + more**2 * np.outer(ahead, ahead)
+    return own + _LEAST_ARCSEC**2 * np.eye(2)
 
 
 def _taken(  # noqa: PLR0917 -- one update, each argument a different thing
