@@ -235,7 +235,7 @@ def _lost(harm: Callable[[Path], None], *, with_all: bool) -> Kind:
 
     def lose(night: FaultNight, row: Row) -> None:
         if with_all:
-            night.destroyed |= set(night.acknowledged)
+            night.destroy()
         harm(_log_of(night))
 
         def is_named() -> bool:

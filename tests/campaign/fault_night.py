@@ -77,11 +77,10 @@ class FaultNight:
         """Acknowledged facts on a log that a fault has destroyed with all it held."""
         self.said: list[str] = []
         """Everything that verbs printed."""
-        self.sessions: list[Path] = []
         self.samples: list[Sample] = []
         self.frames_of_earlier = 0
         self._stack = ExitStack()
-        self._notes = self._of_this = 0
+        self._notes = self._of_this = self._life_from = 0
 
     def __enter__(self) -> Self:
         sky = self._stack.enter_context(
@@ -107,8 +106,8 @@ class FaultNight:
 
     def start(self) -> None:
         """Start the engine, again if need be."""
+        self._life_from = len(self.acknowledged)
         self.engine.start()
-        self.sessions.append(self.engine.session)
 
     @property
     def pid(self) -> int:
@@ -120,6 +119,10 @@ class FaultNight:
         """Exposed so far, by the engine's own count."""
         self._of_this = int(self.ask("status").data.get("frame_id") or 0)
         return self.frames_of_earlier + self._of_this
+
+    def destroy(self) -> None:
+        """What the log of this engine's life held is gone with it."""
+        self.destroyed |= set(self.acknowledged[self._life_from :])
 
     @property
     def exposed(self) -> int:

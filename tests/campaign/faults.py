@@ -31,7 +31,7 @@ from tests.whole_engine import wait_for
 PAGE = Path(__file__).with_name("FAULTS.md")
 RESULTS = Path(__file__).with_name("results") / "faults.json"
 BEGIN, END = "<!-- table: begin -->\n", "<!-- table: end -->"
-FRAMES, EVERY = 1200, 3
+FRAMES, EVERY = 1200, 2
 LAST_SHARE = 1.0 / 6.0
 """Of a night, for what ends an engine."""
 BETWEEN_S = 20.0
