@@ -487,7 +487,7 @@ def test_where_the_configuration_wants_ascii_the_terminal_gets_ascii_alone(told,
     Path(home["RSOCONSOLE_CONFIG"]).write_text("[console]\nascii = true\n", encoding="utf-8")
     with console(home) as seat:
         wait_for(lambda: seat.shows("TRACK", "x STOP", f"frame {FRAMES:04d} . 10 s"), "a screen")
-        wait_for(lambda: "[-]" in seat.text, "the mark in the picture")
+        wait_for(lambda: "].55" in seat.text, "the mark in the picture")
         assert seat.raw.isascii()
 
 
