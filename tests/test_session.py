@@ -115,6 +115,11 @@ NIGHT = (
         detections=(STREAK, replace(STREAK, confidence=0.5)),
         rejected=(Rejection(detection=STREAK, reason=Told(words="too short")),),
         stage_ms={"network": 12.5},
+        star_count=212,
+        star_fwhm_px=2.75,
+        background_adu=410.5,
+        star_flux_adu=5200.0,
+        zero_point_mag=21.25,
     ),
     Solution(
         frame_id=1,
@@ -264,6 +269,8 @@ def test_the_views_spread_every_record_into_columns(writer: SessionWriter, folde
         "modulation_period_s": 0.125,
         "train": 3,
     }
+    (quality,) = (r for r in rows.values() if r and "zero_point_mag" in r[0])
+    assert (quality[0]["star_count"], quality[0]["zero_point_mag"]) == (212, 21.25)
     assert rows["measurements"][0]["t_mid_utc_ns"] == T0_UTC_NS + 5
     assert rows["measurements"][0]["cov_en_arcsec2"] == 0.25
     assert rows["track"][0]["step"] == "updated"
