@@ -49,8 +49,8 @@ DRAWINGS = {
 
 
 def has_track(night: Night) -> bool:
-    """Whether anything was followed in it."""
-    return any(frame.track is not None for frame in night.frames)
+    """Whether anything was followed in it: a measurement has updated a track."""
+    return any(frame.corrected is not None for frame in night.frames)
 
 
 def write_figures(

@@ -10,6 +10,8 @@ LAST_UTC_NS = 7_258_118_400 * 10**9
 _LONGEST_S = 1e6
 _WIDEST_ARCSEC2 = 1e20
 _LARGEST_DEG = 1e6
+_NUMBERS = 4
+"""Of a state."""
 
 
 def expect_plausible(record: Record) -> None:
@@ -25,7 +27,7 @@ def expect_plausible(record: Record) -> None:
         case FrameTaken():
             if record.t_start_utc_ns is not None:
                 _expect_time(record.t_start_utc_ns)
-            if record.exposure_s is not None and not 0.0 <= record.exposure_s <= _LONGEST_S:
+            if record.exposure_s is not None and not 0.0 < record.exposure_s <= _LONGEST_S:
                 raise ValueError(f"{record.exposure_s:g} s is no exposure")
         case _:
             pass
@@ -48,9 +50,9 @@ def _expect_covariance(east: float, both: float, north: float) -> None:
 
 
 def _expect_state(state: TrackState) -> None:
-    if len({len(row) for row in state.P}) > 1:
-        raise ValueError("P has rows of several lengths")
+    if [len(row) for row in state.P] != [_NUMBERS] * _NUMBERS:
+        raise ValueError("P is no matrix of 4 by 4")
     if max(map(abs, state.x)) > _LARGEST_DEG:
         raise ValueError(f"x = {state.x} is no direction and rate")
-    if any(row[k] < 0.0 for k, row in enumerate(state.P) if k < len(row)):
+    if any(row[k] < 0.0 for k, row in enumerate(state.P)):
         raise ValueError("P is no covariance")
