@@ -34,6 +34,7 @@ BEGIN, END = "<!-- table: begin -->\n", "<!-- table: end -->"
 FRAMES, EVERY = 1200, 2
 LAST_SHARE = 1.0 / 6.0
 """Of a night, for what ends an engine."""
+GENTLE = "engine killed"
 BETWEEN_S = 20.0
 """So long frames are waited for that go on anyhow."""
 LEAST_ALT_DEG = 15.0
@@ -85,11 +86,16 @@ def _rows(running: FaultNight, frames: int, kinds: Sequence[str]) -> list[Row]:
     frame, was_late = running.exposed, False
     while frame < frames:
         is_late = frame >= frames * (1.0 - LAST_SHARE) or not alive
+        is_first_of_late = is_late and not was_late
         if not names or is_late != was_late:
             was_late = is_late
             names = [kind for kind in kinds if kind in ENDS_IT] if is_late else [*alive]
             names = names or [*alive]
             running.random.shuffle(names)
+            if is_first_of_late and GENTLE in names:
+                # What the long life acknowledged must not be destroyed, but looked for.
+                names.remove(GENTLE)
+                names.append(GENTLE)
         row = Row(kind=names.pop(), frame=frame)
         running.note()
         try:
