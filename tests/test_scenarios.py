@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from rsoconsole.cli.app import app
 from rsoconsole.config import OpticsConfig, SearchConfig
 from rsoconsole.errors import ConfigError
 from rsoconsole.orbit.satellite import Satellite
@@ -43,6 +45,12 @@ def test_the_five_scenarios_are_there_and_the_default_comes_first():
     assert list(all_scenarios()) == names
     assert next(iter(all_scenarios())) == DEFAULT_SCENARIO
     assert all(name == each.name for name, each in all_scenarios().items())
+
+
+def test_the_demo_takes_a_scenario_by_its_name_alone():
+    found = CliRunner().invoke(app, ["demo", "no-such-night"])
+    assert found.exit_code != 0
+    assert "there is no scenario 'no-such-night': take one of intelsat-14" in str(found.exception)
 
 
 def test_an_unknown_scenario_is_refused_with_the_names_there_are():

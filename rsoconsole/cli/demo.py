@@ -39,6 +39,9 @@ def register(app: typer.Typer) -> None:
 
 def demo(
     *,
+    named: Annotated[
+        str | None, typer.Argument(metavar="SCENARIO", help="The same as --scenario.")
+    ] = None,
     scenario: Annotated[str, typer.Option(help="Which night; --list shows them.")] = "intelsat-14",
     list_: Annotated[bool, typer.Option("--list", help="List the scenarios and exit.")] = False,
     world: Annotated[
@@ -146,6 +149,7 @@ def demo(
     pace = (0.0 if headless or json_ else 10.0) if speed is None else speed
     if frames is None and not is_seen:
         frames = FRAMES_UNSEEN
+    scenario = named or scenario
     night = Night(scenario=scenario, seed=seed, speed=pace, frames=frames, session=session)
     if target:
         config = demo_config(

@@ -21,7 +21,11 @@ def kept_words(engine: EngineView, keymap: Mapping[str, str]) -> tuple[str, ...]
             return f"{kept}: {undo} follows it again", f"{kept}: {undo}", kept
         if engine.is_resumable:
             return f"{kept}: {resume} follows it again", f"{kept}: {resume}", kept
-        return f"{kept}: {arm} arms, then {undo} follows it again", f"{kept}: {arm}, then {undo}", kept
+        return (
+            f"{kept}: {arm} arms, then {undo} follows it again",
+            f"{kept}: {arm}, then {undo}",
+            kept,
+        )
     if engine.state != "MANUAL" or engine.target or engine.ra_icrs_deg is not None:
         return ()
     after = f"{resume} searches again" if engine.is_resumable else f"{arm} hands it over"
