@@ -111,7 +111,7 @@ def test_a_killed_engine_is_called_gone_with_the_way_to_stop_the_mount(engine, s
         engine.kill()
         for seat in (wide, narrow):
             wait_for(lambda seat=seat: seat.shows("ENGINE GONE"), "the engine's end")
-            wait_for(lambda seat=seat: seat.shows("'rsoconsole stop' stops the mount"), "a remedy")
+            wait_for(lambda seat=seat: seat.shows("'rsoconsole stop' stops the"), "a remedy")
         wide.press("x")
         wait_for(lambda: wide.shows("motion ended", "past the engine"), "a STOP past the engine")
         assert not is_slewing(mount_by_itself(sky))
@@ -172,15 +172,13 @@ def test_a_full_disk_is_a_fault_on_the_screen_until_it_has_room_again(engine):
             wait_for(lambda seat=seat: seat.shows("AUTO has the mount"), "a console at work")
         with full_disk(engine):
             for seat in seats:
-                wait_for(
-                    lambda seat=seat: seat.shows("FAULT the session's log cannot be"), "the fault"
-                )
+                wait_for(lambda seat=seat: seat.shows("FAULT the session's log"), "the fault")
             frames = engine.status()["frame"]
             wait_for(lambda: engine.status()["frame"] >= frames + 2, "frames without a disk")
         wait_for(lambda: engine.frames() >= frames + 2, "what the disk had refused")
         wait_for(lambda: not log_faults(engine), "the fault's end")
         for seat in seats:
-            wait_for(lambda seat=seat: "log cannot be" not in anew(seat), "a screen without it")
+            wait_for(lambda seat=seat: "FAULT the session" not in anew(seat), "a screen without it")
 
 
 def anew(seat: Terminal) -> str:

@@ -376,7 +376,7 @@ def test_a_run_of_so_many_frames_ends_where_autonomy_gives_up():
     r.reducer.mount = rig(set()).mount
     r.reducer.mount.at_deg = (START_DEG[0] + 20.0, START_DEG[1])
     r.engine.arm()
-    with pytest.raises(InstrumentError, match=r"the run ended early: the stars lie 1194"):
+    with pytest.raises(InstrumentError, match=r"the run ended early: pointing offset 1194"):
         r.engine.run(frames=5)
     assert states(r) == ["SEARCH", "IDLE"]
 

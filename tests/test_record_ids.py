@@ -94,7 +94,7 @@ def test_an_update_names_what_it_took_and_the_first_state_both() -> None:
 def test_what_the_operator_marks_has_an_id_of_its_own_each_time() -> None:
     r = night({*range(1, 9), *range(10, 14)})
     r.engine.run(frames=10)
-    mark = {"x_a": 10.0, "y_a": 10.0, "x_b": 40.0, "y_b": 10.0}
+    mark = {"x_a": 10.0, "y_a": 10.0, "x_b": 40.0, "y_b": 10.0, "replaces": True}
     for verb, arguments in (("mark", mark), ("choose", {"x": 2.0, "y": 1.0}), ("mark", mark)):
         assert say(r, verb, frame=9, **arguments).ok
     made = [r.measurement_id for r in r.memory.of(Measurement)]

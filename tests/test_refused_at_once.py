@@ -30,7 +30,7 @@ def outcomes(r: Rig) -> list[tuple[str, str]]:
         ("hold", "autonomy does not have the mount: nothing to hold"),
         ("resume", "nothing is held: there is nothing to resume"),
         ("seek", "nothing has been followed this night that could be looked for"),
-        ("reject", "autonomy does not have the mount: nothing is being followed"),
+        ("reject", "nothing has been taken that could be rejected"),
     ],
 )
 def test_without_autonomy(idle: Rig, verb: str, says: str):

@@ -164,7 +164,7 @@ def _states(timeline: Timeline, columns: int) -> tuple[tuple[str, Ink], ...]:
         return ((" ", "dim"),) * columns
     shares: list[Counter[LoopState]] = [Counter() for _ in range(columns)]
     ends = [mark.t_utc_ns for mark in timeline.states[1:]] + [last]
-    for mark, end in zip(timeline.states, ends, strict=True):
+    for mark, end in zip(timeline.states, ends, strict=False):
         a = (mark.t_utc_ns - first) / max(last - first, 1) * columns
         b = max((end - first) / max(last - first, 1) * columns, a + 1e-6)
         for column in range(min(int(a), columns - 1), min(int(b), columns - 1) + 1):

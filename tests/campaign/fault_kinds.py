@@ -298,10 +298,10 @@ def _connections(night: FaultNight, number: int) -> Iterator[list[socket.socket]
     try:
         for _ in range(number):
             wire = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            opened.append(wire)
             wire.settimeout(2.0)
             with contextlib.suppress(OSError):
                 wire.connect(str(night.engine.socket))
-                opened.append(wire)
         yield opened
     finally:
         for wire in opened:

@@ -80,6 +80,7 @@ class FaultyWire:
         self.orders = Orders()
         self._pairs: list[tuple[socket.socket, socket.socket]] = []
         self._clocks: set[socket.socket] = set()
+        self._opened: list[socket.socket] = []
         self._lock = threading.Lock()
         self._away_until_s = self._stalled_until_s = self._slow_until_s = 0.0
         self._spoils: list[Spoil] = []
@@ -93,6 +94,8 @@ class FaultyWire:
         self._listener.close()
         self._clocks.clear()
         self.cut()
+        for each in self._opened:
+            each.close()
 
     def cut(self, away_s: float = 0.0) -> None:
         """End every connection; for so long no other one is taken."""
@@ -137,6 +140,7 @@ class FaultyWire:
                 each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             with self._lock:
                 self._pairs.append((near, far))
+                self._opened += [near, far]
             for work in (self._hand_up, self._hand_down):
                 threading.Thread(target=work, args=(near, far), daemon=True).start()
 
