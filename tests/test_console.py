@@ -33,13 +33,21 @@ from rsoconsole.console.words import wrapped
 from rsoconsole.control import ControlClient, ControlServer, Outcome, Request, Sender
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.errors import ControlError, RsoconsoleError, SessionError
-from rsoconsole.reasons import Cause, Missed, Told, done
-from rsoconsole.records import Event, Miss, OperatorAction, Site, SlewCommand, StateChange
+from rsoconsole.reasons import Cause, Missed, NotTaken, Told, done
+from rsoconsole.records import (
+    Event,
+    Miss,
+    NotFollowed,
+    OperatorAction,
+    Site,
+    SlewCommand,
+    StateChange,
+)
 from rsoconsole.session.old_reasons import result
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
-from tests.makers import NS
+from tests.makers import NS, geo_measurement
 from tests.seat_rig import (
     FRAMES,
     FULL,
@@ -224,6 +232,21 @@ def test_misses_in_a_row_are_one_line() -> None:
         (5, "miss: no detection", 5),
         (6, "COAST → LOST: cloud", 1),
     ]
+
+
+def test_a_neighbour_that_is_not_taken_frame_after_frame_is_one_line() -> None:
+    log: list[LogLine] = []
+    far, near = NotTaken.by_gate(254.1, 11.8), NotTaken.by_gate(328.9, 11.8)
+    other = NotTaken(kind="clipped at start")
+    for frame_id, reason in ((7, far), (8, near), (9, other), (10, near)):
+        refused = NotFollowed(
+            frame_id=frame_id, measurement=geo_measurement(frame_id), reason=reason
+        )
+        line = line_of(refused, night.T0_UTC_NS)
+        assert line is not None
+        append_line(log, line)
+    assert [(line.frame_id, line.times) for line in log] == [(8, 2), (9, 1), (10, 1)]
+    assert log[0].text == "not taken: NIS 328.9 above the gate 11.8"
 
 
 def _asked(outcome: str, verb: str = "goto", **arguments: Any) -> LogLine:

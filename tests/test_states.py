@@ -217,7 +217,7 @@ def test_a_stop_that_is_not_confirmed_is_a_fault_and_moves_nothing(state):
     unsure = step(charge_in(state), Stopped(by=YOU, is_confirmed=False))
     assert (unsure.charge.state, unsure.actions) == ("FAULT", ("abort",))
     assert "NOT CONFIRMED" in text(unsure.reason)
-    # Nobody parks behind the back of whoever has stopped it.
+    # Nobody parks behind the back of the operator who has stopped it.
     assert step(unsure.charge, NightEnded(words="rain", parks=True)).charge.state == "FAULT"
     assert step(unsure.charge, Stopped(by=YOU)).charge.state == "IDLE"
     assert step(unsure.charge, Armed(by=YOU)).charge.is_responsible

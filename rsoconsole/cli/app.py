@@ -100,7 +100,7 @@ def main() -> None:
 
 
 class _CleanFormatter(logging.Formatter):
-    """Whoever reads the log in a terminal sees text, and one line a message."""
+    """Who reads the log in a terminal sees text, and one line a message."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's own name
         return one_line(super().formatMessage(record))

@@ -77,7 +77,7 @@ _OF_MODES: dict[Mode, tuple[Key, ...]] = {
         Key("V", "Network's view", command="network_view"),
         Key("f", "Stretch", command="stretch"),
         Key("O", "Marks", command="marks"),
-        Key("P", "Plate anew", command="plate"),
+        Key("P", "Solve again", command="plate"),
         Key("R", "As recorded", command="as_recorded"),
         Key("L", "List", command="list"),
     ),

@@ -8,7 +8,7 @@ from typing import Literal, assert_never
 from rsoconsole.control import command_words, one_line
 from rsoconsole.control.commands import Arm, Disarm, Note, Resume, Seek, Set, Stop
 from rsoconsole.reason_text import ruled_text, text
-from rsoconsole.reasons import DONE, Cause, CauseKind, CommandResult, Missed, Told
+from rsoconsole.reasons import DONE, Cause, CauseKind, CommandResult, Missed, NotTaken, Told
 from rsoconsole.records import (
     CatalogueMatch,
     Closeup,
@@ -70,6 +70,8 @@ class LogLine:
     """What an event is about."""
     missed: Missed | Told | None = None
     """Why a frame had no measurement."""
+    not_taken: str = ""
+    """The kind of reason for which a measurement was not taken."""
     is_of_miss: bool = False
     """True for a change of state that a miss led to."""
     is_wanted: bool = False
@@ -129,6 +131,7 @@ def line_of(record: Record, t_utc_ns: int, beside: str = "") -> LogLine | None:
         text=said,
         kind=type(record).__name__,
         missed=record.reason if isinstance(record, Miss) else None,
+        not_taken=_not_taken(record),
         topic=record.topic if isinstance(record, Event) else "",
         is_of_miss=kind in {"missed", "instrument"},
         is_wanted=kind in {"looked for again", "operator's word"},
@@ -140,6 +143,11 @@ def line_of(record: Record, t_utc_ns: int, beside: str = "") -> LogLine | None:
         refused_by=action.by if action and action.outcome.kind == "refused" else "",
         setting=_setting_of(record),
     )
+
+
+def _not_taken(record: Record) -> str:
+    reason = record.reason if isinstance(record, NotFollowed) else None
+    return reason.kind if isinstance(reason, NotTaken) else ""
 
 
 def _told_by(action: OperatorAction) -> CauseKind | Literal[""]:

@@ -47,7 +47,7 @@ class SheetActions(Screen[None]):
         Binding("m", "mark", "Mark by hand", id="mark", show=False),
         Binding("M", "map_mode", "Map mode", show=False),
         Binding("V", "network_view", "What the network sees", show=False),
-        Binding("P", "plate", "Plate anew", show=False),
+        Binding("P", "plate", "Solve again", show=False),
         Binding("R", "as_recorded", "As recorded", show=False),
         Binding("L", "list", "List", show=False),
     ]
@@ -264,7 +264,7 @@ class SheetActions(Screen[None]):
             ("Frame: larger tau", "by a quarter; processes again", lambda: self.action_tau(1)),
             ("Frame: map mode", "fast or paper; processes again", self.action_map_mode),
             ("Frame: what the network sees", "the map, and back", self.action_network_view),
-            ("Frame: plate anew", "from its own stars, or the recorded", self.action_plate),
+            ("Frame: solve again", "from its own stars, or the recorded", self.action_plate),
             ("Frame: as recorded", "nothing tried any more", self.action_as_recorded),
             ("Frame: list", "all candidates, and back", self.action_list),
             ("Frame: back", "to the screen below", self.action_back),

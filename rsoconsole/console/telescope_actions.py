@@ -53,7 +53,7 @@ class TelescopeActions(CarefulSeat):
             self._is_nudging = False
 
     def action_arm_or_disarm(self) -> None:
-        """Whoever has the mount gives it up; a running track is not ended by one press."""
+        """Who has the mount gives it up; a running track is not ended by one press."""
         if not self.may_act():
             return
         is_armed = self.engine.holder == "autonomy"

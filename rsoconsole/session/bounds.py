@@ -1,4 +1,4 @@
-"""What the database of a session may be, whoever wrote it: plain tables, and reading that ends.
+"""What the database of a session from anywhere may be: plain tables, and reading that ends.
 
 SQL in a file may compute without end: a view in place of a table, a trigger, a generated column,
 the expression of an index or of a check. A session has none of them on its tables, so a file that

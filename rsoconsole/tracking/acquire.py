@@ -89,15 +89,16 @@ def acquire(
             ]
         if partners:
             first = min(partners, key=lambda m: pair_misfit_arcsec(m, second, seen.exposure_s))
-            lead = first_state(first, second, before.last_track_id + 1, seen, settings)
-            return _begun_with(lead, pairs, before, usable, (*aside, *refused), seen, settings)
+            return _begun(
+                (first, second), pairs, before, usable, (*aside, *refused), seen, settings
+            )
     alone = tuple(not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
     return before.without_track(state, usable), (*alone, *aside, *refused)
 
 
-def _begun_with(  # noqa: PLR0917 -- one call, each argument a different thing
-    lead: Tracked,
+def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
+    lead: tuple[Measurement, Measurement],
     pairs: dict[Measurement, Measurement],
     before: Following,
     usable: tuple[Measurement, ...],
@@ -106,55 +107,60 @@ def _begun_with(  # noqa: PLR0917 -- one call, each argument a different thing
     settings: FollowSettings,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """The lead, and beside it a track of every other pair as far as there is room."""
-    track_id = lead.track.track_id
-    tracks = [lead]
     is_alone = seen.chosen is not None or settings.filter.preset != "adaptive"
     room = 1 if is_alone else settings.filter.most_tracks
-    for second in usable:
-        if second in pairs and second is not lead.taken and len(tracks) < room:
-            number = track_id + len(tracks)
-            other = first_state(pairs[second], second, number, seen, settings)
-            tracks.append(replace(other, track=replace(other.track, is_lead=False)))
-    used = {m for each in tracks for m in each.begun_with}
-    others = tuple(m for m in (*before.candidates, *usable) if m not in used)
-    refused = (not_followed(m, NotTaken(kind="another leads")) for m in others)
+    others = [(pairs[m], m) for m in usable if m in pairs and m is not lead[1]]
+    begun_with = [lead, *others[: room - 1]]
+    tracks = tuple(
+        first_state(*pair, before.last_track_id + number, seen, settings, is_lead=pair is lead)
+        for number, pair in enumerate(begun_with, 1)
+    )
+    used = {m for pair in begun_with for m in pair}
+    left = tuple(m for m in (*before.candidates, *usable) if m not in used)
+    refused = (not_followed(m, NotTaken(kind="another leads")) for m in left)
     after = Following(
         state="TRACK",
         candidates=tuple(m for m in usable if m not in used) if room > 1 else (),
-        tracks=tuple(replace(each, begun_with=()) for each in tracks),
-        pattern=_pattern_of(tracks, seen),
-        last_track_id=track_id + len(tracks) - 1,
+        tracks=tracks,
+        pattern=_pattern_of(tracks, begun_with, seen),
+        last_track_id=before.last_track_id + len(tracks),
     )
-    begun = tuple(each.track for each in tracks)
-    return after, (*begun, *of_track((*refused, *told), track_id))
+    states = tuple(each.track for each in tracks)
+    return after, (*states, *of_track((*refused, *told), states[0].track_id))
 
 
-def _pattern_of(tracks: list[Tracked], seen: Seen) -> Pattern:
+def _pattern_of(
+    tracks: tuple[Tracked, ...], begun_with: list[tuple[Measurement, Measurement]], seen: Seen
+) -> Pattern:
     """Where tracks that begin together stand to each other, from the two frames."""
     found = NO_PATTERN
     alive = [each.track.track_id for each in tracks]
     for number in (0, 1):
         shown = {}
-        for each in tracks:
-            m = each.begun_with[number]
-            along = along_error_arcsec(m, expected_motion(each.track, seen.exposure_s))
-            shown[each.track.track_id] = (m, own_covariance(m, each.track, along))
-        t_utc_ns = tracks[0].begun_with[number].t_mid_utc_ns
-        found = patterns.after(found, alive, shown, t_utc_ns)
+        for each, pair in zip(tracks, begun_with, strict=True):
+            m, expected = pair[number], expected_motion(each.track, seen.exposure_s)
+            own = own_covariance(m, each.track, along_error_arcsec(m, expected))
+            shown[each.track.track_id] = (m, own)
+        found = patterns.after(found, alive, shown, begun_with[0][number].t_mid_utc_ns)
     return found
 
 
 def first_state(
-    first: Measurement, second: Measurement, track_id: int, seen: Seen, settings: FollowSettings
+    first: Measurement,
+    second: Measurement,
+    track_id: int,
+    seen: Seen,
+    settings: FollowSettings,
+    *,
+    is_lead: bool,
 ) -> Tracked:
     """What is followed from two measurements on."""
-    track = initiated(first, second, track_id, seen, settings)
+    track = replace(initiated(first, second, track_id, seen, settings), is_lead=is_lead)
     return Tracked(
         track=track,
         taken=second,
         neighbours=beside((), track, second, seen),
         excesses_arcsec=excesses_with((), track, second, seen),
-        begun_with=(first, second),
     )
 
 

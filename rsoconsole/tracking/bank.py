@@ -8,6 +8,7 @@ Li & Kirubarajan 2001, 11.6). Their mixture predicts. A motion is six numbers (`
 ``parallel`` and the ``great circle`` the last two are what their names say, of ``any orbit`` they
 are open as far as the admissible region of orbits leaves them (``orbit.admissible``).
 
+What the length of a streak tells of its error is one of two hypotheses, weighed in the same way.
 What the shutter is late by moves a streak along itself. How much it scatters is not known
 in advance: the innovations give each scatter its probability, and the interval is on record.
 """
@@ -19,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import FloatArray
+from rsoconsole.tracking.filter_update import Answer, answer, log_sum, merged
 from rsoconsole.tracking.sky_path import (
     ACCELERATION,
     ARCSEC_RAD,
@@ -246,10 +248,10 @@ def update(bank: Bank, seen: Position) -> Update:
     off = place - bank.means[:, :2]
     weights, log_weights = bank.weights, np.log(np.maximum(bank.weights, _LEAST_WEIGHT))
     plain, length_log_odds = _plain(bank, log_weights, off, seen)
-    rare = _answer(bank, off, _rare_noise(bank, seen))
-    both = _merged(plain, rare, RARE)
+    rare = answer(bank.covariances, off, _rare_noise(bank, seen))
+    both = merged(plain, rare, RARE)
     total = log_weights + both.log_likelihoods
-    log_likelihood = _log_sum(total)
+    log_likelihood = log_sum(total)
     mean = weights @ bank.means[:, :2]
     apart = bank.means[:, :2] - mean
     covariance = np.einsum("n,nij->ij", weights, plain.s) + (apart * weights[:, None]).T @ apart
@@ -266,83 +268,25 @@ def update(bank: Bank, seen: Position) -> Update:
     taken.means[GREAT_CIRCLE * PER_MOTION : ANY_ORBIT * PER_MOTION, ACCELERATION:] = 0.0
     return Update(
         after=_centred(taken),
-        nis=-2.0 * min(_log_sum(log_weights - 0.5 * both.nis), 0.0),
+        nis=-2.0 * min(log_sum(log_weights - 0.5 * both.nis), 0.0),
         innovation=place - mean,
         covariance=covariance,
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Answer:
-    """What each filter makes of a measurement with a given noise."""
-
-    s: FloatArray
-    """(N, 2, 2) covariance of the innovation."""
-    nis: FloatArray
-    log_likelihoods: FloatArray
-    steps: FloatArray
-    """(N, 6) by which the mean moves."""
-    covariances: FloatArray
-
-
 def _plain(
     bank: Bank, log_weights: FloatArray, off: FloatArray, seen: Position
-) -> tuple[_Answer, float]:
+) -> tuple[Answer, float]:
     """What the filters make of it by what its length tells of its error, and what that is worth."""
-    told = _answer(bank, off, _measured_noise(bank, seen))
+    told = answer(bank.covariances, off, _measured_noise(bank, seen))
     if seen.along_arcsec == 0.0:
         return told, bank.length_log_odds
     less = replace(seen, along_arcsec=_LENGTH_SAYS_TOO_MUCH * seen.along_arcsec)
-    untold = _answer(bank, off, _measured_noise(bank, less))
-    odds = _log_sum(log_weights + told.log_likelihoods)
-    odds -= _log_sum(log_weights + untold.log_likelihoods)
+    untold = answer(bank.covariances, off, _measured_noise(bank, less))
+    odds = log_sum(log_weights + told.log_likelihoods)
+    odds -= log_sum(log_weights + untold.log_likelihoods)
     after = min(max(bank.length_log_odds + odds, -_MOST_LOG_ODDS), _MOST_LOG_ODDS)
-    return _merged(told, untold, 1.0 / (1.0 + math.exp(bank.length_log_odds))), after
-
-
-def _merged(usual: _Answer, other: _Answer, share: float) -> _Answer:
-    """Two answers as one, of which the other is right with probability ``share``."""
-    log_usual = math.log(1.0 - share) + usual.log_likelihoods
-    log_other = math.log(share) + other.log_likelihoods
-    log_likelihoods = np.logaddexp(log_usual, log_other)
-    of_other = np.exp(log_other - log_likelihoods)[:, None]
-    apart = np.sqrt(of_other * (1.0 - of_other)) * (usual.steps - other.steps)
-    each = of_other[:, :, None]
-    covariances = (1.0 - each) * usual.covariances + each * other.covariances
-    return _Answer(
-        s=(1.0 - share) * usual.s + share * other.s,
-        nis=-2.0
-        * np.logaddexp(math.log(1.0 - share) - 0.5 * usual.nis, math.log(share) - 0.5 * other.nis),
-        log_likelihoods=log_likelihoods,
-        steps=(1.0 - of_other) * usual.steps + of_other * other.steps,
-        covariances=covariances + apart[:, :, None] * apart[:, None, :],
-    )
-
-
-def _log_sum(logs: FloatArray) -> float:
-    """Logarithm of a sum of exponentials, also where all are small."""
-    most = float(logs.max())
-    if not math.isfinite(most):
-        return -math.inf
-    return most + math.log(float(np.exp(logs - most).sum()))
-
-
-def _answer(bank: Bank, off: FloatArray, noise: FloatArray) -> _Answer:
-    s = bank.covariances[:, :2, :2] + noise
-    inverse = np.linalg.inv(s)
-    nis = np.einsum("ni,nij,nj->n", off, inverse, off)
-    gain = bank.covariances[:, :, :2] @ inverse
-    # Joseph's form keeps it positive.
-    left = np.eye(6) - np.concatenate([gain, np.zeros((len(gain), 6, 4))], axis=2)
-    covariances = left @ bank.covariances @ np.swapaxes(left, -1, -2)
-    covariances += gain @ noise @ np.swapaxes(gain, -1, -2)
-    return _Answer(
-        s=s,
-        nis=nis,
-        log_likelihoods=-0.5 * (nis + np.log(np.linalg.det(s))) - math.log(2.0 * math.pi),
-        steps=np.einsum("nij,nj->ni", gain, off),
-        covariances=covariances,
-    )
+    return merged(told, untold, 1.0 / (1.0 + math.exp(bank.length_log_odds))), after
 
 
 def _centred(bank: Bank) -> Bank:

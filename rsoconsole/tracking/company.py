@@ -89,7 +89,7 @@ def begun(  # noqa: PLR0917 -- one call, each argument a different thing
     pairs = paired(candidates, usable, seen.exposure_s)
     each = [(pairs[second], second) for second in usable if second in pairs][:room]
     return tuple(
-        first_state(first, second, last_track_id + number, seen, settings)
+        first_state(first, second, last_track_id + number, seen, settings, is_lead=False)
         for number, (first, second) in enumerate(each, 1)
     )
 

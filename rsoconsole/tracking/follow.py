@@ -27,7 +27,7 @@ from rsoconsole.tracking.acquire import (
     acquire,
     beside,
     excesses_with,
-    initiated,
+    first_state,
 )
 from rsoconsole.tracking.following import (
     CROSSED,
@@ -154,9 +154,6 @@ def _with_company(  # noqa: PLR0917 -- one call, each argument a different thing
     free = company.left_over(steps, seen)
     room = settings.filter.most_tracks - len(after.tracks)
     begun = company.begun(before.candidates, free, after.last_track_id, room, seen, settings)
-    begun = tuple(
-        replace(each, track=replace(each.track, is_lead=False), begun_with=()) for each in begun
-    )
     taken = {each.taken for each in begun}
     told = company.without_verdicts_on(records, begun)
     return replace(
@@ -327,15 +324,8 @@ def _initiated_again(
     """A new track takes the place of one that had gone astray."""
     found = step.reacquired
     assert found is not None
-    track = initiated(found.first, found.second, track_id, seen, settings)
-    track = replace(track, is_lead=is_lead)
-    fresh = Tracked(
-        track=track,
-        taken=found.second,
-        neighbours=beside((), track, found.second, seen),
-        excesses_arcsec=excesses_with((), track, found.second, seen),
-    )
-    return Step(records=(*step.records, track), after=fresh, is_measured=True)
+    fresh = first_state(found.first, found.second, track_id, seen, settings, is_lead=is_lead)
+    return Step(records=(*step.records, fresh.track), after=fresh, is_measured=True)
 
 
 def _predicted(before: Tracked, seen: Seen, settings: FollowSettings) -> TrackState:

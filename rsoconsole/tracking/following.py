@@ -96,8 +96,6 @@ class Tracked:
     """Frames since then in which nothing hid it, and it was not there."""
     excesses_arcsec: tuple[float, ...] = ()
     """By how much its last streaks were longer than it moves in one exposure."""
-    begun_with: tuple[Measurement, ...] = ()
-    """The two that have just begun it; empty from the next step on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

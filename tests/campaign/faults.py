@@ -224,6 +224,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--write", action="store_true", help="put the table into FAULTS.md")
     chosen = parser.parse_args(arguments)
+    if chosen.kind and chosen.write:
+        parser.error("--write keeps the table of all kinds: leave --kind out")
     chosen.folder.mkdir(parents=True, exist_ok=True)
     answers = []
     for seed in chosen.seeds:
