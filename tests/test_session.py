@@ -151,7 +151,7 @@ NIGHT = (
         frame_id=1,
         t_utc_ns=T0_UTC_NS + 5,
         x=(320.1, 0.00417, -4.8, 1e-6),
-        P=((1.0, 0.0), (0.0, 1.0)),
+        P=tuple(tuple(float(i == j) for j in range(4)) for i in range(4)),
         nis=1.5,
         innovation_arcsec=(0.5, -0.25),
         sigma_innovation_arcsec=(1.0, 2.0),

@@ -20,7 +20,7 @@ _MEMBER = {"Number": "oneNumber", "Switch": "oneSwitch", "Text": "oneText"}
 _READ_BYTES = 65536
 _REPEAT_ABORT_S = 0.5
 _LOOK_S = 0.05
-_TRACKING_S = 1.0
+_TRACKING_S = 2.0
 _SETTLE_S = 1.2
 """A driver may go back to its own idea of tracking at its next look at the mount."""
 _COORDINATES = "EQUATORIAL_EOD_COORD"
