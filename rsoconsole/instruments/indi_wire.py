@@ -278,6 +278,9 @@ class _WireStop:
         self._await_tracking(member, time.monotonic() + _TRACKING_S)
         if self._was_busy(_COORDINATES):
             self._hold_tracking(member, time.monotonic() + _SETTLE_S)
+            if not self._watched.is_over():
+                # It may just have been said again.
+                self._await_tracking(member, time.monotonic() + _TRACKING_S)
         tracking = self.told.get(_TRACK_STATE)
         return None if tracking is None else _is_on(tracking, "TRACK_ON")
 

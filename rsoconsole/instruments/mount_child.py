@@ -31,7 +31,9 @@ _TELLING = (COORDINATES, PARK, TRACKING, SIDE)
 _ABORT = "TELESCOPE_ABORT_MOTION"
 _STOP_S = 2.0
 _REPEAT_ABORT_S = 0.5
-_TRACKING_S = 2.0
+# A driver says on and off again within one look at the mount: ask again rather than wait long.
+_TRACKING_S = 3.0
+_TRACKING_ASKED_S = 0.5
 _ARRIVED_ALREADY_DEG = 0.05
 _SAME_SITE_DEG = 0.01
 
@@ -288,7 +290,12 @@ class MountChild:
             return None
         member = "TRACK_ON" if is_on else "TRACK_OFF"
         answer = self._switch(TRACKING, member)
-        client.wait(TRACKING, lambda v: bool(v.values.get(member)), _TRACKING_S, answer.serial - 1)
+        client.wait(
+            TRACKING,
+            lambda v: bool(v.values.get(member)),
+            _TRACKING_ASKED_S,
+            answer.serial - 1,
+        )
         self._await_report(answer.serial)
         return mirror.is_tracking
 
