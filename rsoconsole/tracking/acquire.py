@@ -35,7 +35,7 @@ from rsoconsole.tracking.neighbours import (
     Neighbour,
     remembered,
 )
-from rsoconsole.tracking.pattern import NO_PATTERN, Pattern, own_covariance
+from rsoconsole.tracking.pattern import NO_PATTERN, Pattern, learnt_error_arcsec, own_covariance
 from rsoconsole.tracking.streak_length import along_error_arcsec, remembered_with
 
 AS_GOOD_AS_CERTAIN = 0.9
@@ -221,9 +221,9 @@ def beside(
     if taken.is_clipped:
         return before  # where it was taken is not where it is
     expected = expected_motion(track, seen.exposure_s)
-    others = tuple(
-        m
+    others = {
+        m: learnt_error_arcsec(m, track)
         for m in seen.measurements
         if m != taken and not m.is_clipped and disagreement(m, expected) is None
-    )
-    return remembered(before, taken, others)
+    }
+    return remembered(before, taken, others, learnt_error_arcsec(taken, track))

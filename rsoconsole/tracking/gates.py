@@ -28,6 +28,7 @@ from rsoconsole.tracking.neighbours import (
     Neighbour,
     best_match,
 )
+from rsoconsole.tracking.pattern import learnt_error_arcsec
 from rsoconsole.tracking.streak_length import along_error_arcsec
 
 CANNOT_TELL = NotTaken(kind="cannot be told apart")
@@ -64,7 +65,8 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
         if reason is not None:
             reasons[measurement] = reason
     alike = tuple(m for m in updated if m not in reasons and not m.is_clipped)
-    strangers = _strangers(alike, predicted, expected, neighbours, seen, settings)
+    errors = tuple(learnt_error_arcsec(m, updated[m]) for m in alike) if neighbours else ()
+    strangers = _strangers(alike, errors, predicted, expected, neighbours, seen, settings)
     for measurement, state in updated.items():
         if measurement in reasons:
             continue
@@ -77,6 +79,7 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
 
 def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
     alike: tuple[Measurement, ...],
+    errors_arcsec: tuple[float, ...],
     predicted: TrackState,
     expected: Motion,
     neighbours: tuple[Neighbour, ...],
@@ -92,6 +95,7 @@ def _strangers(  # noqa: PLR0917 -- one call, each argument a different thing
         neighbours,
         streak_arcsec=expected.length_arcsec,
         field=seen.field,
+        errors_arcsec=errors_arcsec,
     )
     # The paper's bounds are wider than any slot: no position could ever meet a margin in them.
     if settings.filter.preset != "paper" and match.margin < LEAST_MARGIN:

@@ -11,6 +11,7 @@ objects and lie close together, nothing is believed: one streak alone, after a l
 either of two. Pure.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,19 +48,29 @@ class Neighbour:
     north_arcsec: float
     t_utc_ns: int
     """When it was last seen."""
+    error_arcsec: float = 0.0
+    """Sigma of both places then, as far as the track has learnt how much its streaks err."""
 
     def sigma_arcsec(self, t_utc_ns: int) -> float:
         """How well its place is known by then, on each axis."""
-        return SIGMA_ARCSEC + DRIFT_ARCSEC_S * abs(t_utc_ns - self.t_utc_ns) / 1e9
+        drifted = SIGMA_ARCSEC + DRIFT_ARCSEC_S * abs(t_utc_ns - self.t_utc_ns) / 1e9
+        return float(np.hypot(drifted, self.error_arcsec))
 
 
 def remembered(
-    before: tuple[Neighbour, ...], taken: Measurement, others: tuple[Measurement, ...]
+    before: tuple[Neighbour, ...],
+    taken: Measurement,
+    others: Mapping[Measurement, float],
+    error_arcsec: float = 0.0,
 ) -> tuple[Neighbour, ...]:
-    """The neighbours after a frame; ``others`` have the motion of what was taken."""
+    """The neighbours after a frame; ``others`` have the motion of what was taken.
+
+    ``error_arcsec`` is what the track has learnt of the errors of what was taken, the values of
+    ``others`` are the same of each.
+    """
     here = (taken.ra_icrs_deg, taken.dec_icrs_deg)
     seen = []
-    for other in others:
+    for other, theirs_arcsec in others.items():
         away = motion_between(*here, other.ra_icrs_deg, other.dec_icrs_deg)
         if away.length_arcsec >= NEAREST_ARCSEC:
             seen.append(
@@ -67,6 +78,7 @@ def remembered(
                     east_arcsec=away.east_arcsec,
                     north_arcsec=away.north_arcsec,
                     t_utc_ns=taken.t_mid_utc_ns,
+                    error_arcsec=float(np.hypot(error_arcsec, theirs_arcsec)),
                 )
             )
     unseen = (
@@ -117,6 +129,7 @@ def best_match(
     *,
     streak_arcsec: float = 0.0,
     field: Field | None = None,
+    errors_arcsec: Sequence[float] | None = None,
 ) -> Match:
     """Which of the measurements with the track's motion is what is followed.
 
@@ -124,24 +137,29 @@ def best_match(
     prediction's shift is weighed: the deviation it means, and how well all that is known and all
     that is seen then fit together. Costs are in NIS. What would stand outside ``field``, or so
     near its edge that its streak of ``streak_arcsec`` would not be whole, may be unseen for
-    nothing; without a field everything should be seen.
+    nothing; without a field everything should be seen. ``errors_arcsec`` is what the track has
+    learnt of the error of each of the measurements, beside what they state.
     """
+    errors = np.zeros(len(alike)) if errors_arcsec is None else np.array(errors_arcsec)
     away = np.array([(0.0, 0.0), *((n.east_arcsec, n.north_arcsec) for n in neighbours)])
     sigma = np.array([0.0, *(n.sigma_arcsec(predicted.t_utc_ns) for n in neighbours)])
     places = np.array([_from_prediction(m, predicted) for m in alike])
     bounds = sky_covariance_arcsec2(predicted)
     costs: dict[int | None, float] = {}
-    for measurement, place in zip(alike, places, strict=True):
+    for measurement, place, error in zip(alike, places, errors, strict=True):
         east, cross, north = measurement.cov_sky_arcsec2
         for offset, sigma_of in zip(away, sigma, strict=True):
             shift = place - offset
-            spread = bounds + np.array([[east, cross], [cross, north]]) + sigma_of**2 * np.eye(2)
+            more = (sigma_of**2 + error**2) * np.eye(2)
+            spread = bounds + np.array([[east, cross], [cross, north]]) + more
             where = shift + away
             should_be_seen = np.ones(len(where), bool)
             if field is not None:
                 directions = _directions(where, predicted)
                 should_be_seen = field.holds(*directions, streak_arcsec / 2.0 + sigma)
-            cost, number = _misfit(where, places, sigma, should_be_seen)
+            # What is laid onto its place brings its own error along.
+            shifted = np.hypot(errors, error)
+            cost, number = _misfit(where, places, sigma, shifted, should_be_seen)
             cost += float(shift @ np.linalg.solve(spread, shift))
             costs[number] = min(cost, costs.get(number, np.inf))
     return _decided(costs, alike, places)
@@ -165,14 +183,19 @@ def _decided(
 
 
 def _misfit(
-    where: FloatArray, places: FloatArray, sigma_arcsec: FloatArray, should_be_seen: BoolArray
+    where: FloatArray,
+    places: FloatArray,
+    sigma_arcsec: FloatArray,
+    errors_arcsec: FloatArray,
+    should_be_seen: BoolArray,
 ) -> tuple[float, int | None]:
     """What it costs that all known (K, 2) stand ``where`` and all seen (M, 2) at ``places``.
 
     With it the number of what is seen where the first of the known stands, if anything is.
     """
     squares = np.sum((where[:, None, :] - places[None, :, :]) ** 2, axis=2)
-    each = squares / np.maximum(sigma_arcsec, SIGMA_ARCSEC)[:, None] ** 2
+    spread = np.maximum(sigma_arcsec, SIGMA_ARCSEC)[:, None] ** 2 + errors_arcsec[None, :] ** 2
+    each = squares / spread
     nearest = each.min(axis=1)
     is_found = nearest <= UNSEEN_COST
     cost = float(np.sum(nearest[is_found]))

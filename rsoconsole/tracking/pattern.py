@@ -132,6 +132,16 @@ def own_covariance(
     return own + _LEAST_ARCSEC**2 * np.eye(2)
 
 
+def learnt_error_arcsec(m: Measurement, track: TrackState) -> float:
+    """One sigma of a streak's place by what its track has learnt, on its worse axis.
+
+    0 where the filter learns nothing: what the measurement states is all that is known.
+    """
+    if track.mixture is None:
+        return 0.0
+    return float(np.sqrt(np.linalg.eigvalsh(own_covariance(m, track))[-1]))
+
+
 def _taken(  # noqa: PLR0917 -- one update, each argument a different thing
     before: Pattern, i: int | None, j: int | None, way: FloatArray, R: FloatArray, t_utc_ns: int
 ) -> tuple[FloatArray, FloatArray]:
