@@ -29,12 +29,14 @@ from rsoconsole.records import (
     FrameTaken,
     Identified,
     Measurement,
+    NotFollowed,
     OrbitEstimate,
     TrackState,
 )
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.tracking.acquire import REFUSED
 from rsoconsole.tracking.following import Following
 from tests.orbit_cases import state_of
 from tests.orbit_truth import DAYTONA, Flight
@@ -305,6 +307,37 @@ def test_what_was_lost_is_waited_for_by_its_orbit_and_known_again_when_it_comes(
     assert separation_deg(*at, *truth) * 3600.0 < 30.0
     wait_s = 60.0 * alone.config.orbit.wait_min + 1.0
     assert Guide(alone.orbit, alone.config).of_lost(int(place.t_utc_ns[0] + wait_s * 1e9)) is None
+
+
+def test_streaks_that_no_track_took_are_its_orbits_once_that_knows_them():
+    """Three of its own before the lock, each with a neighbour's 0.02 degrees beside it."""
+    true = flight(*INCLINED)
+    watched = Watched(config())
+    for n in (0, 3, 6):
+        early = every_frame(true, 1, since_s=n * CADENCE_S)
+        own = measured_at(early, 0, 1000 + n, watched.random, 0.5)
+        beside = dataclasses.replace(
+            own, measurement_id=f"{own.measurement_id}b", dec_icrs_deg=own.dec_icrs_deg + 0.02
+        )
+        watched.hear(own)
+        watched.hear(beside)
+    watched.see(every_frame(true, 60, since_s=9 * CADENCE_S))
+    assert watched.last.observations == 63
+    assert watched.last.arc_s == pytest.approx((59 + 9) * CADENCE_S)
+    told = [words for words in watched.words if "that no track took" in words]
+    assert told
+    assert sum(int(words.split()[0]) for words in told) == 3
+
+
+def test_a_streak_that_the_operator_refused_is_no_orbits():
+    true = flight(*INCLINED)
+    watched = Watched(config())
+    early = every_frame(true, 1)
+    own = measured_at(early, 0, 1000, watched.random, 0.5)
+    watched.hear(own)
+    watched.hear(NotFollowed(frame_id=1000, measurement=own, reason=REFUSED))
+    watched.see(every_frame(true, 30, since_s=3 * CADENCE_S))
+    assert watched.last.observations == 30
 
 
 def test_another_satellite_gets_an_orbit_of_its_own():

@@ -21,12 +21,14 @@ from rsoconsole.orbit.two_body import elements_of
 from rsoconsole.pipeline.foretelling import Foretold, Rivals, may_guide
 from rsoconsole.pipeline.sightings_of import sightings_of
 from rsoconsole.pipeline.tracks_taken import Track, TracksTaken
+from rsoconsole.pipeline.untaken import Untaken
 from rsoconsole.records import Measurement, OrbitEstimate, Record, TrackState
 from rsoconsole.sky.angles import wrap_180
 from rsoconsole.tracking import adaptive, estimator
 
 ASKED_AT = (6, 12, 24, 48, 96)
-"""With so many measurements a track is asked whether it is of an object followed before."""
+"""With so many measurements a track is asked whether it is of an object followed before, and its
+orbit whether it knows what no track took."""
 JOINED_FROM, PARTED_BELOW = 0.99, 0.5
 """Probabilities: a wrong join makes an orbit of two objects, and what leads the telescope."""
 _MOST_EARLIER = 4
@@ -51,7 +53,12 @@ class _Target:
 
     taken: tuple[Measurement, ...] = ()
     """By the present track."""
+    own: Sightings | None = None
+    """Of those that the present track took."""
+    more: tuple[Measurement, ...] = ()
+    """What no track took and the orbit knows as its own."""
     seen: Sightings | None = None
+    """Of both."""
     before: tuple[Sightings, ...] = ()
     """Of earlier tracks."""
     orbit: Orbit | None = None
@@ -81,6 +88,7 @@ class OnlineOrbit:
         self._config = config
         self._site = config.site.to_site()
         self._tracks = TracksTaken()
+        self._untaken = Untaken()
         self._targets: dict[str, _Target] = {}
         """One a track, by the id of the measurement that the track began with."""
         self._lead: _Target | None = None
@@ -96,12 +104,14 @@ class OnlineOrbit:
     def hear(self, record: Record) -> None:
         """One record of the log."""
         self._tracks.hear(record)
+        self._untaken.hear(record)
         if isinstance(record, TrackState) and record.kind == "initial" and record.is_lead:
             self._is_begun = True
 
     def forget(self) -> None:
         """Nothing that was seen until now has a place in an orbit: the clock was wrong."""
         self._tracks, self._targets, self._lead, self._earlier = TracksTaken(), {}, None, []
+        self._untaken = Untaken()
 
     @property
     def seen(self) -> Sightings | None:
@@ -153,6 +163,7 @@ class OnlineOrbit:
             last = adaptive.with_learned_errors(target.taken[-2:], *learnt)[-1]
             predicted = self._foretold(target.orbit, last)
         self._ask_earlier(target)
+        self._ask_untaken(target)
         seen, _ = together(target.parts)
         orbit = target.orbit = self._determined(target, seen)
         if orbit is None:
@@ -200,11 +211,34 @@ class OnlineOrbit:
         if (seen is None or len(seen) < len(fresh)) and not target.is_told_of_none:
             target.is_told_of_none = True
             target.words.append("a measurement that is no direction was left out of the orbit")
-        known_seen = target.seen if is_longer else None
+        known_seen = target.own if is_longer else None
         parts = [each for each in (known_seen, seen) if each is not None]
         target.taken = taken
-        target.seen = together(parts)[0] if parts else None
+        frames = {m.frame_id for m in taken}
+        target.more = tuple(m for m in target.more if m.frame_id not in frames)
+        target.own = together(parts)[0] if parts else None
+        self._put_together(target)
         return seen is not None
+
+    def _put_together(self, target: _Target) -> None:
+        """The track's own directions with those that its orbit has claimed."""
+        more = self._reduced(_with_errors_of(target)) if target.more else None
+        parts = [each for each in (target.own, more) if each is not None]
+        target.seen = together(parts)[0] if parts else None
+
+    def _ask_untaken(self, target: _Target) -> None:
+        """Whether what no track took is its own, now that its orbit is known better."""
+        if target.orbit is None or len(target.taken) not in ASKED_AT:
+            return
+        # By the orbit of the frame before: all that it claims is asked for again each time.
+        frames = {m.frame_id for m in target.taken}
+        more = self._untaken.of(target.orbit, self._site, frames, target.learnt)
+        if len(more) > len(target.more):
+            new = len(more) - len(target.more)
+            target.words.append(f"{new} more of the streaks that no track took belong to it")
+        if more != target.more:
+            target.more = more
+            self._put_together(target)
 
     def _reduced(self, taken: Sequence[Measurement]) -> Sightings | None:
         """Without those that are no directions."""
@@ -326,6 +360,14 @@ class OnlineOrbit:
             sigma_innovation_arcsec=None if predicted is None else predicted.sigma_arcsec,
             is_guide=self._guides(target),
         )
+
+
+def _with_errors_of(target: _Target) -> tuple[Measurement, ...]:
+    """What the orbit claims, each with the errors that the track has learnt."""
+    alike = adaptive.with_learned_errors
+    # Each moves as to the track's first measurement that is of another instant.
+    first = target.taken[0]
+    return tuple(alike((m, first), *target.learnt)[0] for m in target.more)
 
 
 def _learnt(state: TrackState) -> tuple[float, float]:
