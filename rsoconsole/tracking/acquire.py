@@ -19,7 +19,6 @@ from rsoconsole.tracking.association import (
     motion_between,
     pair_disagreement,
     pair_misfit_arcsec,
-    paired,
 )
 from rsoconsole.tracking.following import (
     MAY_BE_FOLLOWED,
@@ -35,6 +34,7 @@ from rsoconsole.tracking.neighbours import (
     Neighbour,
     remembered,
 )
+from rsoconsole.tracking.pairing import paired
 from rsoconsole.tracking.pattern import NO_PATTERN, Pattern, learnt_error_arcsec, own_covariance
 from rsoconsole.tracking.streak_length import along_error_arcsec, remembered_with
 

@@ -9,10 +9,7 @@ half an hour, it agrees with the track's rate to 2 per cent.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 from rsoconsole.reasons import MotionMismatch
 from rsoconsole.records import Measurement
@@ -22,13 +19,10 @@ DIRECTION_TOLERANCE_DEG = 12.0
 LENGTH_TOLERANCE = 0.25
 SHORTEST_WITH_DIRECTION_ARCSEC = 20.0
 SHORTER_TOLERANCE = 0.4
-"""Of two streaks that begin a track each may have lost so much of its length, with preset
-``adaptive``."""
+"""Of what a streak may have lost of its length and fit a rival."""
 PART_TOLERANCE, LONGER_TOLERANCE = 0.48, 1.0
 """Once it is followed it may have lost, or gained, so much: that then says how badly its place
 along the motion is known (``streak_length``). Half as long is another object, half as fast."""
-ACROSS_ARCSEC, ACROSS_SHARE, LENGTH_SHARE = 3.0, 0.02, 0.15
-"""Sigma of a streak's direction, as displacement across it, and of its length."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +99,7 @@ def pair_disagreement(
 
     Their displacement, scaled to the exposure, must match the streaks in length and axis.
     """
-    in_exposure = _motion_in_exposure(first, second, exposure_s)
+    in_exposure = motion_in_exposure(first, second, exposure_s)
     if in_exposure is None:
         return MotionMismatch(kind="order of time")
     for measurement in (first, second):
@@ -121,7 +115,7 @@ def pair_misfit_arcsec(first: Measurement, second: Measurement, exposure_s: floa
     Several pairs may agree within the tolerances, where neighbours are as near to each other as
     one of them moves: the one that agrees best is the one object. 0 where no ends are known.
     """
-    moved = _motion_in_exposure(first, second, exposure_s)
+    moved = motion_in_exposure(first, second, exposure_s)
     if moved is None:
         return math.inf
     misfits = [0.0]
@@ -139,75 +133,7 @@ def pair_misfit_arcsec(first: Measurement, second: Measurement, exposure_s: floa
     return max(misfits)
 
 
-def paired(
-    firsts: Sequence[Measurement], seconds: Sequence[Measurement], exposure_s: float
-) -> dict[Measurement, Measurement]:
-    """The first of each second one, where two frames agree; each is in one pair at most.
-
-    Of all ways to pair them the likeliest: of two neighbours that were not both seen in the first
-    frame the one that was finds itself.
-    """
-    cost = np.array(
-        [[_pair_cost(first, second, exposure_s) for first in firsts] for second in seconds]
-    ).reshape(len(seconds), len(firsts))
-    is_one = np.isfinite(cost)
-    if not is_one.any():
-        return {}
-    if is_one.sum() == 1:
-        rows, columns = np.nonzero(is_one)
-    else:
-        # scipy weighs half a second: only who has a choice to make pays for it.
-        from scipy.optimize import linear_sum_assignment
-
-        most = float(cost[is_one].max()) + 1.0
-        rows, columns = linear_sum_assignment(np.where(is_one, cost, most * cost.size))
-    return {
-        seconds[row]: firsts[column]
-        for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
-        if is_one[row, column]
-    }
-
-
-def agree(first: Measurement, second: Measurement, exposure_s: float) -> bool:
-    """Whether two measurements of different frames agree on one motion."""
-    return math.isfinite(_pair_cost(first, second, exposure_s))
-
-
-def _pair_cost(first: Measurement, second: Measurement, exposure_s: float) -> float:
-    """How little a pair agrees on one motion, as a sum of squares; infinite where it does not.
-
-    A streak tells its direction well and its length badly: cloud, glint and stars upon its ends
-    make it shorter.
-    """
-    moved = _motion_in_exposure(first, second, exposure_s)
-    if moved is None:
-        return math.inf
-    return _half_cost(first, moved) + _half_cost(second, moved)
-
-
-def _half_cost(measurement: Measurement, moved: Motion) -> float:
-    streak = streak_motion(measurement)
-    if streak is None:
-        return 0.0
-    expected = moved.length_arcsec
-    cost, length = 0.0, streak.length_arcsec
-    if min(length, expected) > SHORTEST_WITH_DIRECTION_ARCSEC:
-        off_deg = axis_difference_deg(streak.axis_deg, moved.axis_deg)
-        if off_deg > DIRECTION_TOLERANCE_DEG:
-            return math.inf
-        across = expected * math.sin(math.radians(off_deg))
-        cost += (across / max(ACROSS_ARCSEC, ACROSS_SHARE * expected)) ** 2
-    if measurement.is_clipped:
-        return cost
-    shorter = expected - length
-    if not -LENGTH_TOLERANCE * expected - 10.0 < shorter < SHORTER_TOLERANCE * expected + 10.0:
-        return math.inf
-    return cost + (shorter / (LENGTH_SHARE * expected + 3.0)) ** 2
-
-
-def _motion_in_exposure(
-    first: Measurement, second: Measurement, exposure_s: float
-) -> Motion | None:
+def motion_in_exposure(first: Measurement, second: Measurement, exposure_s: float) -> Motion | None:
     """The displacement between two frames as it would be during one exposure."""
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
     if dt_s <= 0:

@@ -13,7 +13,7 @@ from rsoconsole.reasons import Missed, NotTaken, TrackLost
 from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, TrackState
 from rsoconsole.tracking import lqe
 from rsoconsole.tracking.acquire import first_state
-from rsoconsole.tracking.association import motion_between, paired
+from rsoconsole.tracking.association import motion_between
 from rsoconsole.tracking.following import (
     MAY_BE_FOLLOWED,
     FollowSettings,
@@ -21,6 +21,7 @@ from rsoconsole.tracking.following import (
     Tracked,
     three_sigma_deg,
 )
+from rsoconsole.tracking.pairing import paired
 from rsoconsole.tracking.takeover import Step
 
 ON_TRIAL = 1

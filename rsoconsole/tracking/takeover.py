@@ -16,7 +16,6 @@ from rsoconsole.tracking import estimator, lqe
 from rsoconsole.tracking.acquire import initiated
 from rsoconsole.tracking.association import (
     SHORTER_TOLERANCE,
-    agree,
     disagreement,
     motion_between,
 )
@@ -33,6 +32,7 @@ from rsoconsole.tracking.neighbours import (
     Field,
     Neighbour,
 )
+from rsoconsole.tracking.pairing import agree
 from rsoconsole.tracking.rivals import SURE_ODDS, RivalFilter, after_miss, odds
 from rsoconsole.tracking.streak_length import along_error_arcsec
 

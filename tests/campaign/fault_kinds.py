@@ -188,14 +188,14 @@ def slews_ignored(night: FaultNight, _row: Row) -> None:
 def abort_ignored(night: FaultNight, row: Row) -> None:
     """The mount passes over an abort: STOP sends another."""
     _mount(night, IGNORED_ABORTS=1)
-    night.stop(row, mount_answers=False)
+    night.stop(row, is_delayed=True)
     _mount(night, IGNORED_ABORTS=0)
 
 
 def tracking_returns(night: FaultNight, row: Row) -> None:
     """A driver that turns tracking off with every abort."""
     _mount(night, ABORT_ENDS_TRACKING=1)
-    night.stop(row, mount_answers=False)
+    night.stop(row, is_delayed=True)
     _mount(night, ABORT_ENDS_TRACKING=0)
 
 
