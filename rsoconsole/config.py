@@ -287,7 +287,7 @@ class FilterConfig(_Section):
     r_dec_multiplier: float = Field(1.0, gt=0, le=1e6)
     gate_nis: float = Field(11.83, gt=0, le=1e9)
     most_tracks: int = Field(
-        1,
+        12,
         ge=1,
         le=24,
         description="satellites followed at a time, by preset adaptive; 1: the lead alone",

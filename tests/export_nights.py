@@ -86,11 +86,17 @@ def plate(frame_id: int) -> Solution:
 
 
 def written_night(
-    folder: Path, *, frames: int = 14, clipped: tuple[int, ...] = (), about: Any = None
+    folder: Path,
+    *,
+    frames: int = 14,
+    clipped: tuple[int, ...] = (),
+    about: Any = None,
+    most_tracks: int = 1,
 ) -> SessionWriter:
     """A night that goes on: a stray beside what is followed in every frame, two frames missed."""
     config = Config.model_validate({"site": {"name": "Hügel <1>", "latitude_deg": 47.5}})
-    settings = FollowSettings(filter=config.filter, half_field_deg=0.6)
+    alone = config.filter.model_copy(update={"most_tracks": most_tracks})
+    settings = FollowSettings(filter=alone, half_field_deg=0.6)
     writer = SessionWriter.create(folder, config, {"title": "across 0h", **(about or {})})
     following = Following()
     for frame_id in range(1, frames + 1):

@@ -16,7 +16,7 @@ from rsoconsole.simulator.scenarios import elements_path
 from rsoconsole.sky.places import Places
 from rsoconsole.tracking.follow import follow
 from rsoconsole.tracking.following import Following, FollowSettings, Seen
-from rsoconsole.tracking.pattern import NO_PATTERN, after
+from rsoconsole.tracking.pattern import NO_PATTERN, Place, after
 from tests.seen_satellites import DAYTONA
 from tests.test_rivals import every_day
 
@@ -161,9 +161,10 @@ def test_the_way_from_one_to_another_knows_nothing_of_what_both_share() -> None:
         shown = {}
         for track, east_arcsec in ((1, 0.0), (2, 100.0 + 0.02 * k * CADENCE_S)):
             own = random.normal(0.0, 0.3, 2) / 3600.0
-            m = streak(0, SLOT[0], places((0.0,))[SLOT[0]], random)
             at = (10.0 + east_arcsec / 3600.0 + shared[0] + own[0], shared[1] + own[1])
-            shown[track] = (replace(m, ra_icrs_deg=at[0], dec_icrs_deg=at[1]), cov)
+            shown[track] = Place(
+                ra_icrs_deg=at[0], dec_icrs_deg=at[1], covariance=cov, rate_arcsec_s=np.zeros(2)
+            )
         pattern = after(pattern, (1, 2), shown, k * round(CADENCE_S * 1e9) + 1)
     found = pattern.way(1, 2, 30 * round(CADENCE_S * 1e9) + 1)
     assert found is not None

@@ -200,6 +200,16 @@ def test_a_streak_that_the_frame_cuts_is_not_sent(tmp_path: Path):
     assert epochs == {row.t_mid_utc_ns for row in rows if not row.is_clipped}
 
 
+def test_each_satellite_that_was_followed_has_its_segment(tmp_path: Path):
+    session = closed_night(tmp_path / "two", most_tracks=12)
+    night = read_night(session)
+    segments = parse_tdm(render(session, "tdm", ExportOptions())[0]).segments
+    assert [each.metadata["PARTICIPANT_2"] for each in segments] == ["UNKNOWN-1", "UNKNOWN-2"]
+    for number, segment in enumerate(segments, 1):
+        own = {row.t_mid_utc_ns for row in night.of_track(number)}
+        assert {angle.t_utc_ns for angle in segment.angles} == own
+
+
 def test_who_and_what_are_named(tmp_path: Path):
     session = closed_night(tmp_path / "named")
     plain = parse_tdm(render(session, "tdm", ExportOptions())[0])

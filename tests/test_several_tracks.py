@@ -30,9 +30,14 @@ from rsoconsole.tracking.follow import follow
 from rsoconsole.tracking.following import Following, Tracked
 from tests.made_up_night import taken
 from tests.makers import geo_measurement
-from tests.test_follow import SETTINGS, seen
+from tests.test_follow import SETTINGS as EVERY_DAY
+from tests.test_follow import seen
 from tests.test_orbit_online import GEO, config, every_frame, flight, measured_at
 
+SETTINGS = dataclasses.replace(
+    EVERY_DAY, filter=EVERY_DAY.filter.model_copy(update={"most_tracks": 1})
+)
+"""The tracks are given: no other begins."""
 LEAD_DEC, OTHER_DEC = -5.0, -5.2
 
 

@@ -294,7 +294,9 @@ class Walk:
 
     def _compared(self, frame: ReplayedFrame) -> ReplayedFrame:
         if not frame.is_alike:
-            self.is_another_night, self.orbits = True, {}
+            # Those of the frames before are of what is followed here, too.
+            orbits = self.orbits if self.is_another_night else frame.shown.orbits
+            self.is_another_night, self.orbits = True, orbits
         return frame
 
     def _hear_ruling(self, record: Ruling | FollowedAgain) -> None:

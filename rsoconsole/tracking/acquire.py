@@ -35,7 +35,7 @@ from rsoconsole.tracking.neighbours import (
     remembered,
 )
 from rsoconsole.tracking.pairing import paired
-from rsoconsole.tracking.pattern import NO_PATTERN, Pattern, learnt_error_arcsec, own_covariance
+from rsoconsole.tracking.pattern import NO_PATTERN, Pattern, Place, learnt_error_arcsec
 from rsoconsole.tracking.streak_length import along_error_arcsec, remembered_with
 
 AS_GOOD_AS_CERTAIN = 0.9
@@ -139,8 +139,8 @@ def _pattern_of(
         shown = {}
         for each, pair in zip(tracks, begun_with, strict=True):
             m, expected = pair[number], expected_motion(each.track, seen.exposure_s)
-            own = own_covariance(m, each.track, along_error_arcsec(m, expected))
-            shown[each.track.track_id] = (m, own)
+            along = along_error_arcsec(m, expected)
+            shown[each.track.track_id] = Place.of(m, each.track, along)
         found = patterns.after(found, alive, shown, begun_with[0][number].t_mid_utc_ns)
     return found
 

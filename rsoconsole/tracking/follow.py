@@ -43,7 +43,7 @@ from rsoconsole.tracking.following import (
 )
 from rsoconsole.tracking.gates import CANNOT_TELL, nis_of, refusals, updated_with, verdicts
 from rsoconsole.tracking.joint import Weighed, assigned
-from rsoconsole.tracking.pattern import Pattern, own_covariance
+from rsoconsole.tracking.pattern import Pattern, Place
 from rsoconsole.tracking.takeover import Step, cause_of, is_in_field, with_rivals
 
 ANOTHER_OBJECT_NIS = 100.0
@@ -167,7 +167,7 @@ def _with_company(  # noqa: PLR0917 -- one call, each argument a different thing
 def _pattern(before: Following, after: Following, seen: Seen) -> Pattern:
     """Where the tracks stand to each other after a frame."""
     shown = {
-        each.track.track_id: (each.taken, own_covariance(each.taken, each.track))
+        each.track.track_id: Place.of(each.taken, each.track)
         for each in after.tracks
         if each.taken is not None
         and each.taken.frame_id == seen.frame_id

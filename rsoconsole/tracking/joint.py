@@ -22,8 +22,13 @@ from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.tracking import adaptive, lqe
 from rsoconsole.tracking.association import motion_between
 from rsoconsole.tracking.gates import nis_of
-from rsoconsole.tracking.neighbours import NEAREST_ARCSEC
-from rsoconsole.tracking.pattern import NO_PATTERN, Pattern, own_covariance
+from rsoconsole.tracking.neighbours import NEAREST_ARCSEC, BoolArray
+from rsoconsole.tracking.pattern import (
+    NO_PATTERN,
+    OTHERWISE_ARCSEC_S,
+    Pattern,
+    own_covariance,
+)
 from rsoconsole.tracking.sky_path import Plane
 
 DETECTED = 0.9
@@ -83,6 +88,8 @@ class _Pairs:
     """(tracks, tracks, 2) from one to another, arcsec."""
     ways_covariance: FloatArray
     """(tracks, tracks, 2, 2)"""
+    is_otherwise: BoolArray
+    """(tracks, tracks) whether one moves otherwise than another."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,6 +139,8 @@ def _pairs(tracks: Sequence[Weighed], pattern: Pattern) -> _Pairs:
             alone[row, column] = nis_of(updated) + math.log(float(np.linalg.det(S)))
             own[row, column] = own_covariance(m, updated)
     ways, covariances = _ways(tracks, pattern, plane)
+    rates = np.array([lqe.sky_rate_arcsec_s(each.predicted) for each in tracks])
+    apart = np.linalg.norm(rates[:, None] - rates[None], axis=-1)
     return _Pairs(
         columns=columns,
         same=[_same(columns, column) for column in range(len(columns))],
@@ -140,6 +149,7 @@ def _pairs(tracks: Sequence[Weighed], pattern: Pattern) -> _Pairs:
         own=own,
         ways=ways,
         ways_covariance=covariances,
+        is_otherwise=apart >= OTHERWISE_ARCSEC_S,
     )
 
 
@@ -184,6 +194,8 @@ def _costs(pairs: _Pairs) -> list[FloatArray]:
             nis = np.einsum("tmi,tmij,tmj->tm", off, inverse, off)
             # One end behind a star or a cloud happens: tails as of Student's law, not of Gauss's.
             cost = (_FREEDOM + 2.0) * np.log1p(nis / _FREEDOM) + np.log(np.linalg.det(spread))
+            # Where one stands to another that moves otherwise says less than its own prediction.
+            cost = np.where(pairs.is_otherwise[row][:, None], pairs.alone, cost)
             cost[~may] = np.nan
             cost[row] = np.nan
             cost[row, column] = pairs.alone[row, column]

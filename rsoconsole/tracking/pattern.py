@@ -17,6 +17,8 @@ from rsoconsole.tracking.sky_path import Plane
 
 _RATE_ARCSEC_S = 0.5
 """One sigma of how fast one may move against another before two frames have shown it."""
+OTHERWISE_ARCSEC_S = 3.0 * _RATE_ARCSEC_S
+"""Faster by their own rates they are no members of one slot: those rates are believed."""
 _ACCELERATION_Q = 1e-9
 """White acceleration of that, arcsec^2/s^3: relative orbits, and tangent planes that turn."""
 _LEAST_ARCSEC = 0.5
@@ -34,6 +36,19 @@ class Pattern:
     """(N, N, 4): east, north and their rates."""
     covariances: FloatArray | None = None
     """(N, N, 4, 4)"""
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Pattern) or self.track_ids != other.track_ids:
+            return False
+        ours = (self.t_utc_ns, self.ways, self.covariances)
+        theirs = (other.t_utc_ns, other.ways, other.covariances)
+        return all(
+            one is another or (one is not None and another is not None and _is_same(one, another))
+            for one, another in zip(ours, theirs, strict=True)
+        )
+
+    def __hash__(self) -> int:
+        return hash(self.track_ids)
 
     def way(self, one: int, other: int, t_utc_ns: int) -> tuple[FloatArray, FloatArray] | None:
         """From a track to another at an instant: (2,) and covariance (2, 2); None: not known."""
@@ -63,20 +78,45 @@ class Pattern:
         return carry @ self.ways[i, j], carry @ self.covariances[i, j] @ carry.T + noise
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Place:
+    """What a frame has shown of one track."""
+
+    ra_icrs_deg: float
+    dec_icrs_deg: float
+    covariance: FloatArray
+    """(2, 2) of the place, arcsec^2, without what all of a frame share."""
+    rate_arcsec_s: FloatArray
+    """(2,) of the track, east and north."""
+
+    @classmethod
+    def of(cls, m: Measurement, track: TrackState, along_arcsec: float | None = None) -> "Place":
+        """Of the streak that a track has taken; ``along_arcsec`` as ``own_covariance`` has it."""
+        return cls(
+            ra_icrs_deg=m.ra_icrs_deg,
+            dec_icrs_deg=m.dec_icrs_deg,
+            covariance=own_covariance(m, track, along_arcsec),
+            rate_arcsec_s=np.array(lqe.sky_rate_arcsec_s(track)),
+        )
+
+
 NO_PATTERN = Pattern()
 """Of a field with fewer than two tracks."""
+
+
+def _is_same(one: FloatArray, other: FloatArray) -> bool:
+    return bool(np.array_equal(one, other))
 
 
 def after(
     before: Pattern,
     alive: Sequence[int],
-    seen: Mapping[int, tuple[Measurement, FloatArray]],
+    seen: Mapping[int, "Place"],
     t_utc_ns: int,
 ) -> Pattern:
     """The pattern of the tracks ``alive``, with what a frame has shown of them.
 
-    ``seen``: of each track its streak and the covariance (2, 2) of its place, arcsec^2, without
-    what all of a frame share.
+    ``seen``: what the frame has shown of each track.
     """
     if len(alive) < 2:
         return NO_PATTERN
@@ -84,10 +124,10 @@ def after(
     t, ways = np.zeros((number, number)), np.zeros((number, number, 4))
     covariances = np.zeros((number, number, 4, 4))
     first = next(iter(seen.values()), None)
-    plane = None if first is None else Plane.at(first[0].ra_icrs_deg, first[0].dec_icrs_deg)
+    plane = None if first is None else Plane.at(first.ra_icrs_deg, first.dec_icrs_deg)
     places = {
-        track: plane.place_of(m.ra_icrs_deg, m.dec_icrs_deg)
-        for track, (m, _) in seen.items()
+        track: plane.place_of(each.ra_icrs_deg, each.dec_icrs_deg)
+        for track, each in seen.items()
         if plane is not None
     }
     old = {track: k for k, track in enumerate(before.track_ids)}
@@ -97,8 +137,12 @@ def after(
                 continue
             if one in places and other in places:
                 way = places[other] - places[one]
-                R = seen[one][1] + seen[other][1]
-                mean, covariance = _taken(before, old.get(one), old.get(other), way, R, t_utc_ns)
+                R = seen[one].covariance + seen[other].covariance
+                rate = seen[other].rate_arcsec_s - seen[one].rate_arcsec_s
+                if float(np.hypot(*rate)) < OTHERWISE_ARCSEC_S:
+                    rate = np.zeros(2)
+                begun = np.concatenate([way, rate])
+                mean, covariance = _taken(before, old.get(one), old.get(other), begun, R, t_utc_ns)
                 at = float(t_utc_ns)
             elif one in old and other in old and before.t_utc_ns is not None:
                 a, b = old[one], old[other]
@@ -143,14 +187,14 @@ def learnt_error_arcsec(m: Measurement, track: TrackState) -> float:
 
 
 def _taken(  # noqa: PLR0917 -- one update, each argument a different thing
-    before: Pattern, i: int | None, j: int | None, way: FloatArray, R: FloatArray, t_utc_ns: int
+    before: Pattern, i: int | None, j: int | None, begun: FloatArray, R: FloatArray, t_utc_ns: int
 ) -> tuple[FloatArray, FloatArray]:
     if i is None or j is None or before.t_utc_ns is None or before.t_utc_ns[i, j] == 0.0:
         covariance = np.diag([0.0, 0.0, _RATE_ARCSEC_S**2, _RATE_ARCSEC_S**2])
         covariance[:2, :2] = R
-        return np.array([*way, 0.0, 0.0]), covariance
+        return begun, covariance
     mean, covariance = before.carried(i, j, t_utc_ns)
     gain = covariance[:, :2] @ np.linalg.inv(covariance[:2, :2] + R)
     left = np.eye(4)
     left[:, :2] -= gain
-    return mean + gain @ (way - mean[:2]), left @ covariance @ left.T + gain @ R @ gain.T
+    return mean + gain @ (begun[:2] - mean[:2]), left @ covariance @ left.T + gain @ R @ gain.T
