@@ -27,6 +27,7 @@ KEYS = {
     *("norad", "name", "detections", "visible_frames", "track_frames", "measured_rms_arcsec"),
     *("prediction_rms_arcsec", "identified", "false_measurements", "detected_after_lock"),
     *("tracked_after_lock", "inside_3sigma", "nis_mean", "whiteness", "longest_wrong"),
+    "swapped_frames",
 }
 
 

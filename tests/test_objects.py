@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.engine.objects import VISIBLE_SNR, is_on_a_streak, objects_figures
+from rsoconsole.engine.objects import VISIBLE_SNR, TrackStep, is_on_a_streak, objects_figures
 from rsoconsole.records import (
     CatalogueMatch,
     Detection,
@@ -26,6 +26,15 @@ class FakeFrame:
     predicted: TrackState | None = None
     updated: TrackState | None = None
     identified: Identified | None = None
+    beside: dict[int, TrackStep] = field(default_factory=dict)
+    """What other tracks made of it."""
+
+    @property
+    def steps(self) -> dict[int, TrackStep]:
+        if self.predicted is None and self.updated is None:
+            return self.beside
+        lead = TrackStep(True, self.predicted, self.updated, self.identified)
+        return {1: lead, **self.beside}
 
 
 def satellite(number: int, y_px: float, snr: float = 100.0, length_px: float = 120.0) -> dict:
@@ -172,6 +181,7 @@ def test_a_target_that_never_came_is_listed_with_nothing():
         "nis_mean": None,
         "whiteness": None,
         "longest_wrong": 0,
+        "swapped_frames": 0,
     }
 
 
@@ -183,6 +193,21 @@ def test_a_track_that_goes_over_to_a_neighbour_is_counted_in_frames():
     assert alpha["longest_wrong"] == 3
     assert (alpha["detected_after_lock"], alpha["tracked_after_lock"]) == (5, 2)
     assert alpha["false_measurements"] == 3
+
+
+def test_every_track_is_judged_by_what_it_began_with():
+    """The second track is on BETA, and takes ALPHA's streak in its last frame but one."""
+    views = followed_for(6)
+    for k, (frame, _) in enumerate(views):
+        updated = state("initial" if k == 0 else "updated", 500.0 if k == 4 else 560.0)
+        frame.beside[2] = TrackStep(
+            False, None if k == 0 else state("predicted", 560.0), replace(updated, track_id=2)
+        )
+    alpha, beta = objects_figures(views, {ALPHA: "ALPHA"})
+    assert (alpha["tracked_after_lock"], alpha["swapped_frames"]) == (5, 0)
+    assert (beta["detected_after_lock"], beta["tracked_after_lock"]) == (5, 4)
+    assert (beta["track_frames"], beta["swapped_frames"]) == (5, 1)
+    assert (alpha["longest_wrong"], beta["longest_wrong"]) == (0, 0)
 
 
 @pytest.mark.parametrize(("sigma_arcsec", "inside"), [(1.0, 0.0), (1.5, 1.0)])

@@ -23,14 +23,25 @@ BESIDE_FWHM = 4.0
 """How far beside a true streak something may lie and be of it, in widths of the frame's stars."""
 
 
+@dataclass(slots=True)
+class TrackStep:
+    """What one track made of one exposure."""
+
+    is_lead: bool = True
+    predicted: TrackState | None = None
+    updated: TrackState | None = None
+    identified: Identified | None = None
+
+
 class JudgedFrame(Protocol):
     """What the session says of one exposure."""
 
     measurements: list[Measurement]
     detections: list[Detection]
-    predicted: TrackState | None
-    updated: TrackState | None
-    identified: Identified | None
+
+    @property
+    def steps(self) -> Mapping[int, TrackStep]:
+        """By track id."""
 
 
 @dataclass(slots=True)
@@ -53,6 +64,7 @@ class _Tally:
     """Each in its own sigmas, east and north."""
     wrong_in_a_row: int = 0
     longest_wrong: int = 0
+    swapped_frames: int = 0
 
 
 def objects_figures(
@@ -62,7 +74,8 @@ def objects_figures(
 
     ``views``: each frame with its exposure's truth. ``detections``: frames in which a streak of
     the object was detected. ``visible_frames``: its place at mid-exposure lies in the field, and
-    its integrated SNR is at least ``VISIBLE_SNR``. ``track_frames``: a track took its measurement.
+    its integrated SNR is at least ``VISIBLE_SNR``. A track is on the object that it began with.
+    ``track_frames``: such a track took its measurement.
     ``measured_rms_arcsec``: of all its measurements, those of clipped streaks across them alone.
     ``prediction_rms_arcsec``: one step ahead, of the track that followed it. ``identified``:
     whether the last name given to that track is right; None where none was given.
@@ -72,7 +85,8 @@ def objects_figures(
     truth, by a clock that is always late by as much as this one, lay inside the 3-sigma ellipse of
     the prediction. ``nis_mean`` and ``whiteness`` (lag-one
     correlation of the innovations in their sigmas; sound within 2 / sqrt(n)). ``longest_wrong``:
-    visible frames in a row in which the track took something else than what was locked first.
+    visible frames in a row in which the lead took something else than what was locked first.
+    ``swapped_frames``: those in which the object's track took another object's streak.
     """
     judge = _Judge({number: _Tally(name) for number, name in targets.items()})
     for frame, truth in views:
@@ -82,11 +96,11 @@ def objects_figures(
 
 @dataclass(slots=True)
 class _Judge:
-    """Which object each frame's streaks are of, and what the track made of them."""
+    """Which object each frame's streaks are of, and what the tracks made of them."""
 
     tallies: dict[int, _Tally]
-    followed: int | None = None
-    """Catalogue number of what the track is on."""
+    followed: dict[int, int] = field(default_factory=dict)
+    """By track: catalogue number of what it is on."""
     first: int | None = None
     """Of what was locked first."""
 
@@ -95,17 +109,27 @@ class _Judge:
         there = {each["norad_id"]: each for each in truth.get("satellites", ()) if _is_told(each)}
         width_px = BESIDE_FWHM * float(truth.get("fwhm_px", 0.0))
         seen = self._count(frame, there, width_px)
-        followed = self.followed
-        if followed is not None:
-            tally = self._of(followed, there) if followed in there else None
-            _judge_prediction(tally, frame, there, followed, truth.get("always_late_ns", 0))
-        is_tracked = self._judge_taken(frame, there, width_px)
-        if followed is not None and followed in seen:
-            self.tallies[followed].detected_after_lock += 1
-            self.tallies[followed].tracked_after_lock += is_tracked
-        followed = self.followed
-        if frame.identified is not None and followed is not None and followed in self.tallies:
-            self.tallies[followed].identified = _is_right(frame.identified, followed)
+        late_ns, taken_by = truth.get("always_late_ns", 0), dict[int, int | None]()
+        before = {self.followed[n] for n in frame.steps if n in self.followed}
+        for track_id, step in frame.steps.items():
+            on = self.followed.get(track_id)
+            if on is not None and on in there:
+                _judge_prediction(self._of(on, there), step, there[on], late_ns)
+            taken = _taken(frame, step)
+            if taken is not None:
+                number = _object_at(taken.x_px, taken.y_px, there, width_px)
+                taken_by[track_id] = number
+                self._judge_taken(track_id, step, number, there)
+        for number in before & seen:
+            self.tallies[number].detected_after_lock += 1
+            self.tallies[number].tracked_after_lock += any(
+                taken == number == self.followed.get(n) for n, taken in taken_by.items()
+            )
+        self._judge_lead(frame, there, taken_by)
+        for track_id, step in frame.steps.items():
+            on = self.followed.get(track_id)
+            if step.identified is not None and on is not None and on in self.tallies:
+                self.tallies[on].identified = _is_right(step.identified, on)
 
     def _of(self, number: int, there: Mapping[int, Mapping[str, Any]]) -> _Tally:
         return self.tallies.setdefault(number, _Tally(str(there[number]["name"])))
@@ -129,24 +153,41 @@ class _Judge:
         return seen
 
     def _judge_taken(
-        self, frame: JudgedFrame, there: Mapping[int, Mapping[str, Any]], width_px: float
-    ) -> bool:
-        """Whether the track took what it is on."""
-        taken, number, is_tracked = taken_of(frame), None, False
-        if frame.updated is not None and taken is not None:
-            number = _object_at(taken.x_px, taken.y_px, there, width_px)
-            if frame.updated.kind == "initial" or self.followed is None:
-                self.followed = number
-            is_tracked = number is not None and number == self.followed
-            if is_tracked and number is not None:
-                self._of(number, there).track_frames += 1
-            elif self.followed is not None:
-                self.tallies[self.followed].false_measurements += 1
-            self.first = self.followed if self.first is None else self.first
+        self,
+        track_id: int,
+        step: TrackStep,
+        number: int | None,
+        there: Mapping[int, Mapping[str, Any]],
+    ) -> None:
+        """Whether a track took what it is on."""
+        is_new = step.updated is not None and step.updated.kind == "initial"
+        if number is not None and (is_new or track_id not in self.followed):
+            self.followed[track_id] = number
+        elif is_new:
+            self.followed.pop(track_id, None)
+        on = self.followed.get(track_id)
+        if on is None:
+            return
+        if number == on:
+            self._of(on, there).track_frames += 1
+        else:
+            self.tallies[on].false_measurements += 1
+            self.tallies[on].swapped_frames += number is not None
+
+    def _judge_lead(
+        self,
+        frame: JudgedFrame,
+        there: Mapping[int, Mapping[str, Any]],
+        taken_by: Mapping[int, int | None],
+    ) -> None:
+        """Whether what leads is what was locked first."""
+        lead = _lead_of(frame)
+        if lead is None:
+            return
+        self.first = self.followed.get(lead) if self.first is None else self.first
         if self.first is not None and self.first in there and there[self.first]["is_in_frame"]:
-            is_wrong = taken is not None and number != self.first
+            is_wrong = lead in taken_by and taken_by[lead] != self.first
             _judge_theft(self._of(self.first, there), is_wrong)
-        return is_tracked
 
 
 def _is_told(satellite: Mapping[str, Any]) -> bool:
@@ -222,20 +263,14 @@ def _error_arcsec(measurement: Measurement, true: Mapping[str, Any]) -> float | 
 
 
 def _judge_prediction(
-    tally: _Tally | None,
-    frame: JudgedFrame,
-    there: Mapping[int, Mapping[str, Any]],
-    followed: int,
-    always_late_ns: int,
+    tally: _Tally, step: TrackStep, true: Mapping[str, Any], always_late_ns: int
 ) -> None:
     """One step ahead, where the object was in the frame."""
-    predicted = frame.predicted
-    if tally is None or predicted is None or not there[followed]["is_in_frame"]:
+    predicted, updated = step.predicted, step.updated
+    if predicted is None or not true["is_in_frame"]:
         return
-    true = there[followed]
     if true["snr_integrated"] >= VISIBLE_SNR:
         _judge_bounds(tally, predicted, true, always_late_ns)
-    updated = frame.updated
     if updated is not None and updated.nis is not None and updated.sigma_innovation_arcsec:
         tally.nis.append(updated.nis)
         east, north = updated.innovation_arcsec or (0.0, 0.0)
@@ -277,8 +312,18 @@ def _lag_one(innovations: Sequence[tuple[float, float]]) -> float | None:
 
 
 def taken_of(frame: JudgedFrame) -> Measurement | None:
-    """The measurement that the track took; None where it took none."""
-    named = None if frame.updated is None else frame.updated.measurement_id
+    """The measurement that the lead took; None where it took none."""
+    lead = _lead_of(frame)
+    return None if lead is None else _taken(frame, frame.steps[lead])
+
+
+def _lead_of(frame: JudgedFrame) -> int | None:
+    """Where one takes over from another, both lead in that frame: the later one does."""
+    return next((n for n in reversed(list(frame.steps)) if frame.steps[n].is_lead), None)
+
+
+def _taken(frame: JudgedFrame, step: TrackStep) -> Measurement | None:
+    named = None if step.updated is None else step.updated.measurement_id
     return next((m for m in frame.measurements if m.measurement_id == named), None)
 
 
@@ -305,6 +350,7 @@ def _figures(number: int, tally: _Tally) -> dict[str, Any]:
         "nis_mean": statistics.fmean(tally.nis) if tally.nis else None,
         "whiteness": _lag_one(tally.innovations),
         "longest_wrong": tally.longest_wrong,
+        "swapped_frames": tally.swapped_frames,
     }
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, assert_never
 
 from rsoconsole.engine.objects import (
+    TrackStep,
     is_on_a_streak,
     objects_figures,
     offset_arcsec,
@@ -55,10 +56,23 @@ class _Frame:
     state: str = "SEARCH"
     measurements: list[Measurement] = field(default_factory=list)
     detections: list[Detection] = field(default_factory=list)
-    identified: Identified | None = None
-    predicted: TrackState | None = None
-    updated: TrackState | None = None
+    steps: dict[int, TrackStep] = field(default_factory=dict)
+    """By track id."""
     refused_nis: list[tuple[Measurement, float]] = field(default_factory=list)
+
+    @property
+    def predicted(self) -> TrackState | None:
+        """The lead's."""
+        return None if self._lead is None else self._lead.predicted
+
+    @property
+    def updated(self) -> TrackState | None:
+        """The lead's."""
+        return None if self._lead is None else self._lead.updated
+
+    @property
+    def _lead(self) -> TrackStep | None:
+        return next((step for step in reversed(self.steps.values()) if step.is_lead), None)
 
 
 class _Tally:
@@ -119,13 +133,14 @@ class _Tally:
         self.frames[record.frame_id].measurements.append(record)
 
     def _track_state(self, record: TrackState) -> None:
-        if not record.is_lead:
-            return
-        self._lead_id = record.track_id
+        step = self.frames[record.frame_id].steps.setdefault(record.track_id, TrackStep())
+        step.is_lead = record.is_lead
+        if record.is_lead:
+            self._lead_id = record.track_id
         if record.kind == "predicted":
-            self.frames[record.frame_id].predicted = record
+            step.predicted = record
         else:
-            self.frames[record.frame_id].updated = record
+            step.updated = record
 
     def _not_followed(self, record: NotFollowed) -> None:
         if record.nis is not None:
@@ -139,7 +154,7 @@ class _Tally:
         # By the operator's word: what was made of the frame before counts no more.
         self.missed.pop(record.frame_id, None)
         frame = self.frames[record.frame_id]
-        frame.predicted = frame.updated = None
+        frame.steps.clear()
         frame.refused_nis.clear()
 
     def _state_change(self, record: StateChange) -> None:
@@ -154,10 +169,11 @@ class _Tally:
             self.orbit = record
 
     def _identified(self, record: Identified) -> None:
-        if record.track_id != self._lead_id:
-            return
-        self.identified = record
-        self.frames[record.frame_id].identified = record
+        if record.track_id == self._lead_id:
+            self.identified = record
+        step = self.frames[record.frame_id].steps.get(record.track_id)
+        if step is not None:
+            step.identified = record
 
     def _cycle_timing(self, record: CycleTiming) -> None:
         self.timings.append(record)
