@@ -345,8 +345,13 @@ class SearchConfig(_Section):
 
 
 class AimConfig(_Section):
-    """Where the telescope looks beside a track's prediction: what one sets by hand for a while."""
+    """Where the telescope looks: at which of several tracks, and how far beside the prediction."""
 
+    policy: Literal["lead", "most", "group"] = Field(
+        "lead",
+        description="of several satellites in the field: the lead in the middle, as many as"
+        " possible, or all as long as they fit; preset paper looks at the lead",
+    )
     lead_s: float = Field(
         0.0, ge=-600, le=600, description="ahead of the prediction, in time; below 0 behind it"
     )
@@ -354,6 +359,11 @@ class AimConfig(_Section):
     across_arcmin: float = Field(
         0.0, ge=-120, le=120, description="offset to the left of the motion, seen on the sky"
     )
+
+    @property
+    def is_offset(self) -> bool:
+        """Whether it looks beside the prediction by hand."""
+        return any((self.lead_s, self.along_arcmin, self.across_arcmin))
 
 
 class OrbitConfig(_Section):

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from rsoconsole.config import AimConfig, Config
+from rsoconsole.config import Config
 from rsoconsole.engine.guide import Guide
 from rsoconsole.engine.hands import NS
 from rsoconsole.engine.search import Direction, Search
@@ -15,6 +15,7 @@ from rsoconsole.pipeline.aim import (
     side_at_arrival,
     slew_to,
 )
+from rsoconsole.pipeline.group_aim import group_direction
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Frame, SlewCommand, Solution
 from rsoconsole.sky.angles import wrap_180
@@ -292,11 +293,13 @@ class Planner:
         config = self._config
         if following.track is not None:
             by_orbit = None if self._guide is None else self._guide.of_track(t_mid_ns)
-            if by_orbit is not None:
-                return by_orbit, "orbit, offset by hand" if config.aim != AimConfig() else "orbit"
-            direction = follow_direction(following.track, t_mid_ns, config.filter, config.aim)
-            is_beside = config.aim != AimConfig()
-            return direction, "prediction, offset by hand" if is_beside else "prediction"
+            by_filter = follow_direction(following.track, t_mid_ns, config.filter, config.aim)
+            direction, reason = (
+                (by_filter, "prediction") if by_orbit is None else (by_orbit, "orbit")
+            )
+            if config.aim.is_offset:
+                return direction, f"{reason}, offset by hand"
+            return self._among(following, direction, t_mid_ns, reason)
         if self._is_waiting and not self._search.is_here and self._guide is not None:
             by_orbit = self._guide.of_lost(t_mid_ns)
             if by_orbit is not None:
@@ -304,6 +307,25 @@ class Planner:
         return self._search.direction(
             search_number, t_mid_ns, is_waiting=following.state == "ACQUIRE"
         )
+
+    def _among(
+        self, following: Following, lead: Direction, t_mid_ns: int, reason: str
+    ) -> tuple[Direction, str]:
+        """Where to look for all that is followed, the lead being there."""
+        config = self._config
+        policy, tracks = config.aim.policy, [each.track for each in following.tracks]
+        if policy == "lead" or config.filter.preset == "paper" or len(tracks) < 2:
+            return lead, reason
+        direction, inside = group_direction(
+            tracks,
+            lead,
+            t_mid_ns,
+            policy,
+            field_deg=config.optics.field_deg,
+            exposure_s=config.exposure.exposure_s,
+            settings=config.filter,
+        )
+        return direction, f"{reason}, {inside} of {len(tracks)} in the field"
 
     def command(self, slew: SlewCommand) -> Direction:
         """What to tell the mount so that it looks where the slew wants."""

@@ -30,6 +30,7 @@ TUNABLE = {
     "orbit.wait_min",
     "mount.meridian",
     "mount.after_stop",
+    "aim.policy",
     "aim.lead_s",
     "aim.along_arcmin",
     "aim.across_arcmin",
