@@ -15,7 +15,7 @@ from rsoconsole.config import Config
 from rsoconsole.engine import doctor, doctor_system
 from rsoconsole.engine.doctor_system import ClockReading, Terminal, colours_of
 from rsoconsole.engine.retention import disk_outlook
-from rsoconsole.instruments.clock import SystemClock
+from rsoconsole.instruments.clock import utc_now_ns
 from rsoconsole.sky.times import iso_to_utc_ns
 
 SITE_WORDS = b"""
@@ -66,16 +66,12 @@ def test_element_files_are_read_and_old_ones_told(
     belt = Path(doctor.__file__).parents[1] / "simulator" / "data" / "belt_20230622.tle"
     config = config_with(catalogue={"tle_files": [str(belt)]})
     assert "no element files" in doctor.check_catalogue(config_with()).detail
-    monkeypatch.setattr(
-        doctor.SystemClock, "now_utc_ns", lambda _: iso_to_utc_ns("2023-06-24T00:00:00Z")
-    )
+    monkeypatch.setattr(doctor, "utc_now_ns", lambda: iso_to_utc_ns("2023-06-24T00:00:00Z"))
     fresh = doctor.check_catalogue(config)
     assert (fresh.ok, fresh.remedy) == (True, "")
     objects = sum(line.startswith("1 ") for line in belt.read_text().splitlines())
     assert fresh.detail.startswith(f"{objects} objects, half of their elements younger than ")
-    monkeypatch.setattr(
-        doctor.SystemClock, "now_utc_ns", lambda _: iso_to_utc_ns("2023-09-24T00:00:00Z")
-    )
+    monkeypatch.setattr(doctor, "utc_now_ns", lambda: iso_to_utc_ns("2023-09-24T00:00:00Z"))
     stale = doctor.check_catalogue(config)
     assert stale.ok is None
     assert "fetch fresh ones" in stale.remedy
@@ -288,7 +284,7 @@ def test_a_disk_too_small_for_the_night_is_told(
 def test_a_disk_that_will_soon_be_full_is_told_while_there_is_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    night = disk_outlook(Config(), 0, SystemClock().now_utc_ns()).bytes_a_night
+    night = disk_outlook(Config(), 0, utc_now_ns()).bytes_a_night
     monkeypatch.setattr(doctor_system, "free_bytes", lambda _: 2 * night)
     check = doctor.check_disk(Config())
     assert check.ok is True

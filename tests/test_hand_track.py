@@ -184,6 +184,19 @@ def test_a_frame_that_was_not_solved_says_so_before_anything_is_made_of_it():
     assert "not solved" in outcome.message
 
 
+def test_a_mark_that_replaces_nothing_does_not_say_so_on_record():
+    r = rig(set(), CONFIG)
+    r.camera.__class__ = WideCamera
+    r.engine.arm()
+    r.engine.run(frames=3)
+    ends = {"x_a": 1.0, "y_a": 1.0, "x_b": 9.0, "y_b": 1.0, "frame": 3}
+    assert say(r, "mark", **ends).ok
+    assert say(r, "mark", replaces=True, **ends).ok
+    said = [a.arguments for a in r.memory.of(OperatorAction) if a.verb == "mark"]
+    # Each is there twice: as it was accepted, and with what came of it.
+    assert [arguments.get("replaces") for arguments in said] == [None, None, True, True]
+
+
 def test_a_rough_mark_asks_before_it_replaces_a_better_measurement():
     r = rig({*range(1, 9)}, CONFIG)
     r.camera.__class__ = WideCamera

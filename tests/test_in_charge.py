@@ -283,6 +283,57 @@ def test_bad_weather_stops_and_parks_and_nothing_resumes_by_itself(report, word)
     assert len(r.memory.of(FrameTaken)) == 2
 
 
+@pytest.mark.parametrize("taken_by", ["disarm", "goto"])
+@pytest.mark.parametrize(
+    ("report", "word"),
+    [
+        (SkyReport(weather="alert", dome="open", detail="rain"), "rain"),
+        (SkyReport(weather="ok", dome="closed"), "closed"),
+        (None, "the Sun stands at"),
+    ],
+)
+def test_resume_is_no_way_round_dome_weather_and_daylight(report, word, taken_by):
+    config = Config.model_validate({"indi": {"weather": "Station", "dome": "Dome"}})
+    station = Weather()
+    r = rig(set(range(1, 60)), config, guard=station)
+    r.engine.arm()
+    r.engine.run(frames=6)
+    assert r.engine.charge.state == "TRACK"
+    arguments = {"ra_icrs_deg": BESIDE[0], "dec_icrs_deg": BESIDE[1]} if taken_by == "goto" else {}
+    assert desk_of(r).handle(asked(taken_by, arguments)).ok
+    r.engine._execute_commands()
+    assert r.engine.charge.is_resumable
+    if report is None:
+        r.clock.t_utc_ns = T0_UTC_NS + 8 * 3600 * NS
+    else:
+        station.report = report
+    slews = len(r.mount.slews)
+    answer = told(desk_of(r), "resume", {})
+    assert not answer.ok
+    assert word in answer.message
+    # The loop, too, which comes to it later.
+    with pytest.raises(ValueError, match=word):
+        r.engine.resume("operator")
+    assert not r.engine.charge.is_autonomous
+    assert (len(r.mount.slews), r.mount.is_parked) == (slews, False)
+
+
+def test_no_slew_s_seconds_are_counted_while_the_mount_parks():
+    r = rig(set())
+    r.engine.arm()
+    r.engine.run(frames=3)
+    plain = r.mount.report
+
+    def report(not_before_utc_ns: int | None = None, timeout_s: float = 10.0) -> MountReport:
+        return dataclasses.replace(plain(), is_slewing=True)
+
+    r.mount.report = report  # type: ignore[method-assign]
+    r.engine.watch.last_report = report()
+    assert r.engine.status().slew_left_s is not None
+    r.engine.hands.order_park()
+    assert r.engine.status().slew_left_s is None
+
+
 def test_dawn_ends_the_night():
     r = rig(set())
     r.engine.arm()

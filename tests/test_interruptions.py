@@ -8,6 +8,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.engine.frame_times import FrameTimes
+from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import ClockFault, SlewEnd
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.records import Event, Frame, FrameTaken, SlewCommand, StateChange, TrackState
@@ -301,6 +302,105 @@ def test_an_idle_engine_only_says_how_the_mount_stands():
     r.engine.run()
     assert r.mount.slews == []
     assert any("as it was left" in text for text in said(r, "info"))
+
+
+def in_an_idle_engine(
+    r: Rig, *, until: Callable[[], bool] = lambda: False, turns: int = 12
+) -> None:
+    """Let it live for some seconds, and end it there."""
+    wait, ticks = r.clock.wait_until, [0]
+
+    def leave(t_utc_ns: int) -> bool:
+        ticks[0] += 1
+        if ticks[0] > turns or until():
+            r.queue.request_shutdown()
+        return wait(t_utc_ns)
+
+    r.clock.wait_until = leave  # type: ignore[method-assign]
+    r.engine.run()
+
+
+def test_a_disarmed_engine_beside_a_mount_that_is_off_stays_idle_and_parks_nothing():
+    """The machine slept, the mount is off; at dawn it is on again, and nobody asked for it."""
+    r = rig(set())
+    r.engine.arm()
+    r.engine.run(frames=2)
+    assert desk_of(r).handle(asked("disarm")).ok
+    silent = [True]
+    plain = r.mount.report
+
+    def report(not_before_utc_ns: int | None = None, timeout_s: float = 10.0) -> Any:
+        if silent[0]:
+            raise InstrumentError("the mount is silent: check its power")
+        return plain(not_before_utc_ns, timeout_s)
+
+    r.mount.report = report  # type: ignore[method-assign]
+    r.clock.faults.append(MINUTE)
+    in_an_idle_engine(r, turns=6)
+    assert "FAULT" not in states(r)
+    assert sum("how the mount stands" in words for words in said(r)) == 1
+    assert not r.engine.charge.is_responsible
+    silent[0] = False
+    r.queue._is_shutdown = False
+    r.clock.t_utc_ns += 8 * 3600 * NS
+    in_an_idle_engine(r, until=lambda: r.mount.is_parked)
+    assert not r.mount.is_parked
+    assert "FAULT" not in states(r)
+
+
+def test_a_mount_that_stands_below_a_limit_after_a_pause_is_left_standing():
+    r = rig(set())
+    r.mount.at_deg = altaz_to_icrs(SITE, 5.0, 180.0, r.clock.t_utc_ns)
+    r.mount.is_tracking = False
+    r.clock.faults.append(MINUTE)
+    in_an_idle_engine(r, turns=5)
+    assert not any("after nobody watched the mount" in words for words in said(r))
+    assert any(
+        "the mount stands still at altitude 5" in text and "within its limits" not in text
+        for text in said(r, "info")
+    )
+
+
+def test_a_clock_that_has_moved_while_it_ran_wrong_ends_what_is_followed():
+    r = rig(set(range(1, 60)))
+    sky = TrueSky(r)
+    r.engine.arm()
+    r.engine.run(frames=8)
+    set_clock(r, sky, 0.3, is_found=False)
+    r.clock.faults += [
+        ClockFault(kind="runs wrong", seconds=0.2, rate=1.2),
+        ClockFault(kind="runs right", seconds=0.3),
+    ]
+    r.engine.run(frames=16)
+    before = {each.track_id for each in r.memory.of(TrackState) if each.frame_id <= 8}
+    after = {each.track_id for each in r.memory.of(TrackState) if each.frame_id > 8}
+    assert after
+    assert not after & before
+    assert "clock set" in {change.reason.kind for change in r.memory.of(StateChange)}
+    assert worst_innovation_arcsec(r, 9) < ONE_ARCSEC
+
+
+def test_a_clock_that_runs_right_where_it_was_keeps_what_is_followed():
+    r = rig(set(range(1, 60)))
+    r.engine.arm()
+    r.engine.run(frames=8)
+    r.clock.faults += [
+        ClockFault(kind="runs wrong", seconds=0.2, rate=1.2),
+        ClockFault(kind="runs right", seconds=0.02),
+    ]
+    r.engine.run(frames=16)
+    assert {each.track_id for each in r.memory.of(TrackState)} == {1}
+
+
+def test_a_slew_that_its_own_process_ended_is_no_fault_of_the_clock():
+    r = rig(set())
+    r.engine.arm()
+    r.engine.run(frames=2)
+    r.clock.faults.append(MINUTE)
+    r.mount.slew_end = ENDED
+    r.engine.run(frames=4)
+    (ended,) = (each for each in r.memory.of(Event) if "its lease" in each.text)
+    assert ended.topic == ""
 
 
 # ---- the camera's own time -----------------------------------------------------------------

@@ -61,6 +61,8 @@ HAPPENINGS = [
 
 def charge_in(state: LoopState, **more: Any) -> Charge:
     tracks = (Tracked(track=TRACK_STATE),) if state in ("TRACK", "COAST") else ()
+    # A FAULT of this table is one that took the mount from autonomy.
+    more = {"was_autonomous": state == "FAULT", **more}
     return Charge(following=Following(state=state, tracks=tracks), **more)
 
 
@@ -221,3 +223,21 @@ def test_a_stop_that_is_not_confirmed_is_a_fault_and_moves_nothing(state):
     assert step(unsure.charge, NightEnded(words="rain", parks=True)).charge.state == "FAULT"
     assert step(unsure.charge, Stopped(by=YOU)).charge.state == "IDLE"
     assert step(unsure.charge, Armed(by=YOU)).charge.is_responsible
+
+
+@pytest.mark.parametrize("state", ["IDLE", "MANUAL"])
+def test_a_fault_without_autonomy_leaves_the_mount_to_its_operator(state):
+    fault = step(charge_in(state), Failed(words="camera", is_final=True)).charge
+    assert fault.state == "FAULT"
+    # Neither dawn nor rain parks what nobody gave to autonomy.
+    ended = step(fault, NightEnded(words="rain", parks=True))
+    assert (ended.charge.state, ended.actions) == ("FAULT", ())
+
+
+def test_a_fault_that_took_the_mount_from_autonomy_is_parked_when_the_night_ends():
+    for happening in (Failed(words="camera", is_final=True), LimitMet(words="altitude")):
+        charge = Charge(following=Following(state="SEARCH"), failures=FAILURES_IN_A_ROW)
+        fault = step(charge, happening).charge
+        ended = step(fault, NightEnded(words="rain", parks=True))
+        assert (fault.state, ended.charge.state) == ("FAULT", "IDLE")
+        assert ended.actions == ("abort", "park")

@@ -21,7 +21,7 @@ def run_bench(config: Config, *, json_: bool) -> None:
     from rsoconsole.engine.identity import identity, load_share
     from rsoconsole.engine.machine import read_machine, troubles_of
     from rsoconsole.engine.medium import medium_of
-    from rsoconsole.instruments.clock import SystemClock
+    from rsoconsole.instruments.clock import utc_now_ns
 
     here, busy, before = identity(), load_share(), read_machine()
     medium = medium_of(config.session.root)
@@ -29,7 +29,7 @@ def run_bench(config: Config, *, json_: bool) -> None:
     fits = draw_fits(config)
     result = measure(config, fits, tell=output.complain)
     after = read_machine()
-    verdict = judge(config, result, free_bytes(config.session.root), SystemClock().now_utc_ns())
+    verdict = judge(config, result, free_bytes(config.session.root), utc_now_ns())
     notes = list(result.notes)
     if busy > BUSY_SHARE:
         notes.append(f"other programs had {busy:.0%} of the cores when it began: repeat it alone")

@@ -17,7 +17,7 @@ from rsoconsole.engine.doctor_check import Check
 from rsoconsole.engine.retention import DISK_REMEDY, disk_outlook
 from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.indi_port import indi_port_option
-from rsoconsole.instruments.clock import SystemClock
+from rsoconsole.instruments.clock import utc_now_ns
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.times import NS_PER_DAY
@@ -214,7 +214,7 @@ def check_catalogue(config: Config) -> Check:
         entries = read_catalogue(files)
     except RsoconsoleError as error:
         return Check(check=name, ok=False, detail=str(error), remedy=f"{fetch}, or mend the path")
-    now_utc_ns = SystemClock().now_utc_ns()
+    now_utc_ns = utc_now_ns()
     newest = {each.norad_id: each.epoch_utc_ns for each in sorted(entries, key=_epoch)}
     ages_days = sorted((now_utc_ns - epoch) / NS_PER_DAY for epoch in newest.values())
     middle_days = ages_days[len(ages_days) // 2]
@@ -335,7 +335,7 @@ def check_clock() -> Check:
 
 def check_disk(config: Config) -> Check:
     """The disk has room for the coming night; told before it runs short."""
-    now_utc_ns = SystemClock().now_utc_ns()
+    now_utc_ns = utc_now_ns()
     free_bytes = doctor_system.free_bytes(config.session.root)
     outlook = disk_outlook(config, free_bytes, now_utc_ns)
     detail = (

@@ -13,7 +13,7 @@ from rsoconsole.engine.machine import (
 from rsoconsole.engine.medium import Medium, medium_of
 from rsoconsole.engine.retention import disk_outlook
 from rsoconsole.engine.time_source import TimeSource, read_time_source
-from rsoconsole.instruments.clock import SystemClock
+from rsoconsole.instruments.clock import utc_now_ns
 
 WORN_PERCENT = 80
 _NOT_TOLD = {
@@ -70,7 +70,7 @@ def check_medium(config: Config, medium: Medium | None = None) -> Check:
     """The nights are written to something that bears it: a card wears out, and is slow."""
     name, root = "recording medium", config.session.root
     found = medium_of(root) if medium is None else medium
-    now_utc_ns = SystemClock().now_utc_ns()
+    now_utc_ns = utc_now_ns()
     need = disk_outlook(config, doctor_system.free_bytes(root), now_utc_ns).bytes_a_night
     device = f" {found.device}" if found.device else ""
     parts = [f"{found.kind}{device}", f"a night writes up to {need / 1e6:.0f} MB"]

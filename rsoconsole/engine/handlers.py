@@ -53,6 +53,9 @@ class Control(Protocol):
     def resume(self, by: str) -> None:
         """Give it back, or follow again what was ended. Raises ValueError where that cannot be."""
 
+    def expect_night(self) -> None:
+        """Raises ValueError where dome, weather or daylight would end the night at once."""
+
     def park(self, by: str) -> None:
         """Disarm and send the mount to its park position."""
 

@@ -92,6 +92,11 @@ class Hands:
         self.instruments.mount.slew(ra_icrs_deg, dec_icrs_deg, now_ns)
         self.sent = (ra_icrs_deg, dec_icrs_deg), now_ns
 
+    def order_park(self) -> None:
+        """Send the mount to its park position and return at once."""
+        self.sent = None
+        self.instruments.mount.park()
+
     def wait_for_arrival(self, ra_icrs_deg: float, dec_icrs_deg: float) -> MountReport:
         """Wait for the mount's arrival by read-back, then for it to settle.
 

@@ -12,9 +12,10 @@ from rsoconsole.engine.by_hand import ByHand, Parts
 from rsoconsole.engine.handlers import Control
 from rsoconsole.engine.states import ClockSet
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.clock_watch import LEAST_STEP_S
 from rsoconsole.instruments.ports import ClockFault, MountReport, SlewEnd
+from rsoconsole.records import Topic
 from rsoconsole.sky.frames import icrs_to_altaz
-from rsoconsole.sky.limits import Pose
 
 NS = 1_000_000_000
 SETTLED_NS = NS
@@ -69,13 +70,22 @@ class Interruptions:
                 self._forget()
             case "runs right":
                 self._note(f"ran wrong, {fault.seconds:+.1f} s in all")
-                self._say(
-                    "warning",
-                    f"this machine's clock runs right again, {fault.seconds:+.1f} s from where it"
-                    " was: times on record in between are off by up to that",
-                )
+                self._runs_right(fault)
             case "slept" | "stood still":
                 self._stood_still(fault)
+
+    def _runs_right(self, fault: ClockFault) -> None:
+        """It is believed again; where it has been shifted meanwhile, that is a clock set."""
+        is_shifted = abs(fault.seconds) > LEAST_STEP_S
+        self._say(
+            "warning",
+            f"this machine's clock runs right again, {fault.seconds:+.1f} s from where it was:"
+            " times on record in between are off by up to that"
+            + (f", and {GIVEN_UP}" if is_shifted else ""),
+        )
+        if is_shifted:
+            self._forget()
+            self._control.happen(ClockSet(step_s=fault.seconds))
 
     def camera_set(self, step_s: float) -> None:
         """The camera's clock was set: the track lives by times that others do not continue."""
@@ -128,16 +138,25 @@ class Interruptions:
     def look_at_mount(self) -> None:
         """After it was left alone: say how it stands, and end what is beyond a limit.
 
-        Nothing where it was not left alone. Raises Interrupted, also where a limit was met.
+        Nothing where it was not left alone. Raises Interrupted, also where a limit was met, and
+        InstrumentError where the mount that somebody has is silent.
         """
         if not self._must_look:
             return
         self._hands.wait_until(self._hands.now_utc_ns() + SETTLED_NS)
-        report = self._hands.mount_report()
+        try:
+            report = self._hands.mount_report()
+        except InstrumentError as error:
+            if self._control.charge.holder != "nobody":
+                raise
+            # Nobody has the mount: that it is off is no fault of a night.
+            self._must_look = False
+            self._say("alarm", f"nobody can tell how the mount stands: {error}")
+            return
         self._must_look = False
         ended = self._hands.instruments.mount.take_slew_end()
         if ended is not None:
-            self._say("alarm", ended_words(ended))
+            self._say("alarm", ended_words(ended), "")
         self._go_on_from(report)
 
     def goes_on_after(self) -> bool:
@@ -149,7 +168,7 @@ class Interruptions:
         if ended is None:
             return False
         self._must_look = False
-        self._say("alarm", ended_words(ended))
+        self._say("alarm", ended_words(ended), "")
         self._go_on_from(self._hands.wait_for_rest())
         return True
 
@@ -161,14 +180,7 @@ class Interruptions:
         if report.is_parked:
             self._say("info", "the mount is parked: nothing else has become of it")
             return
-        pose = Pose(
-            t_utc_ns=report.t_utc_ns,
-            ra_icrs_deg=report.ra_icrs_deg,
-            dec_icrs_deg=report.dec_icrs_deg,
-            pier_side=report.pier_side,
-        )
-        lifted = self._watch.lifted_limits()
-        refusal = self._watch.limits.refuse_pose(pose, is_slewing=report.is_slewing, lifted=lifted)
+        refusal = self._watch.refusal(report)
         if refusal is not None:
             self._end_at_limit(f"after nobody watched the mount: {refusal.text}")
             return
@@ -181,13 +193,16 @@ class Interruptions:
         if self._by_hand.move is not None and not report.is_slewing:
             self._by_hand.move = None
             goes_on = "the move by hand has ended there: ask for it again"
-        self._say("info", f"{where}, within its limits: {goes_on}")
+        within = ", within its limits" if report.is_slewing or report.is_tracking else ""
+        self._say("info", f"{where}{within}: {goes_on}")
 
     def _note(self, text: str) -> None:
         self.trouble = TimeTrouble(t_utc_ns=self._hands.now_utc_ns(), text=text)
 
-    def _say(self, level: Literal["info", "warning", "alarm"], text: str) -> None:
-        self._chronicle.say(level, text, "clock")
+    def _say(
+        self, level: Literal["info", "warning", "alarm"], text: str, topic: Topic = "clock"
+    ) -> None:
+        self._chronicle.say(level, text, topic)
 
 
 def ended_words(ended: SlewEnd) -> str:

@@ -230,15 +230,23 @@ class Engine:
     def resume(self, by: str) -> None:
         """Give the mount back to autonomy, or follow again what was ended.
 
-        Raises ValueError where there is nothing to resume, or the mount is parked.
+        Raises ValueError where there is nothing to resume, where the mount is parked, and where
+        dome, weather or daylight would take it away again.
         """
         was_autonomous = self.charge.is_autonomous
         report = self.hands.mount_report()
         if report.is_parked and not was_autonomous:
             raise ValueError("the mount is parked: unpark it first")
+        self.expect_night()
         self.happen(Resumed(by=by))
         if not was_autonomous:
             self.planner.moved_by_hand(report)
+
+    def expect_night(self) -> None:
+        """Raises ValueError where autonomy would get the mount and it is no night for it."""
+        end = None if self.charge.is_autonomous else self.watch.night_end()
+        if end is not None:
+            raise ValueError(f"{end.detail}: autonomy gets the mount back when that has passed")
 
     def run(self, frames: int | None = None) -> None:
         """Work until shutdown, or until ``frames`` exposures have been begun or dawn has come.
@@ -354,7 +362,7 @@ class Engine:
         if isinstance(happening, BY_OPERATOR):
             self._parking.forget()
         self._note_giving_up(happening)
-        self._note_end_of_fault(before)
+        self._note_end_of_fault(before, happening)
         if not self.charge.is_autonomous:
             self._is_first_look = False
             # The next arming looks with the night's own exposure.
@@ -375,9 +383,12 @@ class Engine:
                 self.cycle.forget_plate()
         return result
 
-    def _note_end_of_fault(self, before: Charge) -> None:
+    def _note_end_of_fault(self, before: Charge, happening: Happening) -> None:
         """The operator, or a STOP that is confirmed at last, has ended it."""
-        if self.charge.state == "IDLE" or (before.state == "FAULT" != self.charge.state):
+        is_ended = isinstance(happening, BY_OPERATOR) or before.state != "IDLE"
+        if (self.charge.state == "IDLE" and is_ended) or (
+            before.state == "FAULT" != self.charge.state
+        ):
             self._faults.clear()
 
     def _forget_since(self, before: Charge) -> None:

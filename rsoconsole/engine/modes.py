@@ -20,7 +20,7 @@ class Modes:
             Arm: Handler(expect=self._expect, execute=self._arm),
             Disarm: Handler(execute=self._pass),
             Hold: Handler(expect=self._expect, execute=self._pass),
-            Resume: Handler(expect=self._expect, execute=self._resume),
+            Resume: Handler(expect=self._expect_resume, execute=self._resume),
             Park: Handler(execute=self._park),
             Abort: Handler(execute=lambda _command, _by: done("the exposure was given up")),
             Shutdown: Handler(execute=lambda _command, _by: DONE),
@@ -31,6 +31,10 @@ class Modes:
         refusal = step(self._control.charge, happening_of(command, by)).refusal
         if refusal is not None:
             raise ValueError(refusal)
+
+    def _expect_resume(self, command: Resume, by: str) -> None:
+        self._expect(command, by)
+        self._control.expect_night()
 
     def _pass(self, command: Command, by: str) -> CommandResult:
         self._control.happen(happening_of(command, by))

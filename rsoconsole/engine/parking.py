@@ -42,7 +42,7 @@ class Parking:
             if report.is_slewing and self._orders > 0:
                 return
             self._orders += 1
-            self._hands.instruments.mount.park()
+            self._hands.order_park()
             self._chronicle.say("info", "the mount parks")
         except InstrumentError as error:
             self._complain(str(error))

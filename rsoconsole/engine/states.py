@@ -43,6 +43,8 @@ class Charge:
     """Exposures in a row that an instrument failed."""
     is_stopped: bool = False
     """True for a FAULT that a STOP led to: nothing moves the mount but by the operator's word."""
+    was_autonomous: bool = False
+    """True for a FAULT that took the mount from autonomy: nobody else looks after it."""
 
     @property
     def state(self) -> LoopState:
@@ -57,7 +59,7 @@ class Charge:
     @property
     def is_responsible(self) -> bool:
         """Whether what becomes of the mount is autonomy's affair: nobody else is there."""
-        return self.is_autonomous or (self.state == "FAULT" and not self.is_stopped)
+        return self.is_autonomous or self.was_autonomous
 
     @property
     def tracked(self) -> Following | None:
@@ -339,7 +341,7 @@ def _(happening: Failed, charge: Charge) -> Step:
         return Step(charge=charge)
     if happening.is_final or failures >= FAILURES_IN_A_ROW:
         fault = Cause(kind="instrument", detail=happening.words)
-        return _keeping(_enter(charge, "FAULT", fault, "abort"), charge.tracked)
+        return _keeping(_fault(charge, fault, "abort"), charge.tracked)
     return Step(charge=replace(charge, failures=failures))
 
 
@@ -349,7 +351,7 @@ def _(happening: LimitMet, charge: Charge) -> Step:
         return Step(charge=charge)
     failures = charge.failures + 1
     if failures >= FAILURES_IN_A_ROW:
-        return _enter(charge, "FAULT", Cause(kind="too many limits", detail=happening.words))
+        return _fault(charge, Cause(kind="too many limits", detail=happening.words))
     # What was followed has set, or stands behind the wall: the search goes on where it began.
     # A hold stays a hold: what the operator has stopped does not go on by itself.
     after = replace(
@@ -396,6 +398,13 @@ def without_kept(charge: Charge) -> Charge:
 
 def _keeping(entered: Step, kept: Following | None, *, is_resumable: bool = False) -> Step:
     after = replace(entered.charge, kept=kept, is_resumable=is_resumable and kept is not None)
+    return replace(entered, charge=after)
+
+
+def _fault(charge: Charge, reason: Cause, *actions: Action) -> Step:
+    """A FAULT: whose affair the mount was, it remains."""
+    entered = _enter(charge, "FAULT", reason, *actions)
+    after = replace(entered.charge, was_autonomous=charge.is_autonomous)
     return replace(entered, charge=after)
 
 

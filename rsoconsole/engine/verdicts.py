@@ -143,7 +143,7 @@ class Verdicts:
                 },
             )
         message = f"taken up with the next frame: ±{_figure(sigma)}″, {how}"
-        return Accepted(message=message, command=replace(pinned, replaces=True))
+        return Accepted(message=message, command=pinned)
 
     def _rule(self, decision: Decision, by: str) -> CommandResult:
         """In force for the order after the next frame. Gives what came of it."""

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 
 from rsoconsole.config import Config
 from rsoconsole.engine.command_queue import CommandQueue
-from rsoconsole.engine.night import lasting_overrides, night_end
+from rsoconsole.engine.night import NightEnd, lasting_overrides, night_end
 from rsoconsole.engine.notify import notify
 from rsoconsole.engine.states import LimitMet, NightEnded
 from rsoconsole.errors import RsoconsoleError
@@ -167,6 +167,27 @@ class Watch:
             return None
         return self._next[1]
 
+    def refusal(self, report: MountReport, before: Pose | None = None) -> Refusal | None:
+        """The limit that forbids how the mount moves; None also where it stands or is parked.
+
+        ``before``: where it was at the look before this one.
+        """
+        if report.is_parked or not (report.is_slewing or report.is_tracking):
+            return None
+        return self._limits.refuse_pose(
+            _pose_of(report),
+            is_slewing=report.is_slewing,
+            lifted=self.lifted_limits(),
+            before=before,
+        )
+
+    def night_end(self) -> NightEnd | None:
+        """Why it is no night for telescopes at this moment; None where it is one."""
+        guard = self._instruments.guard
+        sky = None if guard is None else guard.look()
+        now_ns = self._instruments.clock.now_utc_ns()
+        return night_end(self._config, now_ns, sky, self._lifted)
+
     def _look_at_the_mount(self, now_ns: int) -> None:
         mount = self._instruments.mount
         not_before = now_ns if self._instruments.clock.is_simulated else None
@@ -176,20 +197,13 @@ class Watch:
             self._told.pop("limit", None)
             mount.keep(self._config.mount.lease_s, None)
             return
-        pose = Pose(
-            t_utc_ns=report.t_utc_ns,
-            ra_icrs_deg=report.ra_icrs_deg,
-            dec_icrs_deg=report.dec_icrs_deg,
-            pier_side=report.pier_side,
-        )
+        pose = _pose_of(report)
         before, self._last_pose = self._last_pose, pose
         if not (report.is_slewing or report.is_tracking):
             self._look_at_a_standing_mount(pose)
             mount.keep(self._config.mount.lease_s, None)
             return
-        refusal = self._limits.refuse_pose(
-            pose, is_slewing=report.is_slewing, lifted=self.lifted_limits(), before=before
-        )
+        refusal = self.refusal(report, before)
         if refusal is not None:
             self._end_motion(report, refusal)
             return
@@ -277,3 +291,12 @@ class Watch:
         self._told[about] = text
         assert level in ("warning", "alarm")
         self._say(Event(level="alarm" if level == "alarm" else "warning", text=text))
+
+
+def _pose_of(report: MountReport) -> Pose:
+    return Pose(
+        t_utc_ns=report.t_utc_ns,
+        ra_icrs_deg=report.ra_icrs_deg,
+        dec_icrs_deg=report.dec_icrs_deg,
+        pier_side=report.pier_side,
+    )

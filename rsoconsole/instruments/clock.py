@@ -38,6 +38,11 @@ def _boottime_ns() -> int:
     return time.clock_gettime_ns(time.CLOCK_BOOTTIME)
 
 
+def utc_now_ns() -> int:
+    """The machine's present, for what reads it once and watches nothing."""
+    return time.time_ns()
+
+
 class SystemClock:
     """The machine's clock; a wait really waits.
 
@@ -59,7 +64,7 @@ class SystemClock:
 
     def now_utc_ns(self) -> int:
         """The present instant."""
-        return time.time_ns()
+        return utc_now_ns()
 
     def take_faults(self) -> tuple[ClockFault, ...]:
         """What has gone wrong with time since this was last asked, up to now."""
