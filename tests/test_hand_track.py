@@ -9,6 +9,8 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.control.commands import MarkByHand
+from rsoconsole.engine.states import ClockSet, LimitMet, NightEnded
+from rsoconsole.pipeline.kept_until import KEPT_S
 from rsoconsole.pipeline.refine_mark import refined_mark
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.retell import retell
@@ -167,6 +169,68 @@ def test_what_was_followed_before_is_kept_until_the_marks_begin_another():
     assert r.engine.charge.kept.track_id == before.track_id + 1
     say(r, "resume")
     r.engine.run(frames=8)
+    assert_replayed_alike(r)
+
+
+def look_beside(r: Rig, frames: int, later_s: float = 0.0) -> None:
+    """Frames in the operator's hand, over a satellite that the detector does not see."""
+    r.mount.at_deg = START_DEG[0] - 0.05 + later_s / 240.0, START_DEG[1] - 0.3
+    r.engine.run(frames=frames)
+
+
+def follow_what_is_kept(r: Rig) -> None:
+    """Give the mount back, and one frame more."""
+    if not r.engine.charge.is_resumable:
+        r.engine.arm()
+    assert say(r, "resume").ok
+    r.engine.run(frames=r.engine.frame_id + 1)
+
+
+def tracked_and_taken_back() -> Rig:
+    """A track that goes on, and a mount that autonomy still has."""
+    r = in_hand({1, 2, 3, 4, 5, 6})
+    say(r, "resume")
+    r.engine.run(frames=6)
+    assert r.engine.following.track is not None
+    return r
+
+
+@pytest.mark.parametrize("ended_by", ["limit", "clock", "night"])
+def test_marks_after_what_leaves_no_track_to_follow_again_are_replayed_as_the_night_had_them(
+    ended_by: str,
+):
+    r = tracked_and_taken_back()
+    happenings = {
+        "limit": LimitMet(words="altitude 5 deg, below 20"),
+        "clock": ClockSet(step_s=0.4),
+        "night": NightEnded(words="rain", parks=False),
+    }
+    r.engine.happen(happenings[ended_by])
+    assert r.engine.charge.kept is None
+    last = r.engine.frame_id
+    nudge(r)
+    look_beside(r, last + 3)
+    assert mark(r, last + 2).ok
+    assert r.engine.charge.kept is None
+    assert mark(r, last + 3).ok
+    assert r.engine.charge.kept.track_id > 1
+    follow_what_is_kept(r)
+    assert_replayed_alike(r)
+
+
+def test_marks_after_what_was_kept_grew_too_old_are_replayed_as_the_night_had_them():
+    r = tracked_and_taken_back()
+    assert say(r, "disarm").ok
+    assert r.engine.charge.kept is not None
+    r.clock.t_utc_ns += round((KEPT_S + 60.0) * NS)
+    r.engine._one_turn(is_bounded=False)
+    assert r.engine.charge.kept is None
+    nudge(r)
+    look_beside(r, 9, KEPT_S + 60.0)
+    assert mark(r, 8).ok
+    assert mark(r, 9).ok
+    assert r.engine.charge.kept.track_id == 2
+    follow_what_is_kept(r)
     assert_replayed_alike(r)
 
 

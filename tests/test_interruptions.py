@@ -449,6 +449,16 @@ def test_a_camera_whose_clock_was_set_ends_the_track_and_is_believed_again():
     assert not before & after
 
 
+def test_a_frame_that_errs_right_after_the_camera_s_clock_was_set_is_not_believed():
+    r = rig(set(range(1, 60)))
+    with_camera_time(r, lambda frame_id: 3600.0 if frame_id >= 9 and frame_id != 12 else 0.0)
+    r.engine.arm()
+    r.engine.run(frames=15)
+    taken = {each.frame_id for each in r.memory.of(FrameTaken)}
+    assert not taken & {9, 10, 11, 12}
+    assert {13, 14, 15} <= taken
+
+
 def test_cameras_that_write_whole_seconds_or_are_late_at_random_are_believed():
     times = FrameTimes()
     for number, late_s in enumerate((0.0, 0.9, 0.4, 0.7, 0.1, 0.95, 0.5, 1.4, 0.2, 0.8)):

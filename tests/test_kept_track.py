@@ -2,8 +2,8 @@
 
 import pytest
 
-from rsoconsole.engine.kept import KEPT_S, NS
 from rsoconsole.errors import InstrumentError
+from rsoconsole.pipeline.kept_until import KEPT_S, NS
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.reason_text import text
 from rsoconsole.records import OperatorAction, StateChange

@@ -41,13 +41,16 @@ class Interruptions:
         by_hand: ByHand,
         *,
         forget: Callable[[], None],
+        forget_camera: Callable[[], None],
         end_at_limit: Callable[[str], None],
     ) -> None:
-        """``forget``: drop what lives by times that are wrong; ``end_at_limit``: stop there."""
+        """``forget``: drop what lives by times that are wrong; ``forget_camera``: how far the
+        camera's clock was from this machine's; ``end_at_limit``: stop there."""
         self._control, self._by_hand = control, by_hand
         self._hands, self._planner, self._watch = parts.hands, parts.planner, parts.watch
         self._chronicle = parts.chronicle
-        self._forget, self._end_at_limit = forget, end_at_limit
+        self._forget, self._forget_camera = forget, forget_camera
+        self._end_at_limit = end_at_limit
         self._must_look = False
         self.trouble: TimeTrouble | None = None
         """What happened to the clock last."""
@@ -67,7 +70,7 @@ class Interruptions:
                     " frame is taken until it runs right; look at its time service, or at the host"
                     " of a virtual machine",
                 )
-                self._forget()
+                self._forget_own_times()
             case "runs right":
                 self._note(f"ran wrong, {fault.seconds:+.1f} s in all")
                 self._runs_right(fault)
@@ -84,12 +87,12 @@ class Interruptions:
             + (f", and {GIVEN_UP}" if is_shifted else ""),
         )
         if is_shifted:
-            self._forget()
+            self._forget_own_times()
             self._control.happen(ClockSet(step_s=fault.seconds))
 
     def camera_set(self, step_s: float) -> None:
         """The camera's clock was set: the track lives by times that others do not continue."""
-        self._forget()
+        self._forget()  # what is known of the camera's clock is of the new time already
         self._note(f"camera's set by {step_s:+.1f} s")
         self._say(
             "alarm",
@@ -98,8 +101,12 @@ class Interruptions:
         )
         self._control.happen(ClockSet(step_s=step_s))
 
-    def _clock_set(self, fault: ClockFault) -> None:
+    def _forget_own_times(self) -> None:
         self._forget()
+        self._forget_camera()
+
+    def _clock_set(self, fault: ClockFault) -> None:
+        self._forget_own_times()
         if fault.kind == "leap second":
             self._note(f"leap second, {fault.seconds:+.0f} s")
             words = (

@@ -4,12 +4,8 @@ from collections.abc import Mapping
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.engine.states import Charge
+from rsoconsole.pipeline.kept_until import kept_until_utc_ns
 from rsoconsole.tracking.following import Following
-
-NS = 1_000_000_000
-KEPT_S = 900.0
-"""After disarming, STOP, a new search or a fault: beyond it the checklist is to be gone through,
-and a track that nobody measured is hardly found where it must be."""
 
 
 class KeptTrack:
@@ -29,11 +25,8 @@ class KeptTrack:
         if kept is self._following and charge.state != "MANUAL":
             return
         self._following = kept
-        seen_ns = now_utc_ns if kept.taken is None else kept.taken.t_mid_utc_ns
-        until_ns = seen_ns + round(settings.max_coast_s * NS)
-        if not (charge.state == "MANUAL" and charge.is_resumable):
-            until_ns = min(until_ns, now_utc_ns + round(KEPT_S * NS))
-        self.until_utc_ns = until_ns
+        is_lent = charge.state == "MANUAL" and charge.is_resumable
+        self.until_utc_ns = kept_until_utc_ns(kept, settings, now_utc_ns, is_lent=is_lent)
 
     def is_over(self, now_utc_ns: int) -> bool:
         """Whether what was kept is too old by now."""

@@ -158,6 +158,7 @@ class Engine:
             parts,
             self.by_hand,
             forget=self._forget_times,
+            forget_camera=self._exposures.frame_times.forget,
             end_at_limit=self._exposures.end_at_limit,
         )
         """What nobody ordered: faults of the clock, slews ended by the mount's own process."""
@@ -527,7 +528,6 @@ class Engine:
         """What lives by times that are wrong."""
         self.last_track = None
         self.orbits.forget()
-        self._exposures.frame_times.forget()
 
     def _check_pointing(self, reduction: Reduction) -> None:
         """The first frame after arming must agree with where the mount says it looks."""

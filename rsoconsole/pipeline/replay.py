@@ -17,6 +17,7 @@ from rsoconsole.pipeline.absence import StarHistory
 from rsoconsole.pipeline.alike import are_alike
 from rsoconsole.pipeline.fold import Shown, fold, looked_at
 from rsoconsole.pipeline.hand_track import HandTrack
+from rsoconsole.pipeline.kept_until import KeptOnRecord
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.otherwise import at_instant, at_tau
 from rsoconsole.pipeline.rulings import Fold, Folds
@@ -156,7 +157,7 @@ class Walk:
     held: frozenset[str]
     reduce_again: ReduceAgain | None = None
     following: Following = field(default_factory=Following)
-    kept: Following | None = None
+    kept: KeptOnRecord = field(default_factory=KeptOnRecord)
     """The track that ended last by somebody's word: it may be followed again."""
     stars: StarHistory = field(default_factory=StarHistory)
     taken: FrameTaken | None = None
@@ -276,6 +277,7 @@ class Walk:
         if self.following.state not in FOLDED or t_mid_ns is None:
             self.stars = looked_at(self.stars, shown)
             self.hand.add(shown, self.config)
+            self.kept.looked_at(t_mid_ns, self.config.filter)
             yield LookedAt(shown=shown)
             return
         folded = fold(self.following, self.stars, shown, self.config)
@@ -288,6 +290,7 @@ class Walk:
         )
         self.folds.add(done)
         self.following, self.stars = folded.following, folded.stars
+        self.kept.folded(self.following, t_mid_ns)
         if folded.following.track is None:
             self.hand.add(shown, self.config)
         yield self._compared(_replayed(done, recorded))
@@ -318,9 +321,10 @@ class Walk:
 
     def _rule_by_hand(self, record: Ruling) -> None:
         self.again = {}
-        self.kept, _ = self.hand.rule(record, self.kept, self.following.last_track_id)
-        if self.kept is not None:
-            last_track_id = max(self.kept.last_track_id, self.following.last_track_id)
+        kept, _ = self.hand.rule(record, self.kept.following, self.following.last_track_id)
+        self.kept.made(kept, self.config.filter)
+        if kept is not None:
+            last_track_id = max(kept.last_track_id, self.following.last_track_id)
             self.following = replace(self.following, last_track_id=last_track_id)
 
     def _pass(self, change: StateChange) -> None:
@@ -329,22 +333,17 @@ class Walk:
         self.hand.forget()
         if isinstance(change.reason, Cause) and change.reason.kind == "clock set":
             self.orbits = {}
-        is_resumed = change.after == "COAST"
-        # Only a track is worth coming back to.
-        if self.following.state in ("TRACK", "COAST") and not is_resumed:
-            self.kept = self.following
-        elif change.before in ("TRACK", "COAST"):
-            self.kept = None  # there was a track then; under what is tried there is not
-        if not is_resumed:
-            self.following = self.following.without_track(change.after)
-        elif self.kept is not None:
-            last_track_id = max(self.kept.last_track_id, self.following.last_track_id)
+        before, kept = self.following, self.kept.following
+        self.kept.passed(change, before, self.config.filter)
+        if change.after != "COAST":
+            self.following = before.without_track(change.after)
+        elif kept is not None:
+            last_track_id = max(kept.last_track_id, before.last_track_id)
             self.following = replace(
-                self.kept, state="COAST", candidates=(), last_track_id=last_track_id
+                kept, state="COAST", candidates=(), last_track_id=last_track_id
             )
-            self.kept = None
         else:
-            self.following = self.following.without_track("SEARCH")
+            self.following = before.without_track("SEARCH")
 
 
 def _replayed(done: Fold, recorded: tuple[Record, ...]) -> ReplayedFrame:
