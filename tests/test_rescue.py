@@ -19,11 +19,12 @@ from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.errors import SessionError
 from rsoconsole.records import Event
-from rsoconsole.session.database import connect_to_write
+from rsoconsole.session.database import connect_to_read, connect_to_write
 from rsoconsole.session.digest import mark_closed
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.repair import repair_session
 from rsoconsole.session.rescue import Rescue
+from rsoconsole.session.rows import FILE_ROWS, INSERT_FILE
 from rsoconsole.session.upkeep import read_notes
 from rsoconsole.session.verify import verify_session
 from rsoconsole.session.writer import SessionWriter
@@ -256,6 +257,32 @@ def test_a_session_that_was_closed_without_its_end_takes_it_too(split):
     assert texts(session) == facts(1, 8)
     assert verify_session(session).digest == "confirmed"
     assert not rescue.exists()
+
+
+def test_what_the_rescue_knows_of_a_file_replaces_what_the_session_knew(split):
+    """Both have a row of frame 2, and the rescue's was written last."""
+    session, rescue = split
+    refused = (2, "preview", None, None, None, "the disk is full", None)
+    kept = (2, "preview", "previews/000002.png", 90, 1.5, None, "ab" * 32)
+    for folder, row in ((session, refused), (rescue, kept)):
+        with closing(connect_to_write(folder / "session.db")) as connection:
+            connection.execute(INSERT_FILE, row)
+    (merged,) = repair_session(session, T0_UTC_NS).merged
+    assert merged.files == 1
+    with closing(connect_to_read(session / "session.db")) as connection:
+        assert connection.execute(FILE_ROWS).fetchall() == [kept]
+    assert not rescue.exists()
+
+
+def test_a_rescue_whose_row_of_a_file_did_not_arrive_is_kept(split, monkeypatch):
+    session, rescue = split
+    for folder, reason in ((session, "another"), (rescue, "the disk is full")):
+        row = (2, "preview", None, None, None, reason, None)
+        with closing(connect_to_write(folder / "session.db")) as connection:
+            connection.execute(INSERT_FILE, row)
+    monkeypatch.setattr("rsoconsole.session.merge._take_file", lambda *_: False)
+    assert "cannot be read back" in repair_session(session, T0_UTC_NS).unmerged[rescue]
+    assert rescue.exists()
 
 
 def body_of(folder: Path, seq: int, text: str) -> None:

@@ -13,8 +13,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+from rsoconsole.session.rows import LOG_ROWS
+
 META_KEY = "log_digest"
-ROWS = "SELECT seq, t_utc_ns, kind, frame_id, body FROM log ORDER BY seq"
 
 Row: TypeAlias = tuple[int, int, str, int | None, str]
 """seq, t_utc_ns, kind, frame_id, body."""
@@ -70,7 +71,7 @@ def digest_rows(rows: Iterable[Row]) -> LogDigest:
 
 def digest_log(connection: sqlite3.Connection) -> LogDigest:
     """Digest of the log as the database has it now. Raises sqlite3.Error."""
-    return digest_rows(connection.execute(ROWS))
+    return digest_rows(connection.execute(LOG_ROWS))
 
 
 def mark_closed(connection: sqlite3.Connection) -> LogDigest:

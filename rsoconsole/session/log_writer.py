@@ -15,6 +15,7 @@ from rsoconsole.session.database import connect_to_read
 from rsoconsole.session.faults import Faults
 from rsoconsole.session.log_place import LogPlace
 from rsoconsole.session.rescue import Rescue, Statement
+from rsoconsole.session.rows import INSERT_FILE, INSERT_RECORD
 from rsoconsole.session.schema import DATABASE
 
 COMMIT_S = 0.25
@@ -23,15 +24,6 @@ MAX_BATCH = 2000
 _MOST_RECENT = 2000
 MAX_WAITING = 500_000
 """Records kept in memory while the disk refuses them: many nights' worth."""
-
-# OR IGNORE: a commit that reported an error may have reached the disk all the same.
-_INSERT_RECORD = (
-    "INSERT OR IGNORE INTO log (seq, t_utc_ns, kind, frame_id, body) VALUES (?, ?, ?, ?, ?)"
-)
-_INSERT_FILE = (
-    "INSERT OR REPLACE INTO files (frame_id, role, path, bytes, ms, reason, sha256) "
-    "VALUES (?, ?, ?, ?, ?, ?, ?)"
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,7 +259,7 @@ class LogWriter:
 
     def _has_all(self) -> bool:
         """Whether a reader finds the newest record that was committed."""
-        newest = next((v[0] for sql, v in reversed(self._recent) if sql == _INSERT_RECORD), None)
+        newest = next((v[0] for sql, v in reversed(self._recent) if sql == INSERT_RECORD), None)
         if newest is None:
             return True
         try:
@@ -279,7 +271,7 @@ class LogWriter:
 
     def _statement(self, entry: _Entry) -> Statement:
         if isinstance(entry, KeptFile):
-            return _INSERT_FILE, astuple(entry)
+            return INSERT_FILE, astuple(entry)
         seq, t_utc_ns, record = entry
         try:
             kind, frame_id, body = encode(record)
@@ -291,7 +283,7 @@ class LogWriter:
             self._faults.report("record", text)
             kind, frame_id, body = encode(Event(level="alarm", text=text))
             t_utc_ns = 0
-        return _INSERT_RECORD, (seq, t_utc_ns, kind, frame_id, body)
+        return INSERT_RECORD, (seq, t_utc_ns, kind, frame_id, body)
 
     def _disconnect(self) -> None:
         if self._connection is not None:

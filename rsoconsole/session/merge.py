@@ -20,6 +20,14 @@ from rsoconsole.session.digest import LogDigest, digest_log, mark_closed
 from rsoconsole.session.liveness import is_written
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.rescue import rescue_places
+from rsoconsole.session.rows import (
+    FILE_ROW,
+    FILE_ROWS,
+    INSERT_FILE,
+    INSERT_RECORD,
+    LOG_ROW,
+    LOG_ROWS,
+)
 from rsoconsole.session.schema import DATABASE
 from rsoconsole.session.store import remove_folder
 from rsoconsole.session.upkeep import add_note
@@ -27,8 +35,6 @@ from rsoconsole.session.verify import page_faults
 
 LEAVE_WAL_S = 3.0
 _AT_A_TIME = 1000
-_LOG = "SELECT seq, t_utc_ns, kind, frame_id, body FROM log ORDER BY seq"
-_FILES = "SELECT frame_id, role, path, bytes, ms, reason, sha256 FROM files"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,7 +129,7 @@ def _expect_sound_digest(target: SessionReader) -> None:
 
 
 def _insert(source: SessionReader, database: Path) -> tuple[int, int]:
-    """Numbers of records and rows of files that were new, in one commit; then the end is marked."""
+    """Numbers of records and rows of files that came, in one commit; then the end is marked."""
     free_bytes = shutil.disk_usage(database.parent).free
     needed_bytes = (source.folder / DATABASE).stat().st_size
     if free_bytes < 2 * needed_bytes:
@@ -134,8 +140,8 @@ def _insert(source: SessionReader, database: Path) -> tuple[int, int]:
     with closing(connect_to_write(database)) as connection:
         connection.execute("BEGIN IMMEDIATE")
         try:
-            records = sum(_take_record(connection, row) for row in _rows(source, _LOG))
-            files = sum(_take_file(connection, row) for row in _rows(source, _FILES))
+            records = sum(_take_record(connection, row) for row in _rows(source, LOG_ROWS))
+            files = sum(_take_file(connection, row) for row in _rows(source, FILE_ROWS))
             # Until its end is marked again it counts as cut off.
             connection.execute("DELETE FROM meta WHERE key = ?", (DIGEST_KEY,))
             connection.execute("UPDATE meta SET value = 'false' WHERE key = 'is_closed'")
@@ -149,25 +155,20 @@ def _insert(source: SessionReader, database: Path) -> tuple[int, int]:
 
 
 def _take_record(connection: sqlite3.Connection, row: tuple[Any, ...]) -> bool:
-    sql = "SELECT seq, t_utc_ns, kind, frame_id, body FROM log WHERE seq = ?"
-    known = connection.execute(sql, row[:1]).fetchone()
+    known = connection.execute(LOG_ROW, row[:1]).fetchone()
     if known is None:
-        connection.execute("INSERT INTO log VALUES (?, ?, ?, ?, ?)", row)
+        connection.execute(INSERT_RECORD, row)
     elif known != row:
         raise SessionError(f"record {row[0]} is another one in the session than in the rescue")
     return known is None
 
 
 def _take_file(connection: sqlite3.Connection, row: tuple[Any, ...]) -> bool:
-    sql = "SELECT count(*) FROM files WHERE frame_id = ? AND role = ?"
-    ((known,),) = connection.execute(sql, row[:2])
-    if not known:
-        connection.execute(
-            "INSERT INTO files (frame_id, role, path, bytes, ms, reason, sha256)"
-            " VALUES (?, ?, ?, ?, ?, ?, ?)",
-            row,
-        )
-    return not known
+    """The rescue's row holds: it was written when the session took no more."""
+    is_new = bool(connection.execute(FILE_ROW, row[:2]).fetchone() != row)
+    if is_new:
+        connection.execute(INSERT_FILE, row)
+    return is_new
 
 
 def _expect_all(source: SessionReader, target: SessionReader) -> None:
@@ -175,12 +176,11 @@ def _expect_all(source: SessionReader, target: SessionReader) -> None:
     with closing(target.connect()) as connection:
         if page_faults(connection):
             raise SessionError(f"the database of {target.folder} is damaged")
-        sql = "SELECT seq, t_utc_ns, kind, frame_id, body FROM log WHERE seq = ?"
-        for row in _rows(source, _LOG):
-            if connection.execute(sql, row[:1]).fetchone() != row:
+        for row in _rows(source, LOG_ROWS):
+            if connection.execute(LOG_ROW, row[:1]).fetchone() != row:
                 raise SessionError(f"record {row[0]} cannot be read back from {target.folder}")
-        known = {tuple(row) for row in connection.execute("SELECT frame_id, role FROM files")}
-    if any(row[:2] not in known for row in _rows(source, _FILES)):
+        known = {tuple(row) for row in connection.execute(FILE_ROWS)}
+    if any(row not in known for row in _rows(source, FILE_ROWS)):
         raise SessionError(f"the files of {source.folder} cannot be read back")
     _expect_sound_digest(target)
 

@@ -29,6 +29,7 @@ from rsoconsole.session.holdings import FolderHoldings
 from rsoconsole.session.legacy import LAST_SCHEMA, decode_old, is_without_ids
 from rsoconsole.session.pages import MAGIC, Fields, Pages
 from rsoconsole.session.reader import SessionReader
+from rsoconsole.session.rows import INSERT_FILE, INSERT_RECORD, LOG_COLUMNS
 from rsoconsole.session.schema import (
     BESIDE_DATABASE,
     BRANCHES,
@@ -50,8 +51,6 @@ MAX_GROWTH = 1000
 """A header that promises so many times more than there is, is damaged itself."""
 _HEADER = struct.Struct(">16sH10xI")
 """Magic, page size, pages. Source: sqlite.org/fileformat.html, 1.3."""
-_LOG_COLUMNS = "seq, t_utc_ns, kind, frame_id, body"
-_FILE_COLUMNS = "frame_id, role, path, bytes, ms, reason"
 _LOG_FIELDS, _META_FIELDS, _FILES_FIELDS = 5, 2, (6, 7)
 
 
@@ -140,14 +139,8 @@ def _save_log(folder: Path, target: Path) -> tuple[int, int]:
     create_database(target / DATABASE, facts, version=facts["schema_version"])
     with closing(connect_to_write(target / DATABASE)) as connection:
         connection.execute("BEGIN IMMEDIATE")
-        connection.executemany(
-            f"INSERT INTO log ({_LOG_COLUMNS}) VALUES (?, ?, ?, ?, ?)",
-            (log[seq] for seq in sorted(log)),
-        )
-        connection.executemany(
-            f"INSERT INTO files ({_FILE_COLUMNS}, sha256) VALUES (?, ?, ?, ?, ?, ?, ?)",
-            files.values(),
-        )
+        connection.executemany(INSERT_RECORD, (log[seq] for seq in sorted(log)))
+        connection.executemany(INSERT_FILE, files.values())
         connection.execute("COMMIT")
     return len(log), max(log, default=0) - len(log)
 
@@ -179,7 +172,7 @@ def _walked(database: Path) -> _Read:
 
 def _log_around_damage(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
     seq, dead = 0, 0
-    sql = f"SELECT {_LOG_COLUMNS} FROM log WHERE seq {{}} ? ORDER BY seq"
+    sql = f"SELECT {LOG_COLUMNS} FROM log WHERE seq {{}} ? ORDER BY seq"
     while dead < MAX_DEAD_ROWS:
         try:
             for row in connection.execute(sql.format(">"), (seq,)):

@@ -16,21 +16,14 @@ from typing import Any
 from rsoconsole.config import state_dir
 from rsoconsole.session.database import connect_to_write, create_database
 from rsoconsole.session.frame_files import write_durably
+from rsoconsole.session.rows import FILE_ROWS, INSERT_FILE, INSERT_RECORD, LOG_ROWS
 from rsoconsole.session.schema import CONFIG, DATABASE, FOLDERS
 
 Statement = tuple[str, tuple[object, ...]]
 LEAST_BYTES = 200_000_000
 """Free on a disk that a rescue is begun on: many nights' logs."""
 _AT_A_TIME = 1000
-_LOG = (
-    "SELECT seq, t_utc_ns, kind, frame_id, body FROM log",
-    "INSERT OR IGNORE INTO log VALUES (?, ?, ?, ?, ?)",
-)
-_FILES = (
-    "SELECT frame_id, role, path, bytes, ms, reason, sha256 FROM files",
-    "INSERT OR REPLACE INTO files (frame_id, role, path, bytes, ms, reason, sha256)"
-    " VALUES (?, ?, ?, ?, ?, ?, ?)",
-)
+_TABLES = ((LOG_ROWS, INSERT_RECORD), (FILE_ROWS, INSERT_FILE))
 
 
 def rescue_places() -> Iterator[Path]:
@@ -96,8 +89,8 @@ class Rescue:
             return False
         if source is not None:
             with contextlib.suppress(sqlite3.Error, MemoryError):
-                for sql in (_LOG, _FILES):
-                    self._copy_table(source, sql)
+                for table in _TABLES:
+                    self._copy_table(source, table)
         return self.write(newest)
 
     def _copy_table(self, source: sqlite3.Connection, table: tuple[str, str]) -> None:

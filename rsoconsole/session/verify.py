@@ -10,10 +10,11 @@ from pathlib import Path
 
 from rsoconsole.errors import SessionError
 from rsoconsole.session.codec import KINDS
-from rsoconsole.session.digest import ROWS, Digester, LogDigest
+from rsoconsole.session.digest import Digester, LogDigest
 from rsoconsole.session.holdings import Holdings, holdings_of
 from rsoconsole.session.legacy import LAST_SCHEMA, decode_old, decode_recorded
 from rsoconsole.session.reader import LaterSchemaError, SessionReader
+from rsoconsole.session.rows import LOG_ROWS
 from rsoconsole.session.schema import DATABASE
 from rsoconsole.session.verification import REPAIR, Verification, state_of
 from rsoconsole.session.verify_files import FileRow, FilesCheck
@@ -90,7 +91,7 @@ def _verify_log(
     decode_any = decode_old if (found.schema or 0) <= LAST_SCHEMA else decode_recorded
     gaps: list[tuple[int, int]] = []
     try:
-        for row in connection.execute(ROWS):
+        for row in connection.execute(LOG_ROWS):
             seq, _, kind, _, body = row
             if seq != expected:
                 gaps.append((expected, seq - 1))
