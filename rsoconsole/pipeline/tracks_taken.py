@@ -1,7 +1,8 @@
 """Which measurements each track took, as the records name them."""
 
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import assert_never
 
 from rsoconsole.records import (
@@ -26,6 +27,10 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
+
+WHOLE = 32
+"""So many of a track's last steps stay whole, more than an operator's word reaches back; of older
+ones only counts which measurement was taken."""
 
 
 @dataclass(slots=True)
@@ -75,6 +80,11 @@ class TracksTaken:
         self._frames: dict[int, _Frame] = {}
         self._measured: dict[str, Measurement] = {}
         """By id."""
+        self._whole: dict[int, deque[_Steps]] = {}
+        """By track: its last steps that took a measurement."""
+        self._known: dict[int, Track] = {}
+        """The tracks up to a frame, so that each frame is gone through once."""
+        self._known_to = -1
 
     def hear(self, record: Record) -> None:
         """One record."""
@@ -83,13 +93,17 @@ class TracksTaken:
                 self._measured[record.measurement_id] = record
             case FollowedAgain():
                 self._frames.pop(record.frame_id, None)
+                self._begin_again()
             case TrackState():
+                if record.frame_id <= self._known_to:
+                    self._begin_again()
                 frame = self._frames.setdefault(record.frame_id, _Frame())
                 steps = frame.steps.setdefault(record.track_id, _Steps())
                 if record.kind == "predicted":
                     steps.predicted = record
                 else:
                     steps.corrected = record
+                    self._let_go(record.track_id, steps)
             case (
                 FrameTaken()
                 | Detections()
@@ -114,12 +128,27 @@ class TracksTaken:
 
     def tracks(self) -> list[Track]:
         """All of them, in order of time."""
-        found: dict[int, Track] = {}
-        for number in sorted(self._frames):
+        for number in sorted(each for each in self._frames if each > self._known_to):
             for track_id, steps in self._frames[number].steps.items():
                 if steps.corrected is not None:
-                    self._go_on(found, track_id, steps.corrected, steps.predicted)
-        return list(found.values())
+                    self._go_on(self._known, track_id, steps.corrected, steps.predicted)
+            self._known_to = number
+        return list(self._known.values())
+
+    def _begin_again(self) -> None:
+        """What is known of the tracks is of steps that hold no more."""
+        self._known, self._known_to = {}, -1
+
+    def _let_go(self, track_id: int, newest: _Steps) -> None:
+        """A night's filters do not stay in memory: a state may carry all that its filter knows."""
+        whole = self._whole.setdefault(track_id, deque())
+        if not whole or whole[-1] is not newest:
+            whole.append(newest)
+        if len(whole) > WHOLE:
+            old = whole.popleft()
+            old.predicted = None
+            if old.corrected is not None:
+                old.corrected = replace(old.corrected, P=(), mixture=None, memory=None)
 
     def live(self) -> list[Track]:
         """Those of the newest frame that any track was predicted to, the lead first."""
