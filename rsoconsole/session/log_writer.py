@@ -199,10 +199,10 @@ class LogWriter:
             again = min(self._rescued, len(batch))
             # Acknowledged is what a reader finds.
             is_there = self._look()
-            self._rescued -= again
             if not is_there and not self._has_taken_over:
                 self._unwritten.extendleft(reversed(batch))
                 return False
+            self._rescued -= again
             if is_there and self._rescue is not None and not self._rescued:
                 self._rescue.discard()
             self._advance(len(batch) - again)

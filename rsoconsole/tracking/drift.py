@@ -105,7 +105,7 @@ def drift_of(looks: Sequence[Look]) -> Drift | None:
         hours=float(t_h[-1] - t_h[0]),
         east_arcsec_h=_better(t_h, east, slews, whole),
         north_arcsec_h=_better(t_h, north, slews, whole),
-        rotation_deg_h=_slope(t_h, turned, whole) or Rate(value=0.0, sigma=math.inf),
+        rotation_deg_h=_better(t_h, turned, whole),
     )
 
 
