@@ -65,6 +65,7 @@ _RULED: dict[RuledKind, str] = {
     "taken back": "as if nothing had been said of it",
     "first of a track": "the first of a track: mark it in a later frame, too",
     "second of a track": "a track begins with it, to be resumed",
+    "leads": "its track leads now",
 }
 _DROPPED: dict[DroppedBy, str] = {
     "STOP": "dropped by STOP",

@@ -367,7 +367,13 @@ ResultKind: TypeAlias = Literal[
     "accepted", "done", "ruled", "stopped", "refused", "dropped", "failed"
 ]
 RuledKind: TypeAlias = Literal[
-    "rejected", "taken", "taken by hand", "taken back", "first of a track", "second of a track"
+    "rejected",
+    "taken",
+    "taken by hand",
+    "taken back",
+    "first of a track",
+    "second of a track",
+    "leads",
 ]
 DroppedBy: TypeAlias = Literal["STOP", "limit met", "night ended", "engine ended"]
 

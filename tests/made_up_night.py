@@ -91,7 +91,7 @@ def add_one(writer: SessionWriter, n: int, missed: Collection[int]) -> None:
         ),
         ns,
     )
-    writer.append(_solution(n, ra, dec), ns)
+    writer.append(solution_of(n, ra, dec), ns)
     if is_seen:
         measurement = geo_measurement(n, cadence_s=CADENCE_S, confidence=_confidence(n))
         writer.append(measurement, ns)
@@ -171,7 +171,8 @@ def taken(n: int, ra: float, dec: float) -> FrameTaken:
     )
 
 
-def _solution(n: int, ra: float, dec: float) -> Solution:
+def solution_of(n: int, ra: float, dec: float) -> Solution:
+    """The stars gave its place: north is at the bottom."""
     return Solution(
         frame_id=n,
         wcs=Wcs(

@@ -178,7 +178,8 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "follow_next",
         "d",
         "Follow the next streak",
-        "the next detection of the frame is the one to follow; a click chooses too",
+        "the next detection of the frame is the one to follow; that of another track makes it the"
+        " lead; a click chooses too",
         "streaks",
         acts=True,
     ),
@@ -279,6 +280,15 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "4",
         "Drift and polar alignment",
         "how mount and stars drift apart, field rotation, which way the polar axis is off",
+        "plots",
+        where=BOTH,
+    ),
+    _command(
+        "track_list",
+        "6",
+        "Tracks of the field",
+        "every satellite that is followed: state, residual, NIS; arrows choose one, enter makes it"
+        " the lead; once more: the plots of the chosen one",
         "plots",
         where=BOTH,
     ),

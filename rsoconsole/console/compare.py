@@ -10,12 +10,13 @@ from textual.containers import VerticalScroll
 
 from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.moments import Moment
-from rsoconsole.console.night import FrameRow, predicted_sigma_arcsec
+from rsoconsole.console.night import FrameRow
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.plot import Line
 from rsoconsole.console.review_words import holder_then
 from rsoconsole.console.timeline import KINDS, Kind, Timeline
 from rsoconsole.console.timeline_lines import SIGNS
+from rsoconsole.console.track_fold import predicted_sigma_arcsec
 from rsoconsole.console.words import (
     NS_PER_S,
     arcsec_text,

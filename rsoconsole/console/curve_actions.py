@@ -6,6 +6,7 @@ from typing import ClassVar
 from rsoconsole.console import panels
 from rsoconsole.console.curves import Page, alignment_lines, focus_lines, quality_lines
 from rsoconsole.console.fold import orbit_box
+from rsoconsole.console.night import NightView
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.plot_window import LIVE_STEP, PlotWindow, axis_lines
 from rsoconsole.console.tune_actions import TuneActions
@@ -18,6 +19,7 @@ class CurveActions(TuneActions):
         "quality": "sharpness, sky, transparency and stars over the night",
         "focus": "focus",
         "alignment": "pointing drift and polar alignment",
+        "tracks": "the tracks of the field",
     }
 
     def on_plots_made(self) -> None:
@@ -25,18 +27,28 @@ class CurveActions(TuneActions):
         self.page: Page | None = None
         self.window = PlotWindow()
 
+    @property
+    def plotted(self) -> NightView:
+        """The night that the plots of the track are drawn from."""
+        return self.night
+
+    @property
+    def plotted_words(self) -> str:
+        """Whose these plots are, where they are not the lead's."""
+        return ""
+
     def pane(self, name: str) -> LinesPane:
         """The pane of that name."""
         return self.query_one(f"#{name}", LinesPane)
 
     def show_plots(self) -> None:
         """The plots of the track and their times, and what lies over them."""
-        night = self.night
+        night, of = self.plotted, self.plotted_words
         rows = self.window.rows(night.rows)
         self.pane("confidence").show(partial(panels.confidence_lines, night, rows=rows))
-        self.pane("east").show(partial(panels.residual_lines, night, "east", rows=rows))
-        self.pane("north").show(partial(panels.residual_lines, night, "north", rows=rows))
-        self.pane("nis").show(partial(panels.nis_lines, night, rows=rows))
+        self.pane("east").show(partial(panels.residual_lines, night, "east", rows=rows, of=of))
+        self.pane("north").show(partial(panels.residual_lines, night, "north", rows=rows, of=of))
+        self.pane("nis").show(partial(panels.nis_lines, night, rows=rows, of=of))
         words = self.window.words(night.rows)
         self.pane("axis").show(lambda width, height: axis_lines(rows, width, height, words))
         if self.page == "quality":

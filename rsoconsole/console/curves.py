@@ -11,7 +11,7 @@ from rsoconsole.console.words import clipped, duration_text
 from rsoconsole.tracking.drift import Drift, Look, PolarHint, Rate, drift_of, offsets_arcsec
 from rsoconsole.tracking.drift import polar_hint as hint_of
 
-Page = Literal["quality", "focus", "alignment"]
+Page = Literal["quality", "focus", "alignment", "tracks"]
 LOOKS = 600
 """The last frames that the drift is looked for in."""
 TREND_FRAMES = 10

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.engine_view import EngineView
-from rsoconsole.console.night import NightView, predicted_sigma_arcsec
+from rsoconsole.console.night import NightView
 from rsoconsole.console.plot import Ink, Line
+from rsoconsole.console.track_fold import predicted_sigma_arcsec
 from rsoconsole.console.words import (
     NS_PER_S,
     clipped,

@@ -8,7 +8,18 @@ from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.words import clipped, wrapped
 
-Mode = Literal["live", "mark", "tune", "log", "review", "review tune", "review log", "sheet"]
+Mode = Literal[
+    "live",
+    "mark",
+    "tune",
+    "tracks",
+    "log",
+    "review",
+    "review tune",
+    "review tracks",
+    "review log",
+    "sheet",
+]
 """What the keys are for at this moment."""
 
 
@@ -38,6 +49,12 @@ _OF_MODES: dict[Mode, tuple[Key, ...]] = {
         Key("o", "Load"),
         Key("esc", "Close", is_weighty=True),
     ),
+    "review tracks": (
+        Key("↑↓", "Choose", is_weighty=True),
+        Key("1", "Its plots", command="track_plots"),
+        Key(", .", "Frame"),
+        Key("esc", "Close", is_weighty=True),
+    ),
     "review log": (
         Key("↑↓", "Choose", is_weighty=True),
         Key("enter", "Go there", is_weighty=True),
@@ -58,6 +75,12 @@ _OF_MODES: dict[Mode, tuple[Key, ...]] = {
         Key("u", "Undo"),
         Key("w", "Save"),
         Key("o", "Load"),
+        Key("esc", "Close", is_weighty=True),
+    ),
+    "tracks": (
+        Key("↑↓", "Choose", is_weighty=True),
+        Key("enter", "Make it the lead", is_weighty=True),
+        Key("1", "Its plots", command="track_plots"),
         Key("esc", "Close", is_weighty=True),
     ),
     "log": (
@@ -88,9 +111,11 @@ MODE_WORDS: dict[Mode, str] = {
     "live": "",
     "mark": "Now: a streak's two ends are marked by hand",
     "tune": "Now: the tuning pane",
+    "tracks": "Now: the list of tracks",
     "log": "Now: the whole log",
     "review": "",
     "review tune": "Now: the tuning pane, over what has been recorded",
+    "review tracks": "Now: the list of tracks at this moment",
     "review log": "Now: the log of the whole night; what came later is dim",
     "sheet": "Now: one frame at full resolution",
 }

@@ -1,6 +1,5 @@
 """What a session says of its night so far: a fold over its records, for whoever shows it."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,6 +9,14 @@ from rsoconsole.config import Config
 from rsoconsole.console.last_measured import LastMeasured, last_measured
 from rsoconsole.console.log_lines import LogLine, is_without_detection, left_out, line_of
 from rsoconsole.console.log_merging import append_line
+from rsoconsole.console.track_fold import (
+    FollowedTrack,
+    FrameTrack,
+    TracksNow,
+    predicted_sigma_arcsec,
+    tracks_after,
+    with_track,
+)
 from rsoconsole.control.commands import Shutdown
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Cause
@@ -94,6 +101,26 @@ class FrameDetail:
     """Where the piece at full resolution lies."""
     ruling: Ruling | None = None
     """The operator's last word on it."""
+    tracks: tuple[FrameTrack, ...] = ()
+    """What it made of each track."""
+
+    @property
+    def all_measured(self) -> tuple[Measurement, ...]:
+        """All that was measured in it, by the operator's word too."""
+        taken = None if self.ruling is None else self.ruling.taken
+        return self.measurements if taken is None else (*self.measurements, taken)
+
+    def track_of(self, measured: Measurement) -> FrameTrack | None:
+        """The track that took a measurement; None where none did."""
+        return next(
+            (
+                each
+                for each in self.tracks
+                if each.updated is not None
+                and each.updated.measurement_id == measured.measurement_id
+            ),
+            None,
+        )
 
     @property
     def followed(self) -> Measurement | None:
@@ -169,6 +196,8 @@ class NightView:
     """Settings that have been changed since the session began, by dotted name."""
     measured: tuple[LastMeasured, ...] = ()
     """What the track took of the last frames, newest first."""
+    tracks: tuple[FollowedTrack, ...] = ()
+    """All that are followed, by their numbers."""
 
     @property
     def is_orbit_past(self) -> bool:
@@ -212,6 +241,7 @@ class _Now:
     changed: Mapping[str, float | int | str] = field(default_factory=dict)
     set_aside: TrackState | None = None
     """The track that ended last by somebody's word: it may be followed again."""
+    tracks: TracksNow = field(default_factory=TracksNow)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -276,6 +306,7 @@ class Night:
             identifications=now.identifications,
             changed=now.changed,
             measured=last_measured(self._details.items(), self._rows),
+            tracks=now.tracks.in_order(),
             rows=tuple(self._rows.values()),
             log=tuple(self._log),
         )
@@ -348,6 +379,10 @@ class Night:
         now.seq = now.seq + 1 if seq is None else seq
         named = now.identified
         self._fold(record, t_utc_ns)
+        detail = self.detail(getattr(record, "frame_id", None) or 0)
+        now.tracks = tracks_after(
+            now.tracks, record, t_utc_ns, detail.all_measured, detail.detections
+        )
         line = line_of(record, t_utc_ns, self._beside(record))
         if line is not None and not (isinstance(record, Identified) and _is_same(named, record)):
             append_line(self._log, replace(line, seq=now.seq))
@@ -467,7 +502,7 @@ class Night:
     def _followed_again(self, record: FollowedAgain, _t_utc_ns: int) -> None:
         blank = {"miss": None, "residual_arcsec": None, "sigma_arcsec": None, "nis": None}
         self._change(record.frame_id, is_followed=False, **blank)
-        self._detail(record.frame_id, predicted=None, updated=None, not_followed=())
+        self._detail(record.frame_id, predicted=None, updated=None, not_followed=(), tracks=())
         now = self._now
         # What was reckoned from its measurements is reckoned anew.
         now.orbits = _not_of(now.orbits, record.frame_id)
@@ -481,11 +516,16 @@ class Night:
         self._detail(record.frame_id, closeup=record)
 
     def _track_state(self, record: TrackState, _t_utc_ns: int) -> None:
+        detail = self.detail(record.frame_id)
+        self._detail(record.frame_id, tracks=with_track(detail.tracks, record))
         if not record.is_lead:
             self._now.beside = {**self._now.beside, record.track_id: record}
             return
+        before = self._now.track
         # The lead's come first: what stands beside it is told behind them.
         self._now.track, self._now.beside = record, {}
+        if before is not None and before.track_id != record.track_id:
+            self._another_leads(record.track_id)
         if record.kind == "initial":
             self._now.track_frame_id = record.frame_id
             self._now.track_since_utc_ns = record.t_utc_ns
@@ -502,6 +542,17 @@ class Night:
                 sigma_arcsec=record.sigma_innovation_arcsec,
                 nis=record.nis,
             )
+
+    def _another_leads(self, track_id: int) -> None:
+        """What is known of it from when it was no lead."""
+        now, known = self._now, self._now.tracks.tracks.get(track_id)
+        if known is None:
+            return
+        now.track_frame_id, now.track_since_utc_ns = known.began_frame_id, known.since_utc_ns
+        if track_id in now.orbits:
+            now.orbit, now.orbit_utc_ns = now.orbits[track_id], known.state.t_utc_ns
+        if track_id in now.identifications:
+            now.identified = now.identifications[track_id]
 
     def _orbit_estimate(self, record: OrbitEstimate, t_utc_ns: int) -> None:
         now = self._now
@@ -596,10 +647,3 @@ def _is_same(one: Identified | None, other: Identified) -> bool:
         return False
     names = [each.matches[0].norad_id if each.matches else None for each in (one, other)]
     return names[0] == names[1]
-
-
-def predicted_sigma_arcsec(track: TrackState) -> tuple[float, float]:
-    """One sigma (east, north) on the sky of a state's position."""
-    cos_dec = math.cos(math.radians(track.x[2]))
-    east_deg = math.sqrt(max(track.P[0][0], 0.0)) * cos_dec
-    return east_deg * 3600.0, math.sqrt(max(track.P[2][2], 0.0)) * 3600.0

@@ -39,6 +39,7 @@ from rsoconsole.console.plot import Line
 from rsoconsole.console.reading import ReadingActions
 from rsoconsole.console.sheet_actions import SendMark
 from rsoconsole.console.sky_view import sky_lines
+from rsoconsole.console.track_actions import TracksPane
 from rsoconsole.console.tune import TunePane
 from rsoconsole.console.verdicts import VerdictsDialog
 from rsoconsole.control.stop import StopNews
@@ -64,7 +65,8 @@ class NightScreen(ReadingActions):
     NightScreen > LinesPane, NightScreen > FramePane, NightScreen > LogPane { position: absolute; }
     NightScreen > #alert { background: $error; color: $text; text-style: bold; text-wrap: wrap; }
     NightScreen > #alert.-calm { background: $panel; text-style: none; }
-    NightScreen > #tune, NightScreen > #orbit, NightScreen > #curves { layer: over; }
+    NightScreen > #tune, NightScreen > #orbit, NightScreen > #curves,
+    NightScreen > #tracks { layer: over; }
     NightScreen > #curves { background: $surface; }
     NightScreen > #orbit.-open { background: $surface; }
     NightScreen > #top { background: $panel; }
@@ -99,6 +101,7 @@ class NightScreen(ReadingActions):
         yield self.LOG(id="log")
         yield LinesPane(id="orbit")
         yield LinesPane(id="curves")
+        yield TracksPane(id="tracks")
         yield TunePane(id="tune")
         yield LinesPane(id="keys")
         yield StopBanner(id="stop")
@@ -276,6 +279,8 @@ class NightScreen(ReadingActions):
         """What the keys are for."""
         if self.is_log_open:
             return "log"
+        if isinstance(self.focused, TracksPane):
+            return "tracks"
         return "tune" if isinstance(self.focused, TunePane) else "live"
 
     # -- where it lies ----------------------------------------------------------------------

@@ -43,9 +43,12 @@ def confidence_lines(night: NightView, width: int, height: int, *, rows: Rows = 
 
 
 def residual_lines(
-    night: NightView, axis: str, width: int, height: int, *, rows: Rows = None
+    night: NightView, axis: str, width: int, height: int, *, rows: Rows = None, of: str = ""
 ) -> list[Line]:
-    """Measured minus predicted on one axis, in 3-sigma bounds; coasted frames on zero."""
+    """Measured minus predicted on one axis, in 3-sigma bounds; coasted frames on zero.
+
+    ``of``: whose they are, where they are not the lead's.
+    """
     columns = [_column(row, AXES[axis]) for row in _shown(night, width, rows)]
     name = AXIS_NAMES[axis]
     last = next((c for c in reversed(columns) if c.bound is not None), None)
@@ -55,24 +58,30 @@ def residual_lines(
     bound = "3σ -" if last is None or last.bound is None else f"3σ {unsigned_text(last.bound)}"
     if height <= 1:
         name = {"east": "RA", "north": "δ "}[axis]
-        label = f" {name} {value or '-'} {bound}"
+        label = f" {of.removeprefix('track ')}{':' if of else ''}{name} {value or '-'} {bound}"
         return [_strip(label, width, residual_strip(columns, _strip_room(width)))]
     return [
-        rule(f"{name} residual {value}", bound, width),
+        rule(f"{_of(of)}{name} residual {value}", bound, width),
         *residual_plot(columns, width, height - 1),
     ]
 
 
-def nis_lines(night: NightView, width: int, height: int, *, rows: Rows = None) -> list[Line]:
-    """The normalised innovation squared of the last frames against its band."""
+def _of(of: str) -> str:
+    return f"{of}: " if of else ""
+
+
+def nis_lines(
+    night: NightView, width: int, height: int, *, rows: Rows = None, of: str = ""
+) -> list[Line]:
+    """The normalised innovation squared of the last frames against its band; ``of``: whose."""
     newest_first = (row for row in reversed(night.rows) if row.nis is not None)
     judged_rows = list(itertools.islice(newest_first, WINDOW))[::-1]
     values = [row.nis for row in judged_rows if row.nis is not None]
     if not values:
-        return [rule("NIS: no update yet", "", width)]
+        return [rule(f"{_of(of)}NIS: no update yet", "", width)]
     judged = consistency(values, [r.residual_arcsec for r in judged_rows if r.residual_arcsec])
     frames = frames_words(night.rows if rows is None else rows, width)
-    mean = f"NIS {judged.mean:.1f} of 2"
+    mean = f"{_of(of)}NIS {judged.mean:.1f} of 2"
     if height <= 1:
         spark = sparkline(values[-NIS_FRAMES:], 12.0, NIS_FRAMES)
         words = {

@@ -10,11 +10,11 @@ from textual.content import Content
 from textual.widgets import OptionList
 from textual.widgets.option_list import Option
 
-from rsoconsole.console.curve_actions import CurveActions
 from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.panes import LinesPane
+from rsoconsole.console.track_actions import TrackActions
 from rsoconsole.console.tune import TunePane
 from rsoconsole.console.words import clock_text
 
@@ -64,7 +64,7 @@ class ReadingDialog(Dialog[str | None]):
             self.dismiss(self._messages[chosen])
 
 
-class ReadingActions(CurveActions):
+class ReadingActions(TrackActions):
     """Read what was cut, and copy what is shown."""
 
     is_log_open = False

@@ -318,7 +318,11 @@ class ReviewScreen(ReviewCompare):
     @property
     def mode(self) -> Mode:
         """What the keys are for."""
-        modes: dict[Mode, Mode] = {"log": "review log", "tune": "review tune"}
+        modes: dict[Mode, Mode] = {
+            "log": "review log",
+            "tune": "review tune",
+            "tracks": "review tracks",
+        }
         return modes.get(super().mode, "review")
 
     def place_panes(self) -> None:

@@ -59,10 +59,16 @@ class StreakActions(CarefulSeat):
             choose()
 
     def _is_followed(self, streak: Detection) -> bool:
-        followed = self.picture.detail.followed if self.picture is not None else None
-        if followed is None:
+        """By the lead, or by another track, which then leads: no track ends by it."""
+        if self.picture is None:
             return False
-        return math.hypot(followed.x_px - streak.x_px, followed.y_px - streak.y_px) < 1.0
+        detail = self.picture.detail
+        taken = (detail.followed, *(m for m in detail.all_measured if detail.track_of(m)))
+        return any(
+            math.hypot(m.x_px - streak.x_px, m.y_px - streak.y_px) < 1.0
+            for m in taken
+            if m is not None
+        )
 
     def _streaks(self) -> tuple[Detection, ...]:
         found = self.picture.detail.detections if self.picture is not None else None

@@ -153,6 +153,9 @@ class Verdicts:
             return self._rule_by_hand(ruling)
         after, records = self._cycle.rule(ruling)
         result = result_of(ruling, records)
+        others = {each.track.track_id for each in before.tracks[1:]}
+        if ruling.taken is not None and after.track_id in others:
+            result = CommandResult(kind="ruled", ruled="leads", frame_id=ruling.frame_id)
         self._chronicle.append(ruling)
         if after.state != before.state:
             # Before the first frame that is followed again: behind it stand the fold's own.

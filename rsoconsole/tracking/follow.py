@@ -111,6 +111,8 @@ def _follow_tracks(
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """All tracks of a frame, the lead first; where it ends, the next track leads."""
     is_joint = settings.filter.preset == "adaptive" and settings.choice == "nearest"
+    if seen.chosen is not None and is_joint and len(before.tracks) > 1:
+        before, seen = _with_chosen_lead(before, seen, settings)
     if seen.chosen is None and is_joint:
         steps = _steps_of_all(before, seen, settings)
     else:
@@ -140,6 +142,41 @@ def _follow_tracks(
         )
         records = (*records, change)
     return after, records
+
+
+def _with_chosen_lead(
+    before: Following, seen: Seen, settings: FollowSettings
+) -> tuple[Following, Seen]:
+    """Where one of several tracks takes what the operator wants followed, that one leads.
+
+    Nothing else changes by it: no track ends, and each takes what it takes.
+    """
+    # The word has a copy of its own, of the recorded instant: what was measured once counts once.
+    once = {m.measurement_id: m for m in reversed(seen.measurements)}
+    unsaid = replace(
+        seen,
+        chosen=None,
+        measurements=tuple(m for m in seen.measurements if once[m.measurement_id] is m),
+    )
+    wanted = None if seen.chosen is None else seen.chosen.measurement_id
+    for number, step in enumerate(_steps_of_all(before, unsaid, settings)):
+        taken = step.after.taken if step.is_measured and step.after is not None else None
+        if taken is not None and taken.measurement_id == wanted:
+            return _led_by(before, number), unsaid
+    return before, seen
+
+
+def _led_by(before: Following, number: int) -> Following:
+    """The same tracks with that one first, as the lead."""
+    tracks = before.tracks
+    in_order = (tracks[number], *tracks[:number], *tracks[number + 1 :])
+    return replace(
+        before,
+        tracks=tuple(
+            replace(each, track=replace(each.track, is_lead=at == 0))
+            for at, each in enumerate(in_order)
+        ),
+    )
 
 
 def _with_company(  # noqa: PLR0917 -- one call, each argument a different thing

@@ -1,0 +1,187 @@
+"""Every satellite of the field: the list, its cursor, the plots of one, and who leads."""
+
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.night import Night
+from rsoconsole.console.track_fold import MOST_ROWS
+from rsoconsole.console.track_lines import track_list_lines
+from rsoconsole.reasons import Cause, Missed, TrackLost
+from rsoconsole.records import FollowedAgain, Miss, StateChange
+from rsoconsole.session.writer import SessionWriter
+from tests import eight_tracks as eight
+from tests import made_up_night
+from tests.made_up_night import t_of
+from tests.seat_rig import FakeWire, pane, play, until
+
+FRAMES = 12
+AT_80_X_24 = (35, 17)
+"""Columns and rows that the list has there; at 60 x 20 it has the whole width."""
+
+
+def words(night: Night, size: tuple[int, int], chosen: int | None = None) -> list[str]:
+    lines = track_list_lines(night.view(), chosen, None, *size)
+    assert len(lines) <= size[1]
+    said = ["".join(text for text, _ in line) for line in lines]
+    assert all(len(each) <= size[0] for each in said)
+    return said
+
+
+def numbers(night: Night) -> list[str]:
+    return [each.number for each in night.view().tracks]
+
+
+def test_eight_tracks_are_read_in_the_narrowest_column():
+    said = words(eight.night_of_eight(), AT_80_X_24)
+    assert said[1].split() == ["#", "name", "state", "resid", "NIS"]
+    rows = [line[1:].split() for line in said[2:10]]
+    assert [row[0] for row in rows] == ["1", "2*", "3", "4", "5", "6", "7", "8"]
+    assert all(len(row) >= 5 for row in rows)
+    assert rows[0][-3:] == ["TRACK", "0.50″", "1.1"]
+    assert "COAST" in rows[2]
+    assert "1.50″" in rows[2]  # what it was measured with last
+    assert "ASTRA 1KR" in said[2]
+    assert rows[5][1] == "-"  # no name in the catalogue
+    # The lead is told in full below: what has no column there.
+    below = " ".join(said[10:])
+    assert "2* ASTRA 1L" in below
+    assert "SNR 20" in below
+    assert "orbit free" in below
+
+
+def test_where_there_is_room_brightness_age_and_orbit_have_their_columns():
+    said = words(eight.night_of_eight(), (60, 17), chosen=5)
+    assert said[1].split() == ["#", "name", "state", "resid", "NIS", "SNR", "age", "orbit"]
+    chosen = next(line for line in said if line.startswith("▸"))
+    assert chosen.split()[1] == "5"
+    assert chosen.rstrip().endswith("prior")
+    assert "ASTRA 19.…" in chosen or "ASTRA 19.2E" in chosen
+    assert "50" in chosen.split()  # SNR
+    assert "ASTRA 19.2E SPARE?" in " ".join(said)  # ambiguous, and in full below
+
+
+def test_a_list_longer_than_its_place_keeps_the_chosen_one_in_sight():
+    for chosen in range(1, eight.COUNT + 1):
+        said = words(eight.night_of_eight(), (40, 6), chosen)
+        assert any(line.startswith("▸") and f" {chosen}" in line for line in said)
+
+
+def test_one_that_began_with_this_frame_is_on_trial_until_it_is_measured_once_more():
+    night = Night(Path("trial"), {}, None)
+    for n in (1, 2):
+        for record in eight.story(n, since=1, tracks=(1, 2)):
+            night.take(t_of(n), record)
+        assert night.view().tracks[0].is_on_trial == (n == 1)
+        assert not night.view().tracks[1].is_on_trial  # the lead is looked for
+
+
+def test_a_track_ends_with_its_loss_and_the_next_one_leads_where_it_was_the_lead():
+    night = eight.night_of_eight(4, missed=())
+    records = [*eight.frame(5, missed=(2,))]
+    at = next(n for n, r in enumerate(records) if isinstance(r, Miss))
+    lost = Missed(kind="no detection", lost=TrackLost(kind="left the field"))
+    records[at] = Miss(frame_id=5, reason=lost, track_id=2)
+    for record in records:
+        night.take(t_of(5), record)
+    assert numbers(night) == ["1*", "3", "4", "5", "6", "7", "8"]
+
+
+def test_one_that_a_frame_does_not_speak_of_any_more_has_ended():
+    night = eight.night_of_eight(4, missed=())
+    for record in eight.story(5, since=1, tracks=(1, 2, 3)):
+        night.take(t_of(5), record)
+    assert numbers(night) == ["1", "2*", "3"]
+
+
+def test_frames_that_are_followed_again_leave_what_they_come_to_and_no_more():
+    night = eight.night_of_eight(6, missed=())
+    for n in (5, 6):
+        night.take(t_of(6), FollowedAgain(frame_id=n))
+        for record in eight.frame(n, lead=7, missed=(3,)):
+            if type(record).__name__ in {"TrackState", "Miss"}:
+                night.take(t_of(6), record)
+    view = night.view()
+    assert [each.number for each in view.tracks if each.is_lead] == ["7*"]
+    third = next(each for each in view.tracks if each.track_id == 3)
+    assert [row.is_measured for row in third.rows] == [True] * 4 + [False] * 2
+    assert [row.frame_id for row in third.rows] == [1, 2, 3, 4, 5, 6]
+    assert third.rows[-1].miss
+
+
+@pytest.mark.parametrize(("after", "is_kept"), [("IDLE", True), ("LOST", False)])
+def test_what_ended_by_a_word_comes_back_with_the_word_to_follow_again(after, is_kept):
+    night = eight.night_of_eight(4, missed=())
+    cause = Cause(kind="disarmed", by="operator")
+    night.take(t_of(4), StateChange(frame_id=4, before="TRACK", after=after, reason=cause))
+    assert night.view().tracks == ()
+    cause = Cause(kind="resumed", by="operator")
+    night.take(t_of(4), StateChange(frame_id=4, before=after, after="COAST", reason=cause))
+    assert bool(night.view().tracks) == is_kept
+
+
+def test_the_rows_of_a_track_are_bounded():
+    night = Night(Path("long"), {}, None)
+    for n in range(1, MOST_ROWS + 30):
+        for record in eight.story(n, since=1, tracks=(1, 2)):
+            night.take(t_of(n), record)
+    assert [len(each.rows) for each in night.view().tracks] == [MOST_ROWS] * 2
+
+
+def of_eight(tmp_path: Path) -> SessionWriter:
+    writer = made_up_night.begin(tmp_path / "eight")
+    eight.write(writer, range(1, FRAMES + 1))
+    made_up_night.add_previews(writer, range(FRAMES, FRAMES + 1))
+    return writer
+
+
+@pytest.fixture
+def seat_of_eight(tmp_path: Path) -> FakeWire:
+    writer = of_eight(tmp_path)
+    yield FakeWire(tmp_path / "eight")
+    writer.close()
+
+
+def test_the_list_is_read_chosen_from_and_one_is_made_the_lead(seat_of_eight: FakeWire):
+    wire = seat_of_eight
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await pilot.press("6")
+        await until(pilot, lambda: "tracks: 8" in pane(app, "tracks"))
+        await until(pilot, lambda: "Make it the lead" in pane(app, "keys"))
+        await pilot.press("down", "down", "down")
+        await until(pilot, lambda: "▸  5" in pane(app, "tracks"))
+        assert not wire.sent  # the arrows are the list's, not the mount's
+        await pilot.press("enter")
+        await until(pilot, lambda: "choose" in wire.verbs)
+        x_px, y_px = eight.place_px(5)
+        assert wire.sent[-1][1] == {"frame": FRAMES, "x": x_px, "y": y_px}
+        # One that coasts is chosen where it was seen last.
+        await pilot.press("up", "up", "enter")
+        await until(pilot, lambda: wire.verbs.count("choose") == 2)
+        assert wire.sent[-1][1]["frame"] == FRAMES - 2
+        # Its plots, and which they are.
+        await pilot.press("1")
+        await until(pilot, lambda: "track 3: RA" in pane(app, "east"))
+        assert "track 3: NIS" in pane(app, "nis")
+        assert "coasted" in pane(app, "east")
+        assert not app.live.query_one("#tracks").display
+        await pilot.press("up")  # the mount's again: they ask first
+        await until(pilot, lambda: "again within" in pane(app, "keys"))
+
+    play(wire, scene, frames=FRAMES)
+
+
+def test_at_60_x_20_the_list_has_the_width_and_its_columns(seat_of_eight: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await pilot.press("6")
+        await until(pilot, lambda: "tracks: 8" in pane(app, "tracks"))
+        said = pane(app, "tracks")
+        assert all(f" {name[:8]}" in said for name in eight.NAMES if name)
+        assert "orbit" in said.splitlines()[1]
+        await pilot.press("escape")
+        await until(pilot, lambda: not app.live.query_one("#tracks").display)
+
+    play(seat_of_eight, scene, size=(60, 20), frames=FRAMES)
