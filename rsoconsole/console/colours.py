@@ -63,10 +63,12 @@ COLOURS = {
 
 NIGHT_CSS = """
 ConsoleApp.-theme-night FramePane > .frame--followed { color: #d84028; }
+ConsoleApp.-theme-night FramePane > .frame--member { color: #d84028; }
 ConsoleApp.-theme-night FramePane > .frame--candidate { color: #d84028; }
 ConsoleApp.-theme-night FramePane > .frame--rejected { color: #8a1a10; }
 ConsoleApp.-theme-night FramePane > .frame--operator { color: #b03020; }
 ConsoleApp.-theme-night FramePane > .frame--predicted { color: #c83c28; }
+ConsoleApp.-theme-night FramePane > .frame--coasted { color: #b03020; }
 ConsoleApp.-theme-night FramePane > .frame--now { color: #c83c28; }
 ConsoleApp.-theme-night FramePane > .frame--now_rejected { color: #b83420; }
 ConsoleApp.-theme-night FramePane > .frame--box { color: #8a1a10; }

@@ -27,6 +27,7 @@ State      IDLE waits to be armed, SEARCH looks, ACQUIRE has one frame,
            TRACK measures, COAST predicts, MANUAL is yours, LOST, FAULT
 Picture    [━] followed   (━) other detections   ‹ › rejected, from near
            < > by your hand   + where it was expected, · 3 sigma about it
+           1 2* several tracks, * the lead   ○3 not seen in this frame
            in an opened frame { } detected now   « » rejected now
 Plots      fat dots measured, small dots 3 sigma, ○ nothing measured,
            ▲ ▼ beyond the axis; the newest frame at the right

@@ -122,7 +122,7 @@ def _draw(canvas: RedGreenBlue, mark: Mark, window: Window, colour: Colour) -> N
         cv2.polylines(canvas, [points], True, colour, 1, cv2.LINE_AA)
     if mark.kind == "box":
         return
-    if mark.kind in {"predicted", "cursor"}:
+    if mark.kind in {"predicted", "coasted", "cursor"}:
         # Open in its middle: what lies there is what one wants to see.
         gap, arm = CROSS_GAP_PX, CROSS_GAP_PX + MARGIN_PX * (1 + (mark.kind == "cursor"))
         for side in (-1, 1):

@@ -1,12 +1,14 @@
 """What is pointed at in a frame: detections, and where the track was expected and how surely."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from rsoconsole.console.night import FrameDetail
+from rsoconsole.console.track_fold import FrameTrack
+from rsoconsole.console.track_marks import Numbered, placed_numbers
 from rsoconsole.records import Detection, Measurement, Solution, TrackState
 from rsoconsole.sky.wcs import sky_to_pixel
 from rsoconsole.streak_text import short_name_of
@@ -18,28 +20,35 @@ SHOWN_REJECTED = 0.01
 
 Kind = Literal[
     "followed",
+    "member",
     "candidate",
     "rejected",
     "operator",
     "predicted",
+    "coasted",
     "now",
     "now_rejected",
     "box",
     "cursor",
 ]
-"""``now`` and ``now_rejected``: of a frame that is processed once more; ``box``: the network's."""
+"""``member``: another track's than the lead's; ``coasted``: of a track that this frame does not show;
+``now`` and ``now_rejected``: of a frame that is processed once more; ``box``: the network's."""
 
 _BRACKETS: dict[Kind, tuple[str, str]] = {
     "followed": ("[", "]"),
+    "member": ("[", "]"),
     "candidate": ("(", ")"),
     "rejected": ("‹", "›"),
     "operator": ("<", ">"),
     "predicted": ("", ""),
+    "coasted": ("", ""),
     "now": ("{", "}"),
     "now_rejected": ("«", "»"),
     "box": ("", ""),
     "cursor": ("", ""),
 }
+COASTED = "○"
+"""Before the number of a track that the frame does not show."""
 _SHORT_COLUMNS = 4
 """A streak of so few cells has its signs in one row; a longer one has its ends pointed at."""
 MOST_STEPS = 2000
@@ -53,12 +62,14 @@ _ORDER: dict[Kind, int] = {
     "box": -1,
     "rejected": 0,
     "predicted": 1,
-    "candidate": 2,
-    "operator": 3,
-    "followed": 4,
-    "now_rejected": 5,
-    "now": 6,
-    "cursor": 7,
+    "coasted": 2,
+    "candidate": 3,
+    "operator": 4,
+    "member": 5,
+    "followed": 6,
+    "now_rejected": 7,
+    "now": 8,
+    "cursor": 9,
 }
 """What is written last stays."""
 
@@ -79,6 +90,8 @@ class Mark:
     """Written about another mark of the same streak, with its label a row below."""
     gap: int = 0
     """Cells between its sign and its label."""
+    is_numbered: bool = False
+    """Its label is the number of a track: it stands where there is room for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,9 +122,12 @@ def marks_of(detail: FrameDetail) -> tuple[Mark, ...]:
     found = detail.detections
     if found is None or found.width_px <= 0 or found.height_px <= 0:
         return ()
-    marks = [_mark_of(d, "candidate", detail.followed) for d in found.detections]
+    members = _members(detail)
+    marks = [
+        _numbered(_mark_of(d, "candidate", detail.followed), d, members) for d in found.detections
+    ]
     marks += [
-        _mark_of(each.detection, "rejected", None)
+        _numbered(_mark_of(each.detection, "rejected", None), each.detection, members)
         for each in found.rejected
         if each.detection.confidence >= SHOWN_REJECTED
     ]
@@ -120,8 +136,43 @@ def marks_of(detail: FrameDetail) -> tuple[Mark, ...]:
         for m in detail.measurements
         if m.source == "operator"
     ]
-    predicted = _predicted_mark(detail)
-    return (*marks, predicted) if predicted is not None else tuple(marks)
+    unseen = [_coasted_mark(detail, track) for track in _unseen(detail)]
+    predicted = None if any(t.is_lead for t in _unseen(detail)) else _predicted_mark(detail)
+    return (*marks, *(mark for mark in (*unseen, predicted) if mark is not None))
+
+
+def _members(detail: FrameDetail) -> list[tuple[Measurement, FrameTrack]]:
+    """What was measured of each of several tracks; empty where there is one alone."""
+    if len(detail.tracks) < 2:
+        return []
+    found = ((m, detail.track_of(m)) for m in detail.all_measured)
+    return [(m, track) for m, track in found if track is not None]
+
+
+def _unseen(detail: FrameDetail) -> list[FrameTrack]:
+    """Of several tracks those that the frame does not show."""
+    if len(detail.tracks) < 2:
+        return []
+    return [each for each in detail.tracks if each.updated is None]
+
+
+def _numbered(
+    mark: Mark, detection: Detection, members: list[tuple[Measurement, FrameTrack]]
+) -> Mark:
+    """With the number of the track that took it; as it is where none did."""
+    for measured, track in members:
+        if _is_at(measured, detection):
+            kind: Kind = "followed" if track.is_lead else "member"
+            return replace(mark, kind=kind, label=track.number, is_numbered=True)
+    return mark
+
+
+def _coasted_mark(detail: FrameDetail, track: FrameTrack) -> Mark | None:
+    """Where a track is predicted that the frame does not show."""
+    mark = None if track.predicted is None else _mark_at(track.predicted, detail, "coasted")
+    return (
+        None if mark is None else replace(mark, label=f"{COASTED}{track.number}", is_numbered=True)
+    )
 
 
 def mark_of(detection: Detection, kind: Kind) -> Mark:
@@ -130,11 +181,7 @@ def mark_of(detection: Detection, kind: Kind) -> Mark:
 
 
 def _mark_of(detection: Detection, kind: Kind, followed: Measurement | None) -> Mark:
-    is_followed = (
-        followed is not None
-        and abs(followed.x_px - detection.x_px) < 1.0
-        and abs(followed.y_px - detection.y_px) < 1.0
-    )
+    is_followed = followed is not None and _is_at(followed, detection)
     ends = (detection.x_a_px, detection.y_a_px), (detection.x_b_px, detection.y_b_px)
     return Mark(
         x_px=detection.x_px,
@@ -145,15 +192,24 @@ def _mark_of(detection: Detection, kind: Kind, followed: Measurement | None) -> 
     )
 
 
+def _is_at(measured: Measurement, detection: Detection) -> bool:
+    return abs(measured.x_px - detection.x_px) < 1.0 and abs(measured.y_px - detection.y_px) < 1.0
+
+
 def _predicted_mark(detail: FrameDetail) -> Mark | None:
-    if detail.predicted is None or not isinstance(detail.solution, Solution):
+    return None if detail.predicted is None else _mark_at(detail.predicted, detail, "predicted")
+
+
+def _mark_at(track: TrackState, detail: FrameDetail, kind: Kind) -> Mark | None:
+    """A state's place with three sigma about it; None where the frame has no plate."""
+    if not isinstance(detail.solution, Solution):
         return None
-    ra, _, dec, _ = detail.predicted.x
+    ra, _, dec, _ = track.x
     x_px, y_px = (float(v) for v in sky_to_pixel(detail.solution.wcs, ra, dec))
     if not (math.isfinite(x_px) and math.isfinite(y_px)):
         return None
-    outline = outline_px(detail.predicted, detail.solution)
-    return Mark(x_px=x_px, y_px=y_px, kind="predicted", outline_px=outline)
+    outline = outline_px(track, detail.solution)
+    return Mark(x_px=x_px, y_px=y_px, kind=kind, outline_px=outline)
 
 
 def outline_px(track: TrackState, solution: Solution) -> tuple[tuple[float, float], ...]:
@@ -193,7 +249,16 @@ def overlay(marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = Fal
             for offset, character in enumerate(text):
                 if window.has(column + offset, row):
                     cells[column + offset, row] = character, mark.kind
-    return cells
+    numbers = [_number_of(mark, window) for mark in shown if mark.is_numbered]
+    return cells | placed_numbers(numbers, (window.columns, window.rows), cells, streaks)
+
+
+def _number_of(mark: Mark, window: Window) -> Numbered:
+    """A track's number and the cells of its streak, or of the place where it was expected."""
+    left = right = window.cell(mark.x_px, mark.y_px)
+    if mark.ends_px is not None:
+        left, right = (window.cell(*end) for end in mark.ends_px)
+    return Numbered(text=mark.label, left=left, right=right, kind=mark.kind)
 
 
 def _streak_cells(marks: list[Mark], window: Window) -> dict[tuple[int, int], bool]:
@@ -225,6 +290,8 @@ def _signs(
         return []
     if mark.kind == "predicted":
         return _predicted_signs(column, row, streaks)
+    if mark.kind == "coasted":
+        return [(column, row, "+")] if centre not in streaks else []
     if mark.kind == "cursor":
         if mark.label:
             return [(column, row, mark.label)]
@@ -236,9 +303,13 @@ def _signs(
         left, right = window.cell(*end_a), window.cell(*end_b)
     if right[0] - left[0] <= _SHORT_COLUMNS:
         left, right = (left[0], row), (right[0], row)
+    if mark.kind == "member" and right[0] - left[0] <= _SHORT_COLUMNS:
+        return []  # the number alone: brackets about each of a slot would hide them all
     beside = 2 if mark.is_outer else 1
     left = (_edged(left[0], -beside, window), left[1])
     right = (_edged(right[0], beside, window), right[1])
+    if mark.is_numbered:
+        return [(*left, opening), (*right, closing)]
     label, label_at, is_right = _label_of(mark, left[0], right[0], window)
     label_row = (right[1] if is_right else left[1]) + mark.is_outer
     return [(*left, opening), (*right, closing), (label_at, label_row, label)]

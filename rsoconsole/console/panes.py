@@ -98,10 +98,12 @@ class FramePane(Widget):
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "frame--followed",
+        "frame--member",
         "frame--candidate",
         "frame--rejected",
         "frame--operator",
         "frame--predicted",
+        "frame--coasted",
         "frame--now",
         "frame--now_rejected",
         "frame--box",
@@ -111,6 +113,8 @@ class FramePane(Widget):
     }
     DEFAULT_CSS = """
     FramePane > .frame--followed { color: #ffd75f; text-style: bold; }
+    FramePane > .frame--member { color: #ffd75f; }
+    FramePane > .frame--coasted { color: #87d7ff; }
     FramePane > .frame--candidate { color: #ffd75f; }
     FramePane > .frame--rejected { color: #d7a787; }
     FramePane > .frame--operator { color: #87d7ff; text-style: bold; }

@@ -1,0 +1,111 @@
+"""Where the tracks' short numbers stand in a picture: apart from each other and from the streaks.
+
+A slot of satellites is a few cells wide in the field: each number stands as near to its streak as
+there is room, outwards from the middle of them all.
+"""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
+
+Cell = tuple[int, int]
+"""(column, row)."""
+REACH = 8, 4
+"""Columns and rows from its streak in which room is looked for."""
+CELL_HEIGHT = 2.0
+"""In its widths."""
+OUTWARDS = 0.4
+"""How much nearer a place counts that lies away from the middle of all."""
+_LEFT_OUT = 1.5
+"""What a place on another sign costs: it is taken where there is no other."""
+
+
+class Numbered(NamedTuple):
+    """One track's number and the cells that its streak, or its predicted place, takes."""
+
+    text: str
+    left: Cell
+    right: Cell
+    kind: str
+
+
+def placed_numbers(
+    numbered: Sequence[Numbered],
+    size: tuple[int, int],
+    taken: Mapping[Cell, object],
+    streaks: Collection[Cell],
+) -> dict[Cell, tuple[str, str]]:
+    """(column, row) -> (character, kind); ``size``: columns and rows of the picture.
+
+    ``taken``: cells on which something is written, ``streaks``: those that stay free of signs.
+    """
+    shown = [each for each in numbered if _is_inside(_middle(each), size)]
+    if not shown:
+        return {}
+    middles = [_middle(each) for each in shown]
+    centre = tuple(sum(axis) / len(middles) for axis in zip(*middles, strict=True))
+    # The outermost first: they have the room that the inner ones leave.
+    order = sorted(shown, key=lambda each: -_away(_middle(each), (centre[0], centre[1])))
+    written: dict[Cell, tuple[str, str]] = {}
+    for each in order:
+        at = _best_place(each, (centre[0], centre[1]), size, taken, streaks, written)
+        if at is not None:
+            for offset, character in enumerate(each.text):
+                written[at[0] + offset, at[1]] = character, each.kind
+    return written
+
+
+def _best_place(  # noqa: PLR0917 -- one call, each argument a different thing
+    each: Numbered,
+    centre: tuple[float, float],
+    size: tuple[int, int],
+    taken: Mapping[Cell, object],
+    streaks: Collection[Cell],
+    written: Mapping[Cell, object],
+) -> Cell | None:
+    """The nearest place that is free, or one over another sign; None where numbers fill it all."""
+    columns, rows = size
+    wide = len(each.text)
+    best: tuple[float, Cell] | None = None
+    for row in range(each.left[1] - REACH[1], each.left[1] + REACH[1] + 1):
+        for column in range(each.left[0] - REACH[0] - wide, each.right[0] + REACH[0] + 2):
+            if not (0 <= row < rows and 0 <= column and column + wide <= columns):
+                continue
+            cells = [(column + n, row) for n in range(wide)]
+            # A number beside another one would read as one.
+            if any(at in written for at in ((column - 1, row), *cells, (column + wide, row))):
+                continue
+            if any(at in streaks for at in cells):
+                continue
+            cost = _distance(each, cells) - OUTWARDS * _outwards(each, cells, centre)
+            cost += sum(_LEFT_OUT * REACH[0] for at in cells if at in taken)
+            if best is None or cost < best[0]:
+                best = cost, (column, row)
+    return None if best is None else best[1]
+
+
+def _distance(each: Numbered, cells: Sequence[Cell]) -> float:
+    """From the number's nearer end to the streak's nearer end, in a cell's widths."""
+    ends = (each.left, each.right)
+    return min(_away(cell, end) for cell in (cells[0], cells[-1]) for end in ends)
+
+
+def _outwards(each: Numbered, cells: Sequence[Cell], centre: tuple[float, float]) -> float:
+    """How far it lies away from the middle of all, seen from its streak: -1 to 1."""
+    x, y = _middle(each)
+    at = (cells[0][0] + cells[-1][0]) / 2.0 - x, CELL_HEIGHT * (cells[0][1] - y)
+    out = x - centre[0], CELL_HEIGHT * (y - centre[1])
+    length = math.hypot(*at) * math.hypot(*out)
+    return (at[0] * out[0] + at[1] * out[1]) / length if length else 0.0
+
+
+def _middle(each: Numbered) -> tuple[float, float]:
+    return (each.left[0] + each.right[0]) / 2.0, (each.left[1] + each.right[1]) / 2.0
+
+
+def _away(one: tuple[float, float], other: tuple[float, float]) -> float:
+    return math.hypot(one[0] - other[0], CELL_HEIGHT * (one[1] - other[1]))
+
+
+def _is_inside(at: tuple[float, float], size: tuple[int, int]) -> bool:
+    return 0 <= at[0] < size[0] and 0 <= at[1] < size[1]
