@@ -31,7 +31,7 @@ Kind = Literal[
     "box",
     "cursor",
 ]
-"""``member``: another track's than the lead's; ``coasted``: of a track that this frame does not show;
+"""``member``: another track's than the lead's; ``coasted``: of one that is not in this frame;
 ``now`` and ``now_rejected``: of a frame that is processed once more; ``box``: the network's."""
 
 _BRACKETS: dict[Kind, tuple[str, str]] = {
@@ -286,16 +286,24 @@ def _signs(
 ) -> list[tuple[int, int, str]]:
     """(column, row, text) of what a mark writes."""
     column, row = centre
-    if mark.kind == "box":
-        return []
-    if mark.kind == "predicted":
-        return _predicted_signs(column, row, streaks)
-    if mark.kind == "coasted":
-        return [(column, row, "+")] if centre not in streaks else []
-    if mark.kind == "cursor":
-        if mark.label:
-            return [(column, row, mark.label)]
-        return _cursor_signs(column, row, streaks)
+    match mark.kind:
+        case "predicted":
+            return _predicted_signs(column, row, streaks)
+        case "cursor":
+            own = [(column, row, mark.label)]
+            return own if mark.label else _cursor_signs(column, row, streaks)
+        case "coasted":
+            return [(column, row, "+")] if centre not in streaks else []
+        case "box":
+            return []
+    return _streak_signs(mark, centre, window)
+
+
+def _streak_signs(
+    mark: Mark, centre: tuple[int, int], window: Window
+) -> list[tuple[int, int, str]]:
+    """Brackets about a streak, and its label; a number is placed with those of the others."""
+    row = centre[1]
     opening, closing = _BRACKETS[mark.kind]
     left = right = centre
     if mark.ends_px is not None:

@@ -69,7 +69,7 @@ def _best_place(  # noqa: PLR0917 -- one call, each argument a different thing
     best: tuple[float, Cell] | None = None
     for row in range(each.left[1] - REACH[1], each.left[1] + REACH[1] + 1):
         for column in range(each.left[0] - REACH[0] - wide, each.right[0] + REACH[0] + 2):
-            if not (0 <= row < rows and 0 <= column and column + wide <= columns):
+            if not (0 <= row < rows and column >= 0 and column + wide <= columns):
                 continue
             cells = [(column + n, row) for n in range(wide)]
             # A number beside another one would read as one.
