@@ -29,6 +29,7 @@ from rsoconsole.console.log_pane import LogPane, log_rows
 from rsoconsole.console.night import Night, NightView
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.plot import Column, residual_limit, residual_plot
+from rsoconsole.console.second_press import RELEASED_S
 from rsoconsole.console.words import wrapped
 from rsoconsole.control import ControlClient, ControlServer, Outcome, Request, Sender
 from rsoconsole.control.wire import read_outcome
@@ -662,6 +663,7 @@ def test_a_arms_an_idle_engine_and_disarms_an_armed_one(wire: FakeWire) -> None:
         await until(pilot, lambda: wire.verbs == ["disarm"])
         wire.status |= {"holder": "nobody", "state": "IDLE"}
         await until(pilot, lambda: app.live.engine.holder == "nobody")
+        await asyncio.sleep(RELEASED_S)
         await pilot.press("a")
         await until(pilot, lambda: wire.verbs == ["disarm", "arm"])
         await until(pilot, lambda: "arm: done" in pane(app, "keys"))

@@ -81,6 +81,7 @@ def test_a_night_at_the_console(tmp_path: Path, house: dict[str, str]):
         wait_for(lambda: seat.shows("AUTO has the mount"), "an armed engine", seat)
         seat.press("a")
         wait_for(lambda: seat.shows("nobody has the mount"), "a disarmed engine", seat)
+        time.sleep(1.0)  # a press right behind a disarming arms nothing
         seat.press("a")
         wait_for(lambda: status()["holder"] == "autonomy", "an armed engine again", seat)
         # Acquire.

@@ -178,8 +178,8 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "follow_next",
         "d",
         "Follow the next streak",
-        "the next detection of the frame is the one to follow; that of another track makes it the"
-        " lead; a click chooses too",
+        "the next detection of the frame, or the one clicked, is the one to follow; that of another"
+        " track makes it the lead; where no track would end, a click alone chooses",
         "streaks",
         acts=True,
     ),

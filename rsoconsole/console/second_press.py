@@ -36,11 +36,11 @@ class SecondPress:
         self.number = 0
         """Of the press heard last: what it led to is off when another one has come."""
 
-    def hear(self, name: str, now_s: float, *, is_click: bool = False) -> Heard:
-        """One press of the command's key. ``is_click``: by the mouse, which only ever asks."""
+    def hear(self, name: str, now_s: float) -> Heard:
+        """One press of the command's key."""
         self.number += 1
         since_s, self._last_s = now_s - self._last_s, now_s
-        if name == self._name and not is_click:
+        if name == self._name:
             is_third = now_s - self._acted_s < SETTLES_S
             shortest_s = RELEASED_S if self._is_held else REPEAT_S
             if is_third or since_s < shortest_s:
@@ -53,7 +53,8 @@ class SecondPress:
         return "asked"
 
     def forget(self) -> None:
-        """Another key came between."""
+        """Another key came between: nothing is asked any more, and what waits to be done is off."""
+        self.number += 1
         self._name, self._is_held = "", False
 
 
@@ -69,15 +70,22 @@ class CarefulSeat(Seat):
             self._second = SecondPress()
         return self._second
 
-    def twice(self, name: str, what: str, act: Callable[[], None], *, key: str = "") -> None:
-        """Say what a second press would do; do it when that comes.
+    def stop(self) -> None:
+        """STOP; a second press that has not been acted on yet is never carried out after it."""
+        self.second_press.forget()
+        super().stop()
 
-        ``name``: the command's; ``what``: as in "a again within 2 s ..."; ``key``: what to press
-        where it is no command's key.
+    def twice(self, name: str, what: str, act: Callable[[], None]) -> None:
+        """Say what a second press would do; do it when that comes. A click counts as no press.
+
+        ``name``: the command's; ``what``: as in "a again within 2 s ...".
         """
+        if self.is_click:
+            self.name_key(name, what)
+            return
         pressed = self.second_press
-        heard = pressed.hear(name, self.now_s(), is_click=self.is_click)
-        key = key or first_key(name, self.keymap)
+        heard = pressed.hear(name, self.now_s())
+        key = first_key(name, self.keymap)
         if heard == "asked":
             self.say(f"{key} again within {WITHIN_S:.0f} s {what}", "warn", WITHIN_S)
         elif heard == "held":
@@ -90,6 +98,12 @@ class CarefulSeat(Seat):
                     act()
 
             self.set_timer(SETTLES_S, unless_held)
+
+    def name_key(self, name: str, what: str) -> None:
+        """A click asked for what two presses of a key do: say which key."""
+        self.second_press.forget()
+        key = first_key(name, self.keymap)
+        self.say(f"{key} twice within {WITHIN_S:.0f} s {what}: not by the mouse", "warn")
 
     def track_words(self) -> str:
         """The track that is at stake: INTELSAT 14 (31 min)."""

@@ -1,7 +1,7 @@
 """What the operator says of the streaks in a frame: this one, not that one, here it is."""
 
 import math
-from collections.abc import Callable
+from dataclasses import dataclass
 
 from rsoconsole.console.marking import Marking
 from rsoconsole.console.marks import Mark
@@ -10,12 +10,24 @@ from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.reject_dialog import RejectDialog
-from rsoconsole.console.second_press import CarefulSeat, has_track
+from rsoconsole.console.second_press import SETTLES_S, WITHIN_S, CarefulSeat, has_track
 from rsoconsole.control.commands import Accept, Choose, MarkByHand, Reject
 from rsoconsole.records import Detection, NotSolved
 
 CLICK_PX = 60.0
 """A click so far from a streak is not meant for it, unless the picture is coarser than that."""
+CLICKED_S = 8.0
+"""So long after a click on a streak the key means that one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pick:
+    """A streak to follow."""
+
+    frame_id: int
+    number: int
+    """Its place among the frame's streaks, the likeliest first."""
+    streak: Detection
 
 
 class StreakActions(CarefulSeat):
@@ -26,37 +38,46 @@ class StreakActions(CarefulSeat):
     marking: Marking | None = None
     """The mark that is being made; None while none is."""
     _chosen, _chosen_in = -1, -1
+    _picked: Pick | None = None
+    _picked_until_s = 0.0
+    """So long the key means that pick, though newer frames are shown."""
 
     def show_picture(self) -> None:
         """Draw the picture again; the screen that has it does."""
 
     def action_follow_next(self) -> None:
-        """Go through the frame's streaks, the likeliest first."""
-        streaks = self._streaks()
+        """The streak that was asked for, else the frame's next one, the likeliest first."""
         if not self.may_act():
             return
-        if not streaks:
+        asked = self._picked if self.now_s() < self._picked_until_s else None
+        pick = asked or self._next_pick()
+        if pick is None:
             self.say("the frame has no streak to follow", "warn")
-            return
-        if self.picture is not None and self._chosen_in != self.picture.frame_id:
-            self._chosen, self._chosen_in = -1, self.picture.frame_id
-        number = (self._chosen + 1) % len(streaks)
-
-        def choose() -> None:
-            self._chosen = number
-            self._choose(streaks[number])
-
-        self._choose_carefully("follow_next", streaks[number], choose)
-
-    def _choose_carefully(
-        self, name: str, streak: Detection, choose: Callable[[], None], *, key: str = ""
-    ) -> None:
-        """Another streak than that which is followed ends the track: that asks twice."""
-        if has_track(self.engine) and not self._is_followed(streak):
-            what = f"leaves {self.track_words()} for another streak"
-            self.twice(name, what, choose, key=key)
+        elif has_track(self.engine) and (asked or not self._is_followed(pick.streak)):
+            # Another streak ends the track: that asks twice, and the second press means the same.
+            self._keep_pick(pick, WITHIN_S)
+            self.twice("follow_next", self._leaves_words(pick), lambda: self._choose(pick))
         else:
-            choose()
+            self._choose(pick)
+
+    def _next_pick(self) -> Pick | None:
+        streaks, picture = self._streaks(), self.picture
+        if not streaks or picture is None:
+            return None
+        before = self._chosen if self._chosen_in == picture.frame_id else -1
+        number = (before + 1) % len(streaks)
+        return Pick(frame_id=picture.frame_id, number=number, streak=streaks[number])
+
+    def _keep_pick(self, pick: Pick, seconds: float) -> None:
+        until_s = self.now_s() + seconds + SETTLES_S
+        is_same = pick == self._picked
+        self._picked_until_s = max(until_s, self._picked_until_s) if is_same else until_s
+        self._picked = pick
+
+    def _leaves_words(self, pick: Pick) -> str:
+        is_shown = self.picture is not None and self.picture.frame_id == pick.frame_id
+        which = "another streak" if is_shown else f"a streak of frame {pick.frame_id:04d}"
+        return f"leaves {self.track_words()} for {which}"
 
     def _is_followed(self, streak: Detection) -> bool:
         """By the lead, or by another track, which then leads: no track ends by it."""
@@ -76,11 +97,10 @@ class StreakActions(CarefulSeat):
             return ()
         return (*found.detections, *(each.detection for each in found.rejected))
 
-    def _choose(self, streak: Detection) -> None:
-        assert self.picture is not None
-        self.send(
-            Choose(frame_id=self.picture.frame_id, x_px=streak.x_px, y_px=streak.y_px),
-        )
+    def _choose(self, pick: Pick) -> None:
+        self._chosen, self._chosen_in, self._picked_until_s = pick.number, pick.frame_id, 0.0
+        streak = pick.streak
+        self.send(Choose(frame_id=pick.frame_id, x_px=streak.x_px, y_px=streak.y_px))
 
     def action_accept(self) -> None:
         """The frame's likeliest candidate is what is followed."""
@@ -136,6 +156,7 @@ class StreakActions(CarefulSeat):
         if self.marking is not None:
             self.say("the mark is left off: another session began", "warn")
         self.marking = self.picture_waiting = None
+        self._picked_until_s = 0.0
 
     def _leave_mark(self) -> None:
         """Show again what is newest."""
@@ -177,12 +198,23 @@ class StreakActions(CarefulSeat):
             if (message.is_release and self.marking.is_drag()) or not message.is_release:
                 self._set_end(message.px_per_square)
             return
-        if message.is_release or not self._streaks():
+        if not message.is_release:
+            self._click(message)
+
+    def _click(self, at: Pointed) -> None:
+        """Choose the streak there; where that would end the track, the key does it."""
+        streaks, picture = self._streaks(), self.picture
+        if not streaks or picture is None:
             return
-        near = min(self._streaks(), key=lambda d: _away(d, message))
-        if _away(near, message) <= max(CLICK_PX, 2.0 * message.px_per_square) and self.may_act():
-            name = f"click at {near.x_px:.0f}, {near.y_px:.0f}"
-            self._choose_carefully(name, near, lambda: self._choose(near), key="click")
+        number = min(range(len(streaks)), key=lambda each: _away(streaks[each], at))
+        pick = Pick(frame_id=picture.frame_id, number=number, streak=streaks[number])
+        if _away(pick.streak, at) > max(CLICK_PX, 2.0 * at.px_per_square) or not self.may_act():
+            return
+        if has_track(self.engine) and not self._is_followed(pick.streak):
+            self._keep_pick(pick, CLICKED_S)
+            self.name_key("follow_next", self._leaves_words(pick))
+        else:
+            self._choose(pick)
 
     def _set_end(self, px_per_square: float | None = None) -> None:
         assert self.marking is not None

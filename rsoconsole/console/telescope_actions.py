@@ -14,7 +14,7 @@ from rsoconsole.console.ask import (
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs import ConfirmDialog
 from rsoconsole.console.messages import OutcomeCame
-from rsoconsole.console.second_press import CarefulSeat, has_track
+from rsoconsole.console.second_press import RELEASED_S, WITHIN_S, CarefulSeat, has_track
 from rsoconsole.console.up_list import UpListDialog
 from rsoconsole.control.commands import (
     Arm,
@@ -46,6 +46,8 @@ class TelescopeActions(CarefulSeat):
 
     step = FIRST_STEP
     _is_nudging = False
+    _no_arming_before_s = 0.0
+    """Until then a press may still be meant for the disarming that was asked for or done."""
 
     def on_outcome_came(self, message: OutcomeCame) -> None:
         """The next nudge may go."""
@@ -62,12 +64,29 @@ class TelescopeActions(CarefulSeat):
             does = "takes it from the engine" if is_armed else "hands the mount to the engine"
             self.say(f"{key} {does}: by the key alone, not by the mouse")
         elif not is_armed:
-            self.send(Arm())
+            self._arm()
         elif has_track(self.engine):
+            self._arm_not_within(WITHIN_S)
             what = f"ends the track of {self.track_words()}"
-            self.twice("arm_or_disarm", what, lambda: self.send(Disarm()))
+            self.twice("arm_or_disarm", what, self._disarm)
         else:
-            self.send(Disarm())
+            self._disarm()
+
+    def _arm(self) -> None:
+        if self.now_s() >= self._no_arming_before_s:
+            self.send(Arm())
+            return
+        # A key that is held down goes on repeating.
+        self._arm_not_within(RELEASED_S)
+        key = first_key("arm_or_disarm", self.keymap)
+        self.say(f"not armed: {key} was Disarm a moment ago. Wait {WITHIN_S:.0f} s, then press it")
+
+    def _disarm(self) -> None:
+        self._arm_not_within(RELEASED_S)
+        self.send(Disarm())
+
+    def _arm_not_within(self, seconds: float) -> None:
+        self._no_arming_before_s = max(self._no_arming_before_s, self.now_s() + seconds)
 
     def action_hold_or_resume(self) -> None:
         """No slews for now; or give the mount back to autonomy."""
@@ -111,7 +130,7 @@ class TelescopeActions(CarefulSeat):
             return
         if self.engine.is_parked:
             self.send(Unpark())
-        elif self.engine.kept is not None or self.engine.wants_resuming:
+        elif self.engine.kept is not None:
             self.send(Resume())
         else:
             self.say("nothing is kept that could be followed again", "warn")
