@@ -3,6 +3,9 @@
 import itertools
 import json
 import math
+import shutil
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
@@ -279,3 +282,18 @@ def test_the_verb_says_what_is_no_session(tmp_path):
     assert run.returncode == 1
     assert "session" in run.stderr
     assert run.stdout == ""
+
+
+@pytest.mark.parametrize("title", ["\x1b]0;pwned\x07\x9b31m", "$\\badformula", "夜"])
+def test_whatever_a_session_calls_itself_is_a_title_and_nothing_else(
+    title, tuned_session, tmp_path
+):
+    folder = tmp_path / "night"
+    shutil.copytree(tuned_session, folder)
+    with closing(sqlite3.connect(folder / "session.db")) as database, database:
+        row = ("title", json.dumps(title))
+        database.execute("INSERT OR REPLACE INTO meta (key, value) VALUES (?, ?)", row)
+    done = rsoconsole("figures", str(folder), "--out", str(tmp_path / "out"))
+    assert done.returncode == 0
+    assert done.stderr == ""
+    assert all(c.isprintable() or c == "\n" for c in done.stdout)

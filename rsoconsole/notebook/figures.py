@@ -6,11 +6,13 @@ and the bounds vanish, so the same is drawn again about a straight line, and the
 their own bounds by themselves.
 """
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from rsoconsole.control.text import one_line
 from rsoconsole.errors import SessionError
 from rsoconsole.notebook.draw_sky import draw_about_line, draw_errors, draw_track
 from rsoconsole.notebook.draw_time import draw_confidence, draw_nis, draw_residuals
@@ -89,14 +91,16 @@ def _written(
     paths = []
     # A fixed salt makes the same session give the same SVG.
     style: Any = {**STYLE, "svg.hashsalt": night.title}
-    with mpl.rc_context(style):
+    with mpl.rc_context(style), warnings.catch_warnings():
+        # A sign that the font lacks is a box in the picture, nothing to print code lines for.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
         for number, drawing in enumerate(drawings, start=1):
             figure = Figure(figsize=(WIDTH_IN, drawing.height_in))
             FigureCanvasAgg(figure)
             drawing.draw(figure, night)
             if notes:
                 # Times on both sides of such an instant do not go together.
-                words = "\n".join(f"CLOCK {each}" for each in notes[:MOST_NOTES])
+                words = "\n".join(f"CLOCK {one_line(each)}" for each in notes[:MOST_NOTES])
                 figure.text(0.995, 0.995, words, fontsize=5, color="#9c1c15", ha="right", va="top")
             path = out / f"{number}_{drawing.name}.{file_format}"
             try:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, assert_never
 
 from rsoconsole.config import Config
+from rsoconsole.control.text import one_line
 from rsoconsole.errors import SessionError
 from rsoconsole.foreign_text import json_of
 from rsoconsole.reason_text import text
@@ -153,8 +154,8 @@ def read_night(session: Path) -> Night:
 
 
 def title_of(about: Mapping[str, Any], folder: Path) -> str:
-    """What a session calls itself, else its folder's name."""
-    return str(about.get("title") or folder.resolve().name)
+    """What a session calls itself, else its folder's name; nothing that steers a terminal."""
+    return one_line(str(about.get("title") or folder.resolve().name))
 
 
 def with_frames(night: Night, session: Path) -> Night:

@@ -12,6 +12,8 @@ STYLE: dict[str, Any] = {
     "figure.constrained_layout.use": True,
     "font.size": 9.0,
     "axes.titlesize": 9.5,
+    # What a session calls itself is no formula.
+    "text.parse_math": False,
     "axes.titlelocation": "left",
     "axes.labelsize": 9.0,
     "axes.linewidth": 0.7,
