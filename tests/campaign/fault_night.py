@@ -234,6 +234,8 @@ class FaultNight:
                 status = self.ask("status").data
                 if status.get("holder") != "autonomy":
                     row.armed_again = True
+                    if status.get("is_parked"):  # one of the orders at random
+                        self.ask("unpark")
                     self.ask("arm", override=[*OVERRIDES])
                     return False
                 goal = self.frames() + 1 if goal is None else goal
