@@ -1,5 +1,6 @@
 """What is up now: against skyfield with the same elements, in a list from which one is gone to."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -126,3 +127,23 @@ def test_without_element_files_it_says_where_to_name_them(wire: FakeWire):
         await until(pilot, lambda: "catalogue.tle_files" in rows.text)
 
     play(wire, scene)
+
+
+def test_what_cannot_be_computed_is_said_and_in_the_log(wire: FakeWire, monkeypatch, caplog):
+    from rsoconsole.simulator.scenarios import elements_path
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("no such night")
+
+    monkeypatch.setattr("rsoconsole.pipeline.up_now.up_now", broken)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        config = Config.model_validate({"catalogue": {"tle_files": [elements_path()]}})
+        app.live.night = dataclasses.replace(app.live.night, config=config)
+        await pilot.press("5")
+        await until(pilot, lambda: isinstance(app.screen, UpListDialog))
+        rows = app.screen.query_one("#rows", LinesPane)
+        await until(pilot, lambda: "it cannot be computed" in rows.text)
+
+    play(wire, scene)
+    assert "no such night" in caplog.text

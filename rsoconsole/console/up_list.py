@@ -1,5 +1,6 @@
 """What is up now: the satellites of the element files above the limit; one is gone to."""
 
+import logging
 import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -21,6 +22,8 @@ from rsoconsole.errors import RsoconsoleError
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.up_now import Up
+
+log = logging.getLogger(__name__)
 
 Order = Literal["altitude", "minutes left", "name"]
 ORDERS: tuple[Order, ...] = ("altitude", "minutes left", "name")
@@ -90,13 +93,16 @@ class UpListDialog(Dialog[str | None]):
             fault = "no element files are configured: name some in catalogue.tle_files"
             tell(UpFound((), t_utc_ns, fault))
             return
+        site, limits = self._config.site.to_site(), self._config.limits
         try:
-            entries = read_catalogue(files)
+            found = up_now(read_catalogue(files), site, t_utc_ns, limits)
         except RsoconsoleError as error:
             tell(UpFound((), t_utc_ns, str(error)))
-            return
-        site, limits = self._config.site.to_site(), self._config.limits
-        tell(UpFound(up_now(entries, site, t_utc_ns, limits), t_utc_ns))
+        except Exception:  # whatever it is, nobody waits for ever for the list
+            log.exception("what is up cannot be computed")
+            tell(UpFound((), t_utc_ns, "it cannot be computed: the console's log says why"))
+        else:
+            tell(UpFound(found, t_utc_ns))
 
     def on_up_found(self, message: UpFound) -> None:
         """The list."""
