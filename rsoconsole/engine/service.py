@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -125,6 +126,7 @@ def run_engine(
             )
         if site_fault is not None:
             engine.chronicle.say("warning", site_fault)
+        _load_ahead(config)
         _say_outlook(engine, config, folder, now_ns)
         machine = MachineWatch(folder, partial(engine.chronicle.say, topic="machine"))
         stack.callback(machine.close)
@@ -202,6 +204,13 @@ def _cut_off_session(config: Config, instruments: Instruments) -> Path | None:
     except SessionError as error:
         log.warning("%s", error)
         return None
+
+
+def _load_ahead(config: Config) -> None:
+    """What weighs a second to load, and would otherwise in the first frame with two satellites."""
+    if config.filter.preset == "adaptive" and config.filter.most_tracks > 1:
+        name = "scipy.optimize"
+        threading.Thread(target=import_module, args=(name,), daemon=True, name=name).start()
 
 
 def _site_fault(mount: MountPort, config: Config) -> str | None:
