@@ -53,11 +53,13 @@ def test_the_table_counts_what_was_wrong():
         "unsafe_slews": ["sent to altitude 3.0 deg"],
         "slews": 7,
         "tracebacks": 0,
+        "tracebacks_in_logs": 2,
         "slopes": {},
     }
     text = faults.table([answer])
     for words in (
         "| acknowledged facts lost | 1 of 4 |",
+        "| tracebacks in the logs | 2 |",
         "| unsafe slews | 1 of 7 |",
         "| faults after which something was wrong | 1 |",
         "worst 250 ms, 1 of 2 over 200 ms",
@@ -69,3 +71,10 @@ def test_the_table_counts_what_was_wrong():
 def test_there_are_kinds_enough_and_each_says_what_it_is():
     assert len(KINDS) >= 25
     assert set(ENDS_IT) < set(KINDS)
+
+
+def test_a_traceback_in_any_log_is_nothing_well():
+    well = {"rows": [], "lost": [], "unsafe_slews": [], "tracebacks": 0, "tracebacks_in_logs": 0}
+    assert faults.is_well(well)
+    for name, found in (("tracebacks_in_logs", 1), ("tracebacks", 1), ("lost", ["fact 1"])):
+        assert not faults.is_well({**well, name: found})

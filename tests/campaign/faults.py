@@ -246,15 +246,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         page = PAGE.read_text(encoding="utf-8")
         head, tail = page.partition(BEGIN)[0], page.partition(END)[2]
         PAGE.write_text(f"{head}{BEGIN}{text}{END}{tail}", encoding="utf-8")
-    is_well = not any(
-        a["lost"]
-        or a["unsafe_slews"]
-        or a["tracebacks"]
-        or a["tracebacks_in_logs"]
-        or any(r["wrong"] for r in a["rows"])
-        for a in answers
-    )
-    return 0 if is_well else 1
+    return 0 if all(is_well(answer) for answer in answers) else 1
+
+
+def is_well(answer: Mapping[str, Any]) -> bool:
+    """Whether nothing was lost, unsafe, broken or otherwise wrong in a night."""
+    whole = ("lost", "unsafe_slews", "tracebacks", "tracebacks_in_logs")
+    return not (any(answer[name] for name in whole) or any(r["wrong"] for r in answer["rows"]))
 
 
 if __name__ == "__main__":
