@@ -181,7 +181,7 @@ class _Judge:
         taken_by: Mapping[int, int | None],
     ) -> None:
         """Whether what leads is what was locked first."""
-        lead = _lead_of(frame)
+        lead = lead_of(frame.steps)
         if lead is None:
             return
         self.first = self.followed.get(lead) if self.first is None else self.first
@@ -313,13 +313,13 @@ def _lag_one(innovations: Sequence[tuple[float, float]]) -> float | None:
 
 def taken_of(frame: JudgedFrame) -> Measurement | None:
     """The measurement that the lead took; None where it took none."""
-    lead = _lead_of(frame)
+    lead = lead_of(frame.steps)
     return None if lead is None else _taken(frame, frame.steps[lead])
 
 
-def _lead_of(frame: JudgedFrame) -> int | None:
-    """Where one takes over from another, both lead in that frame: the later one does."""
-    return next((n for n in reversed(list(frame.steps)) if frame.steps[n].is_lead), None)
+def lead_of(steps: Mapping[int, TrackStep]) -> int | None:
+    """Track id of the lead of a frame; where one takes over from another, of the later one."""
+    return next((n for n in reversed(list(steps)) if steps[n].is_lead), None)
 
 
 def _taken(frame: JudgedFrame, step: TrackStep) -> Measurement | None:

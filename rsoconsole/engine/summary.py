@@ -11,6 +11,7 @@ from typing import Any, assert_never
 from rsoconsole.engine.objects import (
     TrackStep,
     is_on_a_streak,
+    lead_of,
     objects_figures,
     offset_arcsec,
     offset_of,
@@ -72,7 +73,8 @@ class _Frame:
 
     @property
     def _lead(self) -> TrackStep | None:
-        return next((step for step in reversed(self.steps.values()) if step.is_lead), None)
+        lead = lead_of(self.steps)
+        return None if lead is None else self.steps[lead]
 
 
 class _Tally:

@@ -14,13 +14,12 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from rsoconsole.config import AimConfig, FilterConfig
-from rsoconsole.pipeline.aim import follow_direction
+from rsoconsole.config import FilterConfig
 from rsoconsole.records import FloatArray, TrackState
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.tracking.estimator import predict
 from rsoconsole.tracking.following import three_sigma_deg
-from rsoconsole.tracking.lqe import sky_rate_arcsec_s
+from rsoconsole.tracking.lqe import direction_icrs_deg, sky_rate_arcsec_s
 from rsoconsole.tracking.sky_path import Plane
 
 Policy: TypeAlias = Literal["lead", "most", "group"]
@@ -109,7 +108,7 @@ def _members(
     found = []
     for number, track in enumerate(tracks):
         ahead = predict(track, t_mid_utc_ns, settings, track.frame_id)
-        at = follow_direction(track, t_mid_utc_ns, settings, AimConfig())
+        at = direction_icrs_deg(ahead)
         if number and separation_deg(*plane.direction_deg, *at) > _FARTHEST_DEG:
             continue
         x, y = plane.place_of(*at) / 3600.0 if number else (0.0, 0.0)

@@ -140,7 +140,7 @@ class TracksTaken:
         self._known, self._known_to = {}, -1
 
     def _let_go(self, track_id: int, newest: _Steps) -> None:
-        """A night's filters do not stay in memory: a state may carry all that its filter knows."""
+        """Covariances and mixtures of a night's steps do not stay in memory: some 5 kB a step."""
         whole = self._whole.setdefault(track_id, deque())
         if not whole or whole[-1] is not newest:
             whole.append(newest)
