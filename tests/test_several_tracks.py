@@ -11,7 +11,7 @@ from rsoconsole.console.night import Night
 from rsoconsole.engine.summary import summarise
 from rsoconsole.export.night import read_night as exported
 from rsoconsole.notebook.night import read_night
-from rsoconsole.pipeline.orbit_online import OnlineOrbit
+from rsoconsole.pipeline.orbit_online import OnlineOrbit, Refined
 from rsoconsole.pipeline.orbits import Orbits
 from rsoconsole.records import (
     FoldRecord,
@@ -166,16 +166,19 @@ def only(records: list[Record], track_id: int) -> list[Record]:
     return [r for r in records if not isinstance(r, TrackState) or r.track_id == track_id]
 
 
-def last_orbits(records: list[Record]) -> dict[int, OrbitEstimate]:
-    online, found = OnlineOrbit(config()), {}
+def refined_of(records: list[Record]) -> list[Refined]:
+    """Asked behind each frame, as the engine does."""
+    online, found = OnlineOrbit(config()), []
     for number, record in enumerate(records):
         online.hear(record)
-        is_behind = number + 1 == len(records) or type(records[number + 1]) is type(records[0])
-        if is_behind:
-            for refined in online.refine():
-                found[refined.estimate.track_id] = refined.estimate
+        if number + 1 == len(records) or type(records[number + 1]) is type(records[0]):
+            found += online.refine()
     assert online.orbit is not None
     return found
+
+
+def last_orbits(records: list[Record]) -> dict[int, OrbitEstimate]:
+    return {each.estimate.track_id: each.estimate for each in refined_of(records)}
 
 
 def test_every_track_has_an_orbit_that_is_the_one_it_would_have_alone(two):
@@ -184,6 +187,16 @@ def test_every_track_has_an_orbit_that_is_the_one_it_would_have_alone(two):
     for track_id in (1, 2):
         assert together[track_id] == last_orbits(only(two, track_id))[track_id]
     assert together[1].r_gcrs_km != together[2].r_gcrs_km
+
+
+def test_the_log_says_whose_orbit_it_is_and_who_guides_of_the_lead_alone(two):
+    words: dict[int, list[str]] = {1: [], 2: []}
+    for refined in refined_of(two):
+        words[refined.estimate.track_id] += refined.words
+    assert any("guides" in each for each in words[1])
+    assert not any(each.startswith("track") for each in words[1])
+    assert words[2]
+    assert all(each.startswith("track 2: orbit: ") for each in words[2])
 
 
 def told_with_names(records: list[Record]) -> list[Record]:

@@ -122,6 +122,13 @@ def test_what_ended_by_a_word_comes_back_with_the_word_to_follow_again(after, is
     assert bool(night.view().tracks) == is_kept
 
 
+def test_a_name_that_a_track_keeps_is_one_line_of_the_log():
+    log = eight.night_of_eight().view().log
+    said = [each.text for each in log if each.text.startswith(("identified", "ambiguous"))]
+    assert len(said) == len([name for name in eight.NAMES if name])
+    assert len(set(said)) == len(said)
+
+
 def test_the_rows_of_a_track_are_bounded():
     night = Night(Path("long"), {}, None)
     for n in range(1, MOST_ROWS + 30):

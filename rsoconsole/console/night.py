@@ -377,14 +377,15 @@ class Night:
         # A record that could not be written leaves an alarm at instant 0 in its place.
         now.last_utc_ns = max(t_utc_ns, now.last_utc_ns or 0) or None
         now.seq = now.seq + 1 if seq is None else seq
-        named = now.identified
+        named = now.identifications.get(record.track_id) if isinstance(record, Identified) else None
         self._fold(record, t_utc_ns)
         detail = self.detail(getattr(record, "frame_id", None) or 0)
         now.tracks = tracks_after(
             now.tracks, record, t_utc_ns, detail.all_measured, detail.detections
         )
         line = line_of(record, t_utc_ns, self._beside(record))
-        if line is not None and not (isinstance(record, Identified) and _is_same(named, record)):
+        is_news = not (isinstance(record, Identified) and _is_same(named, record))
+        if line is not None and is_news:
             append_line(self._log, replace(line, seq=now.seq))
 
     def _fold(self, record: Record, t_utc_ns: int) -> None:  # noqa: PLR0912 -- one case a kind

@@ -174,7 +174,11 @@ class OnlineOrbit:
         elif predicted is not None and (by_filter := self._by_filter(track)) is not None:
             target.rivals.hear(predicted.short, by_filter)
         estimate = self._estimate(target, track, orbit, seen, predicted)
-        words, target.words = [*target.words, *_news(target, estimate, was_guide=was_guide)], []
+        words, target.words = [*target.words, *_news(target, estimate)], []
+        if not track.last.is_lead:
+            words = [f"track {track.track_id}: {each}" for each in words]
+        elif estimate.is_guide != was_guide:  # the telescope goes by the lead's alone
+            words.append(_guide_words(target, is_orbit=estimate.is_guide))
         return Refined(estimate=estimate, seen=target.seen, words=tuple(words))
 
     def _aimed_at(self, tracks: Sequence[Track]) -> list[_Target]:
@@ -387,15 +391,16 @@ def _is_same(one: Measurement, other: Measurement) -> bool:
     return one is other
 
 
-def _news(target: _Target, estimate: OrbitEstimate, *, was_guide: bool) -> Sequence[str]:
-    words = []
-    if estimate.label != target.label:
-        target.label = estimate.label
-        words.append(
-            f"orbit: {estimate.label}, a {estimate.a_km:.0f} ± {estimate.sigma_a_km:.0f} km,"
-            f" {estimate.observations} in {estimate.arc_s / 60.0:.0f} min"
-        )
-    if estimate.is_guide != was_guide:
-        who = "the orbit guides" if estimate.is_guide else "the filter guides again"
-        words.append(f"{who}: {target.rivals.words}")
-    return words
+def _news(target: _Target, estimate: OrbitEstimate) -> Sequence[str]:
+    if estimate.label == target.label:
+        return ()
+    target.label = estimate.label
+    return (
+        f"orbit: {estimate.label}, a {estimate.a_km:.0f} ± {estimate.sigma_a_km:.0f} km,"
+        f" {estimate.observations} in {estimate.arc_s / 60.0:.0f} min",
+    )
+
+
+def _guide_words(target: _Target, *, is_orbit: bool) -> str:
+    who = "the orbit guides" if is_orbit else "the filter guides again"
+    return f"{who}: {target.rivals.words}"
