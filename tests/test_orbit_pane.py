@@ -346,6 +346,8 @@ def test_the_first_line_has_the_target_and_cuts_it_first() -> None:
     assert "AUTO has the mount  INTELSAT 14?  " in line(64)
     assert "AUTO has the mount  INTEL" in line(50)
     assert line(50).endswith("Z ")
+    # However little room there is, the time stands apart.
+    assert all(line(width)[-11] == " " for width in range(45, 100))
     assert "target unidentified a = 42165±9 km" in line(90, ("", "a = 42165±9 km"))
     past = review_top_lines(view, EngineView(reach="recorded"), None, 80, 1, found=found)[0]
     assert "INTELSAT 14? a = 42165±9 km" in "".join(text for text, _ in past)

@@ -112,9 +112,9 @@ def top_lines(
     if rows <= 1:
         left: Line = [*badge, (" ", ""), state_words, gap, holder, gap]  # type: ignore[list-item]
         # The date gives way to what is known of the target.
-        whole = with_target(left, width)
-        shown = dated if _columns(whole) + len(dated) <= width else clock
-        return [justified(with_target(left, width - len(shown)), shown, width)]
+        whole, apart = with_target(left, width), 1
+        shown = dated if _columns(whole) + apart + len(dated) <= width else clock
+        return [justified(with_target(left, width - len(shown) - apart), shown, width)]
     first: Line = [*badge, (" ", ""), state_words]
     second: Line = [(" ", ""), holder, gap]  # type: ignore[list-item]
     shown = dated if _columns(first) + len(dated) <= width else clock
