@@ -25,6 +25,11 @@ SAME_PLACE_PX = 1.0
 _FOLLOWED = {"TRACK", "COAST"}
 
 
+def numbered(track_id: int, *, is_lead: bool) -> str:
+    """A track's number, the lead's with a sign."""
+    return f"{track_id}*" if is_lead else f"{track_id}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackRow:
     """One frame of one track, as its plots show it."""
@@ -67,8 +72,8 @@ class FollowedTrack:
 
     @property
     def number(self) -> str:
-        """As picture, list and plots call it: the lead's with a sign."""
-        return f"{self.track_id}*" if self.is_lead else f"{self.track_id}"
+        """As picture, list and plots call it."""
+        return numbered(self.track_id, is_lead=self.is_lead)
 
     @property
     def is_on_trial(self) -> bool:
@@ -111,7 +116,7 @@ class FrameTrack:
     @property
     def number(self) -> str:
         """As ``FollowedTrack.number``."""
-        return f"{self.track_id}*" if self.is_lead else f"{self.track_id}"
+        return numbered(self.track_id, is_lead=self.is_lead)
 
 
 def with_track(tracks: tuple[FrameTrack, ...], record: TrackState) -> tuple[FrameTrack, ...]:
