@@ -137,7 +137,7 @@ class Stopping:
         if stands:
             self._stopped(f"a connection past the engine ({STOP_PATHS.get(words, words)})", words)
         else:
-            self._failed(words)
+            self._failed(words, is_past=True)
 
     def _hear_order(self, data: Mapping[str, Any]) -> None:
         """When the engine had ordered it; its own clock began when it heard of the STOP."""
@@ -151,11 +151,12 @@ class Stopping:
         news = StopNews(phase="stopped", text=text, path=path, ms=ms, ordered_ms=self._ordered_ms)
         self._say(news)
 
-    def _failed(self, reason: str) -> None:
+    def _failed(self, reason: str, *, is_past: bool = False) -> None:
         self._go_past()
         with self._lock:
             self._ways_open -= 1
-            self._reasons.append(reason)
+            # The engine's first, whichever way has given up first.
+            self._reasons.insert(1 if is_past else 0, reason)
             is_last = self._ways_open == 0
             reasons = "; ".join(self._reasons)
         if is_last:

@@ -32,7 +32,7 @@ _ABORT = "TELESCOPE_ABORT_MOTION"
 _STOP_S = 2.0
 _REPEAT_ABORT_S = 0.5
 # A driver says on and off again within one look at the mount: ask again rather than wait long.
-_TRACKING_S = 3.0
+_TRACKING_S = 2.0
 _TRACKING_ASKED_S = 0.5
 _ARRIVED_ALREADY_DEG = 0.05
 _SAME_SITE_DEG = 0.01
