@@ -78,7 +78,7 @@ def test_the_shutters_nights_are_told_by_their_scatter() -> None:
 def test_what_is_done_is_not_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
 
-    def run(case: Case) -> dict[str, Any]:
+    def run(case: Case, sessions: Path | None) -> dict[str, Any]:
         asked.append(case.name)
         return night()
 

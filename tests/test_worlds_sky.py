@@ -5,7 +5,9 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from rsoconsole.config import OpticsConfig
+from rsoconsole.simulator.brightness_world import world_extra_mag
 from rsoconsole.simulator.truth import truth_from_json
+from rsoconsole.simulator.world import SatelliteWorld
 from tests.world_rig import SCALE_ARCSEC_PX, STRIP, centre_and_spread, expose, stamps, streak_along
 
 TINY = OpticsConfig(width_px=80, height_px=80)
@@ -130,3 +132,12 @@ def test_stars_do_not_flash_with_the_satellites(monkeypatch):
     )
     assert after == pytest.approx(before)
     assert SCALE_ARCSEC_PX > 1.0
+
+
+def test_one_member_alone_can_fade():
+    world = SatelliteWorld(fade_mag_h=4.0, fade_norad=29270)
+    after_an_hour = [
+        float(world_extra_mag(world, 1, norad_id, np.array([3600.0]))[0])
+        for norad_id in (29270, 28946)
+    ]
+    assert after_an_hour == [4.0, 0.0]

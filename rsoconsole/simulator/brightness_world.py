@@ -16,7 +16,8 @@ _FEWEST_NODES, _MOST_NODES = 201, 4001
 def world_extra_mag(world: SatelliteWorld, seed: int, norad_id: int, t_s: FloatArray) -> FloatArray:
     """Magnitudes lost (n,) at these seconds after the night's start."""
     t = np.asarray(t_s, dtype=np.float64)
-    extra = world.fade_mag_h * t / 3600.0
+    fades = world.fade_norad in (0, norad_id)
+    extra = (world.fade_mag_h if fades else 0.0) * t / 3600.0
     if world.flash_period_s > 0.0:
         phase = frame_rng(seed, norad_id, _STREAM).random()
         turn = (t / world.flash_period_s + phase) % 1.0

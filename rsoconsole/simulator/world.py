@@ -205,6 +205,9 @@ class SatelliteWorld(_Part):
     flash_duty: float = _setting(0.5, "of the period", "how long they are bright", gt=0, le=1)
     flash_depth_mag: float = _setting(5.0, "mag", "by which they are fainter else", ge=0, le=20)
     fade_mag_h: float = _setting(0.0, "mag/h", "they fade", ge=-10, le=60)
+    fade_norad: int = _setting(
+        0, "", "catalogue number of the only one that fades; 0: all of them", ge=0, le=999_999_999
+    )
 
 
 class CloudsWorld(_Part):

@@ -25,7 +25,9 @@ PAGE = Path(__file__).with_name("README.md")
 BEGIN, END = "<!-- table: begin -->\n", "<!-- table: end -->"
 
 
-def run_group(group: Group, seeds: list[int] | None, folder: Path, jobs: int) -> bool:
+def run_group(
+    group: Group, seeds: list[int] | None, folder: Path, jobs: int, sessions: Path | None = None
+) -> bool:
     """Every night of the group that has no answer yet; whether all went well."""
     if group.needs_elements and not ELEMENTS.exists():
         print(f"{group.name}: left out, the independent element files are not there")
@@ -35,7 +37,7 @@ def run_group(group: Group, seeds: list[int] | None, folder: Path, jobs: int) ->
         print(f"{group.name}: left out, {fault}")
         return True
     cases, is_well = group.cases(seeds or group.seeds), True
-    for case, answer in runner.run_missing(cases, folder, jobs):
+    for case, answer in runner.run_missing(cases, folder, jobs, sessions):
         is_well &= "error" not in answer
         objects = answer.get("objects", [])
         words = answer.get("error") or "; ".join(
@@ -63,6 +65,7 @@ def main() -> int:
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="nights at a time")
     parser.add_argument("--folder", type=Path, default=Path(".cache/campaign"))
+    parser.add_argument("--sessions", type=Path, help="where the nights' sessions stay; none do")
     parser.add_argument(
         "--write", action="store_true", help="put the table into the README, the answers beside it"
     )
@@ -77,7 +80,9 @@ def main() -> int:
     names = list(GROUPS) if "all" in chosen.groups else [n for n in chosen.groups if n in GROUPS]
     is_well = True
     for name in names:
-        is_well &= run_group(GROUPS[name], chosen.seeds, chosen.folder, chosen.jobs)
+        is_well &= run_group(
+            GROUPS[name], chosen.seeds, chosen.folder, chosen.jobs, chosen.sessions
+        )
     found = {
         name: runner.answers(group.cases(chosen.seeds or group.seeds), chosen.folder)
         for name, group in GROUPS.items()

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rsoconsole.simulator.scenarios import elements_path
 from tests import real_sky_night
+from tests.campaign import clusters
 
 ELEMENTS = Path(__file__).resolve().parents[3] / "shared" / "data" / "tles"
 """Element files that the project did not make; groups that need them are left out without."""
@@ -122,6 +123,15 @@ def _astra(seeds: Sequence[int]) -> list[Case]:
     ]
 
 
+def _clusters(
+    make: Callable[[Sequence[int], str], list[clusters.ClusterNight]], group: str
+) -> Callable[[Sequence[int]], list[Case]]:
+    return lambda seeds: [
+        Case(group=group, name=night.name, words=night.words, world=night.world)
+        for night in make(seeds, str(ELEMENTS / _GEO))
+    ]
+
+
 def _indi(seeds: Sequence[int]) -> list[Case]:
     return [
         Case(
@@ -194,6 +204,18 @@ GROUPS = {
             seeds=(1,),
         ),
         Group(name="astra", title="Astra 19.2 E, four together", cases=_astra, seeds=(1, 2)),
+        Group(
+            name="clusters",
+            title="clusters with a member that fades and clouds, demo's world and random ones",
+            cases=_clusters(clusters.nights, "clusters"),
+            seeds=(1, 2, 3),
+        ),
+        Group(
+            name="approaches",
+            title="close approaches, 400 frames",
+            cases=_clusters(clusters.long_nights, "approaches"),
+            seeds=(1,),
+        ),
         Group(
             name="low",
             title="ten passes of low satellites",

@@ -66,21 +66,23 @@ def answer_path(case: Case, folder: Path) -> Path:
     return folder / case.group / f"{case.name}.json"
 
 
-def run_missing(cases: Sequence[Case], folder: Path, jobs: int) -> Iterator[tuple[Case, Any]]:
-    """Every night whose answer is not there yet, as it is done."""
+def run_missing(
+    cases: Sequence[Case], folder: Path, jobs: int, sessions: Path | None = None
+) -> Iterator[tuple[Case, Any]]:
+    """Every night whose answer is not there yet, as it is done; ``sessions``: where they stay."""
     missing = [case for case in cases if not answer_path(case, folder).exists()]
     with ThreadPoolExecutor(jobs) as pool:
-        running = {pool.submit(run, case): case for case in missing}
+        running = {pool.submit(run, case, sessions): case for case in missing}
         for done in as_completed(running):
             case, answer = running[done], done.result()
             _write(answer_path(case, folder), answer)
             yield case, answer
 
 
-def run(case: Case) -> dict[str, Any]:
+def run(case: Case, sessions: Path | None = None) -> dict[str, Any]:
     """One night to its summary; ``{"error": ...}`` where it does not come to its end."""
     started_s = time.monotonic()
-    found = _demo(case) if case.real_indi is None else _indi_night(case.real_indi)
+    found = _demo(case, sessions) if case.real_indi is None else _indi_night(case.real_indi)
     return found | {"wall_s": round(time.monotonic() - started_s, 1)}
 
 
@@ -94,9 +96,10 @@ def _indi_night(night: RealIndi) -> dict[str, Any]:
     return found
 
 
-def _demo(case: Case) -> dict[str, Any]:
+def _demo(case: Case, sessions: Path | None) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="campaign-") as scratch:
-        words = [*case.words, "--session", str(Path(scratch) / "night")]
+        kept = Path(scratch) / "night" if sessions is None else sessions / case.group / case.name
+        words = [*case.words, "--session", str(kept.absolute())]
         if case.world:
             world = Path(scratch) / "world.toml"
             world.write_text(case.world, encoding="utf-8")
