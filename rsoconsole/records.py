@@ -34,7 +34,7 @@ MapMode = Literal["fast", "paper"]
 StreakKind = Literal["streak", "clipped", "crossing"]
 """How many of its ends lie in the frame: both, one, none."""
 ObjectClass = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain", "undetermined"]
-Topic = Literal["", "limit", "machine", "clock"]
+Topic = Literal["", "limit", "machine", "clock", "engine ended"]
 OFF_RECORD = "off the record"
 """In a field's metadata: of the running program alone, no session carries it."""
 

@@ -17,8 +17,8 @@ from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.reading import ReadingDialog
 from rsoconsole.control import Outcome
 from rsoconsole.control.commands import Shutdown
-from rsoconsole.reasons import Cause, CommandResult
-from rsoconsole.records import OperatorAction, StateChange
+from rsoconsole.reasons import CommandResult
+from rsoconsole.records import Event, OperatorAction
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
 from tests.makers import NS
@@ -96,19 +96,21 @@ def test_what_is_looked_at_is_copied_as_plain_text(wire: FakeWire):
     play(wire, scene, LARGE)
 
 
-def test_an_engine_that_was_asked_to_end_is_not_gone(wire: FakeWire, writer: SessionWriter):
+ENDED = Event(level="info", text="the engine ends, the mount stands", topic="engine ended")
+
+
+def asked_to_end(came_of: CommandResult) -> OperatorAction:
+    return OperatorAction(verb=Shutdown.verb, arguments={}, outcome=came_of, by="command")
+
+
+def test_an_engine_that_has_ended_as_it_was_asked_to_is_not_gone(
+    wire: FakeWire, writer: SessionWriter
+):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        writer.append(
-            OperatorAction(
-                verb=Shutdown.verb,
-                arguments={},
-                outcome=CommandResult(kind="accepted"),
-                by="command",
-            ),
-            night.t_of(FRAMES) + 8 * NS,
-        )
         before = app.live.night, app.live.engine
+        writer.append(asked_to_end(CommandResult(kind="accepted")), night.t_of(FRAMES) + 8 * NS)
+        writer.append(ENDED, night.t_of(FRAMES) + 8 * NS)
         await until(pilot, lambda: app.live.night.has_ended)
         wire.is_gone = True
         await until(pilot, lambda: "ENGINE ENDED" in pane(app, "top"))
@@ -119,18 +121,27 @@ def test_an_engine_that_was_asked_to_end_is_not_gone(wire: FakeWire, writer: Ses
     play(wire, scene)
 
 
-def test_an_engine_that_ended_well_by_itself_is_not_gone_either(
-    wire: FakeWire, writer: SessionWriter
+@pytest.mark.parametrize(
+    "came_of",
+    [
+        CommandResult.refused("not while the dome moves"),
+        CommandResult(kind="accepted"),
+        CommandResult(kind="done"),
+    ],
+)
+def test_an_engine_that_dies_before_the_mount_stood_is_gone_though_it_was_asked_to_end(
+    wire: FakeWire, writer: SessionWriter, came_of: CommandResult
 ):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        writer.append(
-            StateChange(
-                frame_id=0, before="TRACK", after="IDLE", reason=Cause(kind="engine ended")
-            ),
-            night.t_of(FRAMES) + 8 * NS,
-        )
-        await until(pilot, lambda: app.live.night.has_ended)
+        before = app.live.night, app.live.engine
+        writer.append(asked_to_end(came_of), night.t_of(FRAMES) + 8 * NS)
+        await until(pilot, lambda: app.live.night.seq > before[0].seq)
+        wire.is_gone = True
+        await until(pilot, lambda: "ENGINE GONE" in pane(app, "top"))
+        assert "'rsoconsole stop' stops the mount" in pane(app, "alert")
+        now = app.live.night, app.live.engine
+        assert alerts_between(before, now) == [("fault", "the engine is gone")]
 
     play(wire, scene)
 

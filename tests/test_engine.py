@@ -29,6 +29,7 @@ from tests.engine_rig import (
     CONFIG,
     SITE,
     START_DEG,
+    Rig,
     asked,
     desk_of,
     end_when_idle,
@@ -354,6 +355,38 @@ def test_shutdown_stops_the_mount():
     r.engine.run()
     assert r.mount.aborts == 1
     assert r.engine.status().state == "IDLE"
+    assert is_told_to_have_ended(r)
+
+
+def is_told_to_have_ended(r: Rig) -> bool:
+    return "engine ended" in [event.topic for event in r.memory.of(Event)]
+
+
+def test_an_engine_at_rest_puts_its_end_on_record_behind_the_stop_of_the_mount():
+    r = rig(set())
+    told_before: list[bool] = []
+    plain = r.mount.abort
+
+    def abort(*_: Any, **__: Any) -> StopResult:
+        told_before.append(is_told_to_have_ended(r))
+        return plain()
+
+    r.mount.abort = abort  # type: ignore[method-assign]
+    r.queue.request_shutdown()
+    r.engine.run()
+    assert told_before == [False]
+    assert r.memory.of(StateChange) == []
+    assert is_told_to_have_ended(r)
+
+
+def test_an_end_at_which_the_mount_did_not_stop_is_an_alarm_and_none_that_went_well():
+    r = rig(set())
+    failed = StopResult(stopped=False, ms=900.0, path="mount", detail="no answer")
+    r.mount.abort = lambda *_, **__: failed  # type: ignore[method-assign]
+    r.queue.request_shutdown()
+    r.engine.run()
+    assert r.memory.of(Event)[-1].text == "the mount did not confirm its stop: no answer"
+    assert not is_told_to_have_ended(r)
 
 
 def test_a_mount_that_points_wrong_is_corrected_by_what_the_frames_show():

@@ -17,9 +17,7 @@ from rsoconsole.console.track_fold import (
     tracks_after,
     with_track,
 )
-from rsoconsole.control.commands import Shutdown
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import Cause
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -160,7 +158,7 @@ class NightView:
     is_read: bool = False
     """Whether the past has been read to its end: what comes now is news."""
     has_ended: bool = False
-    """Its engine was asked to end, or has ended well."""
+    """Its engine has ended as it was asked to, and the mount stood."""
     fault: str | None = None
     """Why the session cannot be read at this moment."""
     tau: float = 0.1
@@ -424,7 +422,7 @@ class Night:
                 self._cycle_timing(record, t_utc_ns)
             case SlewCommand():
                 self._slew_command(record, t_utc_ns)
-            case OperatorAction(verb=Shutdown.verb):
+            case Event(topic="engine ended"):
                 self._now.has_ended = True
             case OperatorAction() | Event():
                 pass  # they change nothing but the log
@@ -585,8 +583,6 @@ class Night:
 
     def _state_change(self, record: StateChange, t_utc_ns: int) -> None:
         now = self._now
-        if isinstance(record.reason, Cause) and record.reason.kind == "engine ended":
-            now.has_ended = True
         if record.after in {"TRACK", "COAST"}:
             # What was followed before the operator ended it is followed again.
             now.track, now.set_aside = now.track or now.set_aside, None

@@ -345,6 +345,8 @@ class Engine:
             if not result.stopped:
                 self.chronicle.say("alarm", f"the mount did not confirm its stop: {result.detail}")
             self._enter(Charge(), Cause(kind="engine ended"))
+            if result.stopped:
+                self.chronicle.say("info", "the engine ends, the mount stands", "engine ended")
 
     def happen(self, happening: Happening) -> Step:
         """Pass through one step: do what it asks, and put the change on record.
