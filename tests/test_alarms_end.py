@@ -1,5 +1,6 @@
 """An alarm is said once, names the state, and ends with its cause."""
 
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -7,11 +8,13 @@ import pytest
 from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.dialogs import ArmDialog, MessageDialog
 from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.log_lines import LogLine, line_of
 from rsoconsole.console.log_merging import append_line
 from rsoconsole.console.words import alert_text
-from rsoconsole.control import Outcome, read_status
+from rsoconsole.control import ON_RECORD, Outcome, read_status
+from rsoconsole.control.commands import Seek
 from rsoconsole.control.mount_words import mount_words
 from rsoconsole.engine.watch import Watch
 from rsoconsole.errors import InstrumentError
@@ -264,5 +267,57 @@ def test_a_command_that_is_refused_later_is_said_over_the_keys(
             )
         await until(pilot, lambda: "refused: the frame was not solved" in pane(app, "keys"))
         writer.append(Event(level="info", text="on it goes"), night.t_of(FRAMES) + 10 * NS)
+
+    play(wire, scene, seat_name="me@tty")
+
+
+def refused_on_record(verb: str, why: str, by: str = "console me@tty", **arguments: Any) -> Any:
+    outcome = CommandResult.refused(why)
+    return OperatorAction(verb=verb, arguments=arguments, outcome=outcome, by=by)
+
+
+@pytest.mark.parametrize("is_read_first", [False, True])
+def test_a_refusal_that_a_dialog_has_said_is_not_said_again_when_it_is_read(
+    wire: FakeWire, writer: SessionWriter, is_read_first: bool
+):
+    """Neither where its record is read after the answer came, nor where it is read before."""
+    wire.status |= {"holder": "nobody", "state": "IDLE"}
+    why = "sun: it is day"
+    wire.outcomes["arm"] = Outcome(ok=False, message=why, data={ON_RECORD: True, "checks": []})
+    if is_read_first:
+        wire.hangs["arm"] = threading.Event()
+    t_ns = night.t_of(FRAMES) + 9 * NS
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.holder == "nobody" and app.live.night.is_read)
+        await pilot.press("a")
+        if is_read_first:
+            await until(pilot, lambda: "arm" in wire.verbs)
+        else:
+            await until(pilot, lambda: isinstance(app.screen, ArmDialog))
+        writer.append(refused_on_record("arm", why, override=[]), t_ns)
+        writer.append(refused_on_record("seek", "another's", "console somebody-me@tty"), t_ns)
+        writer.append(Event(level="info", text="on it goes"), t_ns)
+        await until(pilot, lambda: any("on it goes" in x.text for x in app.live.night.log))
+        if is_read_first:
+            wire.hangs["arm"].set()
+            await until(pilot, lambda: isinstance(app.screen, ArmDialog))
+        assert app.live.notice[0] == "not armed"
+        # What was asked for before, and is refused now, is news.
+        writer.append(refused_on_record("arm", "the dome moves", override=[]), t_ns + NS)
+        await until(pilot, lambda: "the dome moves" in app.live.notice[0])
+
+    play(wire, scene, seat_name="me@tty")
+
+
+def test_what_never_goes_on_record_hides_no_refusal_to_come(wire: FakeWire, writer: SessionWriter):
+    wire.outcomes["seek"] = Outcome(ok=False, message="out of reach")
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached and app.live.night.is_read)
+        app.live.send(Seek())
+        await until(pilot, lambda: isinstance(app.screen, MessageDialog))
+        writer.append(refused_on_record("seek", "nothing was followed"), night.t_of(FRAMES) + NS)
+        await until(pilot, lambda: "nothing was followed" in app.live.notice[0])
 
     play(wire, scene, seat_name="me@tty")

@@ -2,6 +2,7 @@
 
 import pytest
 
+from rsoconsole.control import ON_RECORD
 from rsoconsole.reason_text import text
 from rsoconsole.records import OperatorAction
 from tests.engine_rig import Rig, asked, desk_of, rig
@@ -73,3 +74,18 @@ def test_a_parked_mount_does_not_track(idle: Rig):
     idle.mount.is_parked = True
     answer = desk_of(idle).handle(asked("track"))
     assert (answer.ok, answer.message) == (False, "the mount is parked: unpark it first")
+
+
+def test_the_answer_says_whether_the_refusal_is_on_record(idle: Rig):
+    """A console that has said it once need not say it again when it reads that."""
+    desk = desk_of(idle)
+    for verb in ("resume", "arm"):
+        arguments = {} if verb == "resume" else {"override": ["no such check"]}
+        answer = desk.handle(asked(verb, arguments))
+        assert not answer.ok
+        assert answer.data[ON_RECORD] is True
+    assert len(outcomes(idle)) == 2
+    answer = desk.handle(asked("answer_seat", {"gives": True}))
+    assert not answer.ok
+    assert ON_RECORD not in answer.data
+    assert len(outcomes(idle)) == 2

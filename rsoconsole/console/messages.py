@@ -107,11 +107,15 @@ class Pointed(Message):
 
 
 class OutcomeCame(Message):
-    """What came of a command; ``stops``: how many STOPs there had been when it was sent."""
+    """What came of a command.
 
-    def __init__(self, command: Command, outcome: Outcome, stops: int) -> None:
+    ``stops``: how many STOPs there had been when it was sent; ``seq``: the last record that was
+    known of then.
+    """
+
+    def __init__(self, command: Command, outcome: Outcome, stops: int, seq: int) -> None:
         super().__init__()
-        self.command, self.outcome, self.stops = command, outcome, stops
+        self.command, self.outcome, self.stops, self.seq = command, outcome, stops, seq
 
 
 class StopNewsCame(Message):

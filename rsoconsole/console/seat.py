@@ -13,13 +13,14 @@ from rsoconsole.console import words
 from rsoconsole.console.commands import BY_NAME
 from rsoconsole.console.dialogs import ArmDialog, ConfirmDialog, MessageDialog
 from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.messages import OutcomeCame, StopNewsCame
 from rsoconsole.console.night import NightView
 from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.plot import Ink
-from rsoconsole.control import Command, Outcome, command_words
+from rsoconsole.control import ON_RECORD, Command, Outcome, Sender, command_words
 from rsoconsole.control.commands import AnswerSeat, Arm, AskSeat, MarkByHand, Shutdown
 from rsoconsole.control.mount_words import mount_words
 from rsoconsole.control.stop import StopNews
@@ -76,8 +77,8 @@ class Seat(Screen[None]):
         self._stops = 0
         self._ticked: tuple[str, ...] = ()
         """Checks that were overridden here last."""
-        self._refused_at_once: set[str] = set()
-        """What the engine has just said no to, in a dialog."""
+        self._refused_at_once: list[str] = []
+        """What the engine has said no to, in a dialog, and its record says once more."""
         self._stopped_utc_ns: int | None = None
         """By the engine's clock, when STOP was given here last."""
 
@@ -130,10 +131,10 @@ class Seat(Screen[None]):
     def send(self, command: Command) -> None:
         """Hand a command to the engine; what comes of it is said."""
         self.say(f"{command.label()} …")
-        stops = self._stops
+        stops, seq = self._stops, self.night.seq
 
         def came(outcome: Outcome) -> None:
-            self.post_from_thread(OutcomeCame(command, outcome, stops))
+            self.post_from_thread(OutcomeCame(command, outcome, stops, seq))
 
         self.orders.send(command, came)
 
@@ -147,6 +148,8 @@ class Seat(Screen[None]):
         """Said where it went well, asked where it did not; STOP has the last word."""
         command, outcome = message.command, message.outcome
         self.ask_now()
+        if outcome.data.get(ON_RECORD):
+            self._expect_refusal(command, message.seq)
         if message.stops != self._stops and not isinstance(command, Shutdown):
             return
         name = command.label()
@@ -163,7 +166,6 @@ class Seat(Screen[None]):
         elif isinstance(command, MarkByHand) and outcome.data.get("asks") == "replaces":
             self._ask_to_replace(command, outcome)
         else:
-            self._refused_at_once.add(command_words(command.verb, command.arguments()))
             self.say("")
             self.app.push_screen(MessageDialog(f"{name}: not done", outcome.message))
 
@@ -248,16 +250,29 @@ class Seat(Screen[None]):
             self.set_timer(BANNER_S, partial(self._forget_stop, message.news))
         self.ask_now()
 
+    def _expect_refusal(self, command: Command, seq: int) -> None:
+        """It is said already: its record, which may have been read by now, says nothing new."""
+        words = command_words(command.verb, command.arguments())
+        if not any(self._refused_here(line) == words for line in self._lines_after(seq)):
+            self._refused_at_once.append(words)
+
+    def _lines_after(self, seq: int) -> list[LogLine]:
+        return [line for line in self.night.log[-NEW_LINES:] if line.seq > seq]
+
+    def _refused_here(self, line: LogLine) -> str:
+        """The command of this console that the line says was refused; empty: none."""
+        own = Sender.console(self.seat_name).words
+        return line.asked.removeprefix(f"{own} ") if line.refused_by == own else ""
+
     def see_refusals(self, before: NightView) -> None:
         """What was accepted here and refused later is said once, where it was asked for."""
         if not self.seat_name or before.folder != self.night.folder or not before.is_read:
             return
-        for line in self.night.log[-NEW_LINES:]:
-            if line.seq <= before.seq or not line.refused_by.endswith(self.seat_name):
-                continue
-            if line.asked.removeprefix(f"{line.refused_by} ") in self._refused_at_once:
-                self._refused_at_once.clear()
-            else:
+        for line in self._lines_after(before.seq):
+            refused = self._refused_here(line)
+            if refused in self._refused_at_once:
+                self._refused_at_once.remove(refused)
+            elif refused:
                 self.say(line.text.partition(": ")[2], "warn", REFUSAL_S)
 
     def see_stop(self) -> None:

@@ -13,10 +13,11 @@ from rsoconsole.control.sender import Sender, sender_of
 from rsoconsole.control.server import ControlServer, Handler
 from rsoconsole.control.status import Health, LastStop, Machine, Status, read_status, status_json
 from rsoconsole.control.text import one_line, printable
-from rsoconsole.control.wire import Outcome, Request
+from rsoconsole.control.wire import ON_RECORD, Outcome, Request
 
 __all__ = [
     "COMMANDS",
+    "ON_RECORD",
     "Command",
     "ControlClient",
     "ControlServer",

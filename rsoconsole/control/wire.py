@@ -37,6 +37,10 @@ class Request:
         return self.sender.words
 
 
+ON_RECORD = "on_record"
+"""In a refusal's data: the session has it too, as that command's refusal."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """What came of a command."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.control import (
+    ON_RECORD,
     Command,
     LastStop,
     Outcome,
@@ -118,7 +119,8 @@ class Desk:
             accepted = handler.check(command, by)
         except (ValueError, RsoconsoleError) as error:
             self._engine.chronicle.append(action_record(request, CommandResult.refused(error)))
-            raise
+            data = error.data if isinstance(error, RefusedError) else {}
+            raise RefusedError(str(error), {**data, ON_RECORD: True}) from error
         request = dataclasses.replace(request, command=accepted.command or command)
         append = self._engine.chronicle.append
         try:
