@@ -10,6 +10,7 @@ from typing import Any
 from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.panes import LinesPane, StopBanner
 from rsoconsole.control import Command, Outcome
 from rsoconsole.errors import ControlError
@@ -112,6 +113,11 @@ async def until(pilot: Pilot[str], is_so: Callable[[], bool]) -> None:
         assert time.monotonic() < deadline, "it never came to be"
         await asyncio.sleep(0.01)
     await pilot.pause()
+
+
+async def can_answer(app: ConsoleApp, pilot: Pilot[str]) -> None:
+    """Wait for a dialog, and until it takes an answer."""
+    await until(pilot, lambda: isinstance(app.screen, Dialog) and not app.screen.is_deaf)
 
 
 def pane(app: ConsoleApp, name: str) -> str:

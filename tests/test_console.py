@@ -53,6 +53,7 @@ from tests.seat_rig import (
     FRAMES,
     FULL,
     FakeWire,
+    can_answer,
     pane,
     play,
     screen_text,
@@ -689,6 +690,7 @@ def test_refused_arming_shows_the_checks_and_overrides_those_that_are_ticked(
         assert len(boxes) == 2
         assert "wait 40 min" in "\n".join(str(s.render()) for s in app.screen.query(".remedy"))
         boxes[0].focus()
+        await can_answer(app, pilot)
         await pilot.press("space")
         assert str(boxes[0].render()).startswith("[x] sun")
         assert str(boxes[1].render()).startswith("[ ] disk")

@@ -22,7 +22,17 @@ from rsoconsole.records import Detections, Event, NotSolved
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
 from tests.makers import NS
-from tests.seat_rig import FRAMES, FakeWire, click, pane, play, screen_text, until, written
+from tests.seat_rig import (
+    FRAMES,
+    FakeWire,
+    can_answer,
+    click,
+    pane,
+    play,
+    screen_text,
+    until,
+    written,
+)
 
 LARGE = (120, 40)
 YOURS = {"state": "MANUAL", "holder": "operator"}
@@ -412,6 +422,7 @@ def test_before_a_mark_replaces_what_is_known_better_both_are_shown(wire: FakeWi
         for answer in ("escape", "enter"):
             await pilot.press("m", "enter", *["right"] * 5, "enter")
             await until(pilot, lambda: app.screen is not app.live)
+            await can_answer(app, pilot)
             words = " ".join(str(each.render()) for each in app.screen.query(Static))
             assert "good to ±2.0′: no light stands out" in words
             assert "to ±0.30″" in words

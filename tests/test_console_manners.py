@@ -8,6 +8,7 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Button, OptionList
 
+from rsoconsole.console import dialogs
 from rsoconsole.console.alerts import alerts_between
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.colours import COLOURS
@@ -15,16 +16,17 @@ from rsoconsole.console.dialogs import ArmDialog, Dialog, Tick
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.reading import ReadingDialog
-from rsoconsole.control import Outcome
-from rsoconsole.control.commands import Shutdown
+from rsoconsole.control import Command, Outcome
+from rsoconsole.control.commands import Arm, Hold, MarkByHand, Seek, Shutdown
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Event, OperatorAction
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
 from tests.makers import NS
-from tests.seat_rig import FRAMES, FakeWire, pane, play, until
+from tests.seat_rig import FRAMES, FakeWire, can_answer, pane, play, until
 
 LARGE = (120, 40)
+A_MARK = MarkByHand(x_a_px=10.0, y_a_px=10.0, x_b_px=50.0, y_b_px=10.0)
 IDLE = {"state": "IDLE", "holder": "nobody"}
 
 
@@ -183,6 +185,47 @@ def test_leaving_says_what_moves_and_proposes_what_is_safe(
     play(wire, scene, owns_engine=True)
 
 
+@pytest.mark.parametrize(
+    ("command", "outcome", "keys"),
+    [
+        (Arm(), {"checks": [{"name": "sun", "ok": False, "detail": "it is day"}]}, ["space"]),
+        (A_MARK, {"asks": "replaces", "sigma_arcsec": 118.0, "better_arcsec": 0.3}, ["enter", "m"]),
+        (Hold(), {"seat": "bob@pts/2"}, ["y", "down", "enter"]),
+        (Seek(), {}, ["enter", "s"]),
+    ],
+)
+def test_a_dialog_that_opens_by_itself_takes_no_answer_before_it_can_be_read(
+    wire: FakeWire,
+    monkeypatch: pytest.MonkeyPatch,
+    command: Command,
+    outcome: dict[str, Any],
+    keys: list[str],
+):
+    wire.outcomes[command.verb] = Outcome(ok=False, message="no", data=outcome)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        monkeypatch.setattr(dialogs, "UNASKED_DEAF_S", 3600.0)
+        app.live.send(command)
+        await until(pilot, lambda: isinstance(app.screen, Dialog))
+        before = shown(app)
+        await pilot.press(*keys)
+        await pilot.pause()
+        assert isinstance(app.screen, Dialog)
+        assert shown(app) == before
+        assert wire.verbs == [command.verb]
+        await pilot.press("escape")
+        await until(pilot, lambda: app.screen is app.live)
+        monkeypatch.undo()
+        app.live.send(command)
+        await can_answer(app, pilot)
+        dialog, before = app.screen, shown(app)
+        await pilot.press(*keys)
+        await until(pilot, lambda: app.screen is not dialog or shown(app) != before)
+
+    play(wire, scene, LARGE)
+
+
 def test_what_stands_against_arming_is_said_once_and_ticks_are_kept(wire: FakeWire):
     wire.status |= IDLE
     checks = [
@@ -201,6 +244,7 @@ def test_what_stands_against_arming_is_said_once_and_ticks_are_kept(wire: FakeWi
         assert "--override" not in shown(app)
         assert shown(app).count("the Sun stands high") == 1
         assert "well: site" in shown(app)
+        await can_answer(app, pilot)
         await pilot.press("space")
         app.screen.query_one("#arm", Button).press()
         await until(pilot, lambda: wire.sent[-1] == ("arm", {"override": ["sun"]}))

@@ -9,7 +9,7 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.control import COMMANDS, Outcome, Sender
 from rsoconsole.engine.seats import ASKED_S, GONE_S, Seats, SeatView
 from tests.engine_rig import asked, desk_of, rig
-from tests.seat_rig import FakeWire, pane, play, until
+from tests.seat_rig import FakeWire, can_answer, pane, play, until
 
 ANA, BOB = Sender.console("ana@pts/1"), Sender.console("bob@pts/2")
 
@@ -122,7 +122,7 @@ def test_a_refused_console_may_ask_for_the_seat(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.holder == "autonomy")
         await pilot.press("h")
-        await until(pilot, lambda: app.screen is not app.live)
+        await can_answer(app, pilot)
         await pilot.press("y")
         await until(pilot, lambda: wire.verbs == ["hold", "ask_seat"])
 

@@ -1,5 +1,6 @@
 """What the operator is asked, and the help. STOP works in each of them: the app binds it first."""
 
+import math
 import textwrap
 import time
 from collections.abc import Collection, Mapping, Sequence
@@ -19,6 +20,8 @@ from rsoconsole.console.glossary import glossary_text
 from rsoconsole.console.key_line import MODE_WORDS, Mode, mode_keys
 
 HELP_COLUMNS = 70
+UNASKED_DEAF_S = 0.5
+"""So long a dialog that opened by itself takes no answer: keys were meant for what is below it."""
 Leave = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
 
@@ -92,6 +95,21 @@ class Dialog(ModalScreen[Result], Generic[Result]):
 
     closed_s: ClassVar[float] = 0.0
     """When the last one was closed, by a clock that nobody sets."""
+    opens_unasked = False
+    """Under the operator's hands, by what the engine said."""
+    _opened_s = math.inf
+
+    def on_mount(self) -> None:
+        """It can be read from the first paint on."""
+        self.call_after_refresh(self._see_opened)
+
+    def _see_opened(self) -> None:
+        self._opened_s = time.monotonic()
+
+    @property
+    def is_deaf(self) -> bool:
+        """Whether what is typed now was meant for what it lies over; esc puts it away at once."""
+        return self.opens_unasked and time.monotonic() < self._opened_s + UNASKED_DEAF_S
 
     def dismiss(self, result: Result | None = None) -> AwaitComplete:
         """Close; what is typed right after it may still be meant for it."""
@@ -170,6 +188,8 @@ class Tick(Static, can_focus=True):
 
     def action_tick(self) -> None:
         """Tick, or not."""
+        if isinstance(self.screen, Dialog) and self.screen.is_deaf:
+            return
         self.is_on = not self.is_on
         self.update(f"[{'x' if self.is_on else ' '}] {self._words}")
 
@@ -196,7 +216,8 @@ class MessageDialog(Dialog[None]):
         """Read: back to the sky. What STOP is bound to never comes here."""
         event.stop()
         event.prevent_default()
-        self.dismiss(None)
+        if event.key == "escape" or not self.is_deaf:
+            self.dismiss(None)
 
     def on_click(self) -> None:
         """The same by the mouse."""
@@ -248,6 +269,8 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
     def on_button_pressed(self, event: Button.Pressed) -> None:
         """Arm anyway, or not."""
         event.stop()
+        if self.is_deaf:
+            return
         if event.button.id != "arm":
             self.dismiss(None)
             return
@@ -286,13 +309,15 @@ class ConfirmDialog(Dialog[bool | None]):
     def on_button_pressed(self, event: Button.Pressed) -> None:
         """Done, or not."""
         event.stop()
-        self.dismiss(event.button.id == "yes")
+        if not self.is_deaf:
+            self.dismiss(event.button.id == "yes")
 
     def on_key(self, event: Key) -> None:
         """By letter."""
         if event.key == self._letter:
             event.stop()
-            self.dismiss(True)
+            if not self.is_deaf:
+                self.dismiss(True)
 
 
 class LeaveDialog(Dialog[Leave | None]):

@@ -11,7 +11,7 @@ from textual.screen import Screen
 
 from rsoconsole.console import words
 from rsoconsole.console.commands import BY_NAME
-from rsoconsole.console.dialogs import ArmDialog, ConfirmDialog, MessageDialog
+from rsoconsole.console.dialogs import ArmDialog, ConfirmDialog, Dialog, MessageDialog, Result
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.messages import OutcomeCame, StopNewsCame
@@ -167,7 +167,14 @@ class Seat(Screen[None]):
             self._ask_to_replace(command, outcome)
         else:
             self.say("")
-            self.app.push_screen(MessageDialog(f"{name}: not done", outcome.message))
+            self._open_unasked(MessageDialog(f"{name}: not done", outcome.message))
+
+    def _open_unasked(
+        self, dialog: Dialog[Result], decided: Callable[[Result | None], None] | None = None
+    ) -> None:
+        """A dialog that the engine's answer opens: a key that bounces does not answer it."""
+        dialog.opens_unasked = True
+        self.app.push_screen(dialog, decided)
 
     def _ask_to_replace(self, mark: MarkByHand, outcome: Outcome) -> None:
         """A mark would take the place of what is known better: both sigmas, and enter once more."""
@@ -186,7 +193,7 @@ class Seat(Screen[None]):
             f"Frame {mark.frame_id} has it measured to ±{better} already.\n\n"
             "Enter again takes yours instead; esc leaves it as it is."
         )
-        self.app.push_screen(
+        self._open_unasked(
             ConfirmDialog("a better measurement", text, yes="Take mine", letter="m", is_yes=True),
             decided,
         )
@@ -197,7 +204,7 @@ class Seat(Screen[None]):
                 self.send(AskSeat())
 
         text = f"{holder} has control. Who is asked and says nothing for 30 s gives it up."
-        self.app.push_screen(
+        self._open_unasked(
             ConfirmDialog("another console acts", text, yes="Ask for it", letter="y"), decided
         )
 
@@ -231,7 +238,7 @@ class Seat(Screen[None]):
                 self.send(Arm(override=names))
 
         self.say("not armed", "warn")
-        self.app.push_screen(ArmDialog(outcome.message, checks, ticked or self._ticked), decided)
+        self._open_unasked(ArmDialog(outcome.message, checks, ticked or self._ticked), decided)
 
     def stop(self) -> None:
         """STOP: act first, then put away whatever is open, then say so."""
