@@ -11,6 +11,8 @@ from rsoconsole.config import Config
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.curves import alignment_lines, focus_lines, quality_lines, trend_words
 from rsoconsole.console.night import FrameRow, NightView
+from rsoconsole.console.panels import confidence_lines, nis_lines, residual_lines
+from rsoconsole.console.plain import plain
 from rsoconsole.console.plot import AXIS_COLUMNS, Line
 from rsoconsole.console.plot_window import PlotWindow, axis_lines
 from rsoconsole.sky.times import iso_to_utc_ns
@@ -86,6 +88,43 @@ def test_the_window_goes_back_and_on_and_keeps_the_worst_of_a_mark():
     assert window.rows([*rows, row(41)])[:10] == window.rows(rows)
 
 
+def test_titles_count_the_frames_that_the_plot_has_marks_of():
+    rows = tuple(row(n) for n in range(1, 301))
+    width = AXIS_COLUMNS + 50
+    newest, wide = PlotWindow(), PlotWindow().zoomed(2.0).zoomed(2.0)
+    assert newest.frames_words(rows, width) == "last 50 of 300"
+    assert newest.frames_words(rows[:40], width) == "40 frames"
+    assert wide.frames_words(rows, width) == "last 200 of 300"
+    assert len(wide.rows(rows, width)) == 50
+    assert wide.frames_words(rows, AXIS_COLUMNS + 75) == "300 frames"
+    assert newest.moved(-100, 300).frames_words(rows, width) == "0151-0200 of 300"
+    # The last mark has one frame as yet.
+    assert wide.frames_words((*rows, row(301)), width) == "last 197 of 301"
+
+
+def test_titles_tell_of_the_newest_frame_up_to_the_right_edge_and_not_of_a_marks_worst():
+    def measured(number: int, off_arcsec: float, confidence: float = 0.5) -> FrameRow:
+        return row(
+            number,
+            residual_arcsec=(off_arcsec, 0.0),
+            sigma_arcsec=(1.0, 1.0),
+            nis=off_arcsec**2,
+            confidence=confidence,
+        )
+
+    frames = [measured(n, 0.1) for n in range(1, 40)] + [measured(40, 0.2), measured(41, 5.0, 0.9)]
+    night = NightView(rows=tuple(frames))
+    back = PlotWindow().moved(-1, len(frames))
+    size = AXIS_COLUMNS + 60, 6
+    assert "residual +5.00" in words(residual_lines(night, "east", *size))
+    assert "residual +0.20" in words(residual_lines(night, "east", *size, window=back))
+    assert "confidence .50" in words(confidence_lines(night, *size, window=back))
+    assert "NIS 0.0 of 2 · 0001-0040 of 41" in words(nis_lines(night, *size, window=back))
+    wide = PlotWindow().zoomed(2.0).zoomed(2.0)
+    after = replace(night, rows=(*night.rows, measured(42, 0.3)))
+    assert "residual +0.30" in words(residual_lines(after, "east", *size, window=wide))
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [(0.0, "steady"), (0.1, "wider by"), (-0.1, "sharper by")],
@@ -98,7 +137,7 @@ def test_the_trend_of_the_focus_is_told_from_its_scatter(change, says):
 def test_the_focus_is_shown_large_with_its_best():
     night = NightView(rows=tuple(row(n, fwhm_px=3.0 - n / 10) for n in range(1, 11)))
     said = words(focus_lines(night, 50, 16))
-    assert "best 2.00 in frame 0010" in said
+    assert "FWHM 2.00 px   best 2.00 in frame 0010" in plain(said)  # where blocks cannot be drawn
     assert "█" in said
     assert "no frame has shown stars" in words(focus_lines(NightView(), 50, 16))
 

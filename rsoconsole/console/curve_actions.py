@@ -44,15 +44,18 @@ class CurveActions(TuneActions):
     def show_plots(self) -> None:
         """The plots of the track and their times, and what lies over them."""
         night, of = self.plotted, self.plotted_words
-        rows = self.window.rows(night.rows)
-        self.pane("confidence").show(partial(panels.confidence_lines, night, rows=rows))
-        self.pane("east").show(partial(panels.residual_lines, night, "east", rows=rows, of=of))
-        self.pane("north").show(partial(panels.residual_lines, night, "north", rows=rows, of=of))
-        self.pane("nis").show(partial(panels.nis_lines, night, rows=rows, of=of))
-        words = self.window.words(night.rows)
-        self.pane("axis").show(lambda width, height: axis_lines(rows, width, height, words))
+        window = self.window
+        self.pane("confidence").show(partial(panels.confidence_lines, night, window=window))
+        residuals = partial(panels.residual_lines, night, window=window, of=of)
+        self.pane("east").show(partial(residuals, "east"))
+        self.pane("north").show(partial(residuals, "north"))
+        self.pane("nis").show(partial(panels.nis_lines, night, window=window, of=of))
+        words = window.words(night.rows)
+        self.pane("axis").show(
+            lambda width, height: axis_lines(window.rows(night.rows, width), width, height, words)
+        )
         if self.page == "quality":
-            self.pane("curves").show(partial(quality_lines, rows))
+            self.pane("curves").show(partial(quality_lines, night.rows, window=window))
         elif self.page == "focus":
             self.pane("curves").show(partial(focus_lines, night))
         elif self.page == "alignment":

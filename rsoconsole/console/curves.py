@@ -1,12 +1,12 @@
 """What observers look for beside the track: sharpness, sky, stars, focus, drift."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 from rsoconsole.console.night import FrameRow, NightView
-from rsoconsole.console.panels import rule
+from rsoconsole.console.panels import NEWEST, rule
 from rsoconsole.console.plot import Ink, Line, value_plot
-from rsoconsole.console.plot_window import axis_lines
+from rsoconsole.console.plot_window import PlotWindow, axis_lines
 from rsoconsole.console.words import clipped, duration_text
 from rsoconsole.tracking.drift import Drift, Look, PolarHint, Rate, drift_of, offsets_arcsec
 from rsoconsole.tracking.drift import polar_hint as hint_of
@@ -32,20 +32,29 @@ DIGITS = {
 }
 
 
-def quality_lines(shown: Sequence[FrameRow], width: int, height: int) -> list[Line]:
-    """FWHM, background, transparency and stars, one above the other, over one time axis."""
-    curves = (
-        ("FWHM", "px", [row.fwhm_px for row in shown], ".1f"),
-        ("background", "ADU", [row.background_adu for row in shown], ".0f"),
-        ("transparency, zero point", "mag", [row.zero_point_mag for row in shown], ".2f"),
-        ("stars", "", [row.star_count for row in shown], ".0f"),
+def quality_lines(
+    rows: Sequence[FrameRow], width: int, height: int, *, window: PlotWindow = NEWEST
+) -> list[Line]:
+    """FWHM, background, transparency and stars, one above the other, over one time axis.
+
+    A title has the newest frame's value and the span of all frames that have a mark.
+    """
+    curves: tuple[tuple[str, str, Callable[[FrameRow], float | None], str], ...] = (
+        ("FWHM", "px", lambda row: row.fwhm_px, ".1f"),
+        ("background", "ADU", lambda row: row.background_adu, ".0f"),
+        ("transparency, zero point", "mag", lambda row: row.zero_point_mag, ".2f"),
+        ("stars", "", lambda row: row.star_count, ".0f"),
     )
+    marks, visible = window.rows(rows, width), window.visible(rows, width)
+    best = max((row.zero_point_mag for row in window.seen(rows) if row.zero_point_mag), default=0.0)
     each = max((height - 1) // len(curves), 2)
     lines: list[Line] = []
-    for name, unit, values, form in curves:
-        lines.append(_title(name, unit, values, form, width))
-        lines += value_plot(values, width, each - 1)
-    return [*lines[: height - 1], *axis_lines(shown, width, 1)][:height]
+    for name, unit, value_of, form in curves:
+        lines.append(
+            _title(name, unit, [value_of(row) for row in visible], form, width, best_mag=best)
+        )
+        lines += value_plot([value_of(row) for row in marks], width, each - 1)
+    return [*lines[: height - 1], *axis_lines(marks, width, 1, window.words(rows))][:height]
 
 
 def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
@@ -63,7 +72,8 @@ def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
     scale = _scale_arcsec_px(night)
     arcsec = f" = {now * scale:.1f}″" if scale else ""
     best_row = next(row for row in rows if row.fwhm_px == best)
-    lines.append([(f"  px{arcsec}   best {best:.2f} in frame {best_row.frame_id:04d}", "")])
+    figures = f"  FWHM {now:.2f} px{arcsec}   best {best:.2f} in frame {best_row.frame_id:04d}"
+    lines.append([(figures, "")])
     words, ink = trend_words(widths)
     lines.append([(f"  {words}", ink)])
     lines.append(
@@ -134,14 +144,23 @@ def large(text: str) -> list[str]:
     return rows
 
 
-def _title(name: str, unit: str, values: Sequence[float | None], form: str, width: int) -> Line:
+def _title(
+    name: str,
+    unit: str,
+    values: Sequence[float | None],
+    form: str,
+    width: int,
+    *,
+    best_mag: float = 0.0,
+) -> Line:
+    """Name, last value and span; ``best_mag``: the night's clearest sky."""
     known = [value for value in values if value is not None]
     now = next((value for value in reversed(values) if value is not None), None)
     if now is None:
         return rule(f"{name}: not measured", "", width)
     shown = f"{now:{form}} {unit}".strip()
     line = rule(f"{name} {shown}", f"{min(known):{form}} to {max(known):{form}}", width)
-    is_hazy = unit == "mag" and max(known) - now > WORSE_MAG
+    is_hazy = unit == "mag" and best_mag - now > WORSE_MAG
     return [(text, "warn" if is_hazy and ink == "title" else ink) for text, ink in line]
 
 

@@ -1,7 +1,6 @@
 """What each plot pane says and draws, from a view of the night: title, dots, the NIS line."""
 
 import itertools
-from collections.abc import Sequence
 
 from rsoconsole.console.marks import SHOWN_REJECTED
 from rsoconsole.console.night import FrameRow, NightView
@@ -17,12 +16,12 @@ from rsoconsole.console.plot import (
     residual_strip,
     sparkline,
 )
+from rsoconsole.console.plot_window import PlotWindow
 from rsoconsole.console.words import arcsec_text, clipped, short, unsigned_text
 from rsoconsole.tracking.adaptive import summary_words
 from rsoconsole.tracking.consistency import NIS_BAND, WINDOW, consistency
 
-Rows = Sequence[FrameRow] | None
-"""What a plot shows, one row a mark; None: the night's frames."""
+NEWEST = PlotWindow()
 MISS = "○"
 STRIP_LABEL_COLUMNS = 22
 NIS_FRAMES = 10
@@ -30,10 +29,12 @@ AXES = {"east": 0, "north": 1}
 AXIS_NAMES = {"east": "RA·cosδ", "north": "δ"}
 
 
-def confidence_lines(night: NightView, width: int, height: int, *, rows: Rows = None) -> list[Line]:
+def confidence_lines(
+    night: NightView, width: int, height: int, *, window: PlotWindow = NEWEST
+) -> list[Line]:
     """Each frame's best detection, misses at 0 under their own sign, tau as a line."""
-    columns = [_confidence_column(row) for row in _shown(night, width, rows)]
-    last = next((row for row in reversed(night.rows) if row.is_reduced), None)
+    columns = [_confidence_column(row) for row in window.rows(night.rows, width)]
+    last = next((row for row in reversed(window.seen(night.rows)) if row.is_reduced), None)
     now = _confidence_words(last)
     if height <= 1:
         label = f" conf {now} τ {short(night.tau)}"
@@ -43,15 +44,23 @@ def confidence_lines(night: NightView, width: int, height: int, *, rows: Rows = 
 
 
 def residual_lines(
-    night: NightView, axis: str, width: int, height: int, *, rows: Rows = None, of: str = ""
+    night: NightView,
+    axis: str,
+    width: int,
+    height: int,
+    *,
+    window: PlotWindow = NEWEST,
+    of: str = "",
 ) -> list[Line]:
     """Measured minus predicted on one axis, in 3-sigma bounds; coasted frames on zero.
 
-    ``of``: whose they are, where they are not the lead's.
+    ``of``: whose they are, where they are not the lead's. The title tells of the newest frame up
+    to the right edge, however many a mark stands for.
     """
-    columns = [_column(row, AXES[axis]) for row in _shown(night, width, rows)]
+    columns = [_column(row, AXES[axis]) for row in window.rows(night.rows, width)]
     name = AXIS_NAMES[axis]
-    last = next((c for c in reversed(columns) if c.bound is not None), None)
+    newest_first = (_column(row, AXES[axis]) for row in reversed(window.visible(night.rows, width)))
+    last = next((column for column in newest_first if column.bound is not None), None)
     value = "" if last is None or last.value is None else arcsec_text(last.value)
     if last is not None and last.value is None:
         value = f"{MISS} coasted"
@@ -71,16 +80,16 @@ def _of(of: str) -> str:
 
 
 def nis_lines(
-    night: NightView, width: int, height: int, *, rows: Rows = None, of: str = ""
+    night: NightView, width: int, height: int, *, window: PlotWindow = NEWEST, of: str = ""
 ) -> list[Line]:
     """The normalised innovation squared of the last frames against its band; ``of``: whose."""
-    newest_first = (row for row in reversed(night.rows) if row.nis is not None)
+    newest_first = (row for row in reversed(window.seen(night.rows)) if row.nis is not None)
     judged_rows = list(itertools.islice(newest_first, WINDOW))[::-1]
     values = [row.nis for row in judged_rows if row.nis is not None]
     if not values:
         return [rule(f"{_of(of)}NIS: no update yet", "", width)]
     judged = consistency(values, [r.residual_arcsec for r in judged_rows if r.residual_arcsec])
-    frames = frames_words(night.rows if rows is None else rows, width)
+    frames = window.frames_words(night.rows, width)
     mean = f"{_of(of)}NIS {judged.mean:.1f} of 2"
     if height <= 1:
         spark = sparkline(values[-NIS_FRAMES:], 12.0, NIS_FRAMES)
@@ -93,7 +102,7 @@ def nis_lines(
         return [rule(f"{mean} {spark} {words[judged.verdict]}", frames, width)]
     columns = [
         Column(value=row.nis, mark=MISS if row.miss is not None and row.sigma_arcsec else "")
-        for row in _shown(night, width, rows)
+        for row in window.rows(night.rows, width)
     ]
     band = f"95% {NIS_BAND[0]:.2f}-{NIS_BAND[1]:.1f}"
     title = rule(f"{mean} · {frames}", band, width)
@@ -102,17 +111,6 @@ def nis_lines(
     told = " · ".join(each for each in (judged.words, learnt) if each)
     said = clipped([(f" {told}", ink or "dim")], width)
     return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]
-
-
-def _shown(night: NightView, width: int, rows: Rows) -> Sequence[FrameRow]:
-    """The last rows, one a column: no plot has room for more."""
-    return (night.rows if rows is None else rows)[-max(width, 1) :]
-
-
-def frames_words(rows: Sequence[FrameRow], width: int) -> str:
-    """How much of the night the plots show."""
-    room = max(width - 6, 0)
-    return f"last {room} of {len(rows)}" if len(rows) > room else f"{len(rows)} frames"
 
 
 def rule(left: str, right: str, width: int) -> Line:

@@ -23,11 +23,6 @@ class PlotWindow:
     """Frames after it that are not shown."""
     frames_a_mark: int = 1
 
-    @property
-    def is_newest(self) -> bool:
-        """Whether it goes on with the night."""
-        return self.back == 0
-
     def moved(self, marks: int, count: int) -> "PlotWindow":
         """So many marks on (negative: back), in a night of so many frames."""
         back = self.back - marks * self.frames_a_mark
@@ -38,9 +33,30 @@ class PlotWindow:
         frames = min(max(round(self.frames_a_mark * factor), 1), MOST_FRAMES_A_MARK)
         return replace(self, frames_a_mark=frames)
 
-    def rows(self, rows: Sequence[FrameRow]) -> tuple[FrameRow, ...]:
-        """One row a mark, oldest first; of several frames that with the worst fit."""
-        seen = rows[: len(rows) - self.back] if self.back else rows
+    def seen(self, rows: Sequence[FrameRow]) -> Sequence[FrameRow]:
+        """The frames up to the right edge."""
+        return rows[: len(rows) - self.back] if self.back else rows
+
+    def visible(self, rows: Sequence[FrameRow], width: int) -> Sequence[FrameRow]:
+        """The frames that a plot of so many columns, axis and all, has marks of."""
+        seen, n = self.seen(rows), self.frames_a_mark
+        marks = -(-len(seen) // n)
+        return seen[max(marks - max(width - AXIS_COLUMNS, 0), 0) * n :]
+
+    def frames_words(self, rows: Sequence[FrameRow], width: int) -> str:
+        """Which frames of the night such a plot shows."""
+        visible = self.visible(rows, width)
+        if self.back and visible:
+            return f"{visible[0].frame_id:04d}-{visible[-1].frame_id:04d} of {len(rows)}"
+        is_all = len(visible) == len(rows)
+        return f"{len(rows)} frames" if is_all else f"last {len(visible)} of {len(rows)}"
+
+    def rows(self, rows: Sequence[FrameRow], width: int | None = None) -> tuple[FrameRow, ...]:
+        """One row a mark, oldest first; of several frames that with the worst fit.
+
+        ``width``: only those that a plot of so many columns has room for.
+        """
+        seen = self.seen(rows) if width is None else self.visible(rows, width)
         n = self.frames_a_mark
         if n == 1:
             return tuple(seen)
