@@ -9,8 +9,9 @@ from rsoconsole.console.engine_view import EngineView, engine_view
 from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.night import FrameRow, NightView
 from rsoconsole.pipeline.outlook import Outlook
-from rsoconsole.records import CycleTiming
+from rsoconsole.records import CycleTiming, SlewCommand
 from rsoconsole.sky.refusals import beyond
+from tests.made_up_night import state_of
 from tests.makers import NS, T0_UTC_NS
 
 NOW = T0_UTC_NS
@@ -109,6 +110,20 @@ def test_a_weak_supply_and_a_hot_processor_are_alarms_in_words(size):
     assert told["power UNDER-VOLTAGE"] == "alarm"
     assert told["CPU 84 °C, hot, throttled"] == "alarm"
     assert told.get("clock not synchronised", "warn") == "warn"
+
+
+@pytest.mark.parametrize("track_id", [None, 1])
+def test_an_aim_is_said_where_it_led_to_the_track_whatever_its_words(track_id: int | None):
+    aim = SlewCommand(
+        frame_id=4,
+        ra_icrs_deg=10.0,
+        dec_icrs_deg=0.0,
+        t_aim_utc_ns=NOW,
+        reason="in other words",
+        track_id=track_id,
+    )
+    said = words(NightView(track=state_of(4, 10.0, 0.0, "updated"), slew=aim))
+    assert ("aim: in other words" in said) == (track_id is not None)
 
 
 def test_stars_that_grow_are_called_focus_or_seeing():

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 Item = tuple[str, Ink]
 
-WAITS = "wait for a second frame"
-"""An aim that says nothing once something is followed."""
 OLD_S = 120.0
 """A direction older than this is shown with its instant."""
 LIMIT_SOON_MIN = 60
@@ -165,7 +163,8 @@ def _motion_items(night: NightView) -> list[Item]:
     ]
     if track.misses:
         items.append((f"coasted {track.misses} frame{'s' if track.misses > 1 else ''}", "warn"))
-    if night.slew is not None and night.slew.reason != WAITS:
+    if night.slew is not None and night.slew.track_id is not None:
+        # What led nowhere yet says nothing once something is followed.
         items.append((f"aim: {night.slew.reason}", ""))
     return items
 
