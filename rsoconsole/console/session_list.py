@@ -17,7 +17,7 @@ from textual.widgets import Input
 from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.plot import Ink, Line
-from rsoconsole.console.words import NS_PER_S, clipped, duration_text
+from rsoconsole.console.words import NS_PER_S, clipped, duration_text, first_shown
 from rsoconsole.control import one_line
 from rsoconsole.errors import SessionError
 from rsoconsole.session.schema import DATABASE
@@ -109,7 +109,7 @@ def session_lines(
     columns = _columns(width)
     head: Line = [(f"  {'session':<{columns[0]}} {_cells(HEADS, columns)}", "dim")]
     room = max(height - 1, 1)
-    first = min(max(chosen - room // 2, 0), max(len(entries) - room, 0))
+    first = first_shown(chosen, len(entries), room)
     lines = [clipped(head, width)]
     for number, entry in enumerate(entries[first : first + room], first):
         name = f"└ {entry.name}" if entry.is_branch else entry.name
@@ -290,8 +290,7 @@ class SessionListDialog(Dialog[Path | None]):
         if event.widget is not rows or not event.y:
             return
         room = max(rows.size.height - 1, 1)
-        first = min(max(self._at - room // 2, 0), max(len(self.shown) - room, 0))
-        number = first + event.y - 1
+        number = first_shown(self._at, len(self.shown), room) + event.y - 1
         if number >= len(self.shown):
             return
         if number == self._at:

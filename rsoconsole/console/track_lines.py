@@ -8,7 +8,14 @@ from rsoconsole.console.night import NightView
 from rsoconsole.console.panels import rule
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.track_fold import FollowedTrack
-from rsoconsole.console.words import NS_PER_S, arcsec_text, clipped, duration_text, unsigned_text
+from rsoconsole.console.words import (
+    NS_PER_S,
+    arcsec_text,
+    clipped,
+    duration_text,
+    first_shown,
+    unsigned_text,
+)
 from rsoconsole.control import one_line
 
 NAME_COLUMNS = (8, 24)
@@ -61,7 +68,7 @@ def track_list_lines(
         detail = detail[: max(room - len(tracks), 0)]
     room -= len(detail)
     columns = columns_for(width)
-    first = min(max(at - room // 2, 0), max(len(tracks) - room, 0))
+    first = first_shown(at, len(tracks), room)
     lines = [title, clipped([(_heads(columns, width), "dim")], width)]
     for number, track in enumerate(tracks[first : first + room], first):
         text = _row(columns, night, track, now_utc_ns, width)

@@ -17,7 +17,7 @@ from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.session_list import teller
-from rsoconsole.console.words import clipped, clock_text, duration_text
+from rsoconsole.console.words import clipped, clock_text, duration_text, first_shown
 from rsoconsole.errors import RsoconsoleError
 
 if TYPE_CHECKING:
@@ -144,7 +144,8 @@ class UpListDialog(Dialog[str | None]):
         """By the mouse: choose; nothing moves by it."""
         rows = self.query_one("#rows", LinesPane)
         if event.widget is rows and event.y:
-            number = _first(self._at, len(self.shown), rows.size.height) + event.y - 1
+            room = max(rows.size.height - 1, 1)
+            number = first_shown(self._at, len(self.shown), room) + event.y - 1
             self._at = min(number, max(len(self.shown) - 1, 0))
             self._show()
 
@@ -180,8 +181,9 @@ class UpListDialog(Dialog[str | None]):
 def up_lines(head: str, shown: "list[Up]", chosen: int, width: int, height: int) -> list[Line]:
     """How many, and as many of them as fit, the chosen one among them."""
     lines = [clipped([(head, "dim")], width)]
-    first = _first(chosen, len(shown), height)
-    for number, up in enumerate(shown[first : first + max(height - 1, 1)], first):
+    room = max(height - 1, 1)
+    first = first_shown(chosen, len(shown), room)
+    for number, up in enumerate(shown[first : first + room], first):
         left = "over 12 h" if up.minutes_left is None else duration_text(up.minutes_left * 60.0)
         is_soon = up.minutes_left is not None and up.minutes_left < SOON_MIN
         ink: Ink = "warn" if is_soon else "" if up.is_lit else "dim"
@@ -192,9 +194,3 @@ def up_lines(head: str, shown: "list[Up]", chosen: int, width: int, height: int)
         )
         lines.append(clipped([(text.ljust(width), "here" if number == chosen else ink)], width))
     return lines[: max(height, 1)]
-
-
-def _first(chosen: int, count: int, height: int) -> int:
-    """The first row that is shown, so that the chosen one is among them."""
-    room = max(height - 1, 1)
-    return min(max(chosen - room // 2, 0), max(count - room, 0))

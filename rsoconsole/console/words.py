@@ -180,6 +180,11 @@ def short(value: float) -> str:
     return f"{value:.2f}".removeprefix("0")
 
 
+def first_shown(chosen: int, count: int, room: int) -> int:
+    """The first row of a list that is shown, so that the chosen one is among so many rows."""
+    return min(max(chosen - room // 2, 0), max(count - room, 0))
+
+
 def fitted(parts: Sequence[str], width: int, gap: str = " · ") -> str:
     """As many of the parts as fit, the first ones first; the first is cut where it must be."""
     kept = ""
