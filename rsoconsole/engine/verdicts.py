@@ -41,7 +41,7 @@ from rsoconsole.records import (
     mark_id_of,
     measurement_id_of,
 )
-from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky.angles import largest_sigma, separation_deg
 from rsoconsole.tracking.following import Following
 
 NEAR_PX = 25.0
@@ -344,9 +344,7 @@ def _refined(mark: MarkByHand, found: Detection) -> MarkByHand:
 
 def _sigma_arcsec(measurement: Measurement) -> float:
     """One sigma of a direction where it is known worst."""
-    east, both, north = measurement.cov_sky_arcsec2
-    mean, half = 0.5 * (east + north), math.hypot(0.5 * (east - north), both)
-    return math.sqrt(max(mean + half, 0.0))
+    return largest_sigma(*measurement.cov_sky_arcsec2)
 
 
 def _figure(value: float) -> str:

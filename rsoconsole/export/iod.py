@@ -16,7 +16,7 @@ from rsoconsole.export.night import ExportedNight
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.export.target import Target
 from rsoconsole.export.tdm import whole
-from rsoconsole.sky.angles import wrap_360
+from rsoconsole.sky.angles import largest_sigma, wrap_360
 from rsoconsole.sky.times import NS_PER_DAY, tai_minus_utc_s, utc_ns_to_iso
 
 NS_PER_MS = 1_000_000
@@ -91,8 +91,7 @@ def position_sigma_arcsec(row: MeasuredRow) -> float:
     cos_dec = math.cos(math.radians(row.dec_icrs_deg))
     east2 += (_ARCSEC_PER_RA_STEP * cos_dec * _UNIFORM) ** 2
     north2 += (_ARCSEC_PER_DEC_STEP * _UNIFORM) ** 2
-    half_difference = math.hypot((east2 - north2) / 2.0, cross)
-    return math.sqrt((east2 + north2) / 2.0 + half_difference)
+    return largest_sigma(east2, cross, north2)
 
 
 def mx(value: float) -> str:

@@ -4,6 +4,7 @@ Degrees everywhere; hours only where an operator or INDI wants them. Functions t
 numpy arrays and give back the same kind.
 """
 
+import math
 import re
 from typing import overload
 
@@ -208,3 +209,9 @@ def format_dec(dec_deg: float, decimals: int = 1) -> str:
     """'+dd:mm:ss.s' of a declination in degrees."""
     text = _format_sexagesimal(abs(dec_deg), decimals)
     return ("-" if dec_deg < 0 and text.strip("0:.") else "+") + text
+
+
+def largest_sigma(east_east: float, east_north: float, north_north: float) -> float:
+    """One sigma along the longest axis of a 2x2 covariance, in the root of its unit."""
+    half = math.hypot(0.5 * (east_east - north_north), east_north)
+    return math.sqrt(max(0.5 * (east_east + north_north) + half, 0.0))
