@@ -128,6 +128,16 @@ def test_a_moment_is_what_a_live_seat_showed_when_the_log_had_come_so_far(tmp_pa
     assert len(seen) > 30
 
 
+def test_a_jump_before_the_log_is_read_looks_for_no_frames_pixels(
+    eventful: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A folder of thousands of frames on a card or a share takes its time."""
+    moments = opened(eventful)
+    seq = moments.timeline().end_of(200)
+    monkeypatch.setattr(SessionReader, "frames_with_pixels", lambda _: pytest.fail("it looked"))
+    assert not moments.at(seq).is_whole
+
+
 def test_what_has_not_been_read_yet_is_shown_from_near_before_and_said_to_be_so(eventful: Path):
     moments = opened(eventful)
     timeline = moments.timeline()

@@ -70,8 +70,11 @@ class Moments:
 
     def timeline(self) -> Timeline:
         """What is known of the night's course."""
-        so_far = self._timeline.so_far(self.read_seq, is_closed=self._head.is_closed)
-        return replace(so_far, with_pixels=self.reader.frames_with_pixels())
+        return replace(self._course(), with_pixels=self.reader.frames_with_pixels())
+
+    def _course(self) -> Timeline:
+        """The same without which frames' pixels are there: that takes a look into a folder."""
+        return self._timeline.so_far(self.read_seq, is_closed=self._head.is_closed)
 
     @property
     def is_read(self) -> bool:
@@ -180,7 +183,7 @@ class Moments:
 
     def _fold_near(self, seq: int) -> Night:
         """What is there to see at that place, without what came long before."""
-        timeline = self.timeline()
+        timeline = self._course()
         index = timeline.index_of(seq)
         first = 0 if index is None else timeline.frames[max(index - FRAMES_BEFORE, 0)].seq - 1
         night = self._night()
