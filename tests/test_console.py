@@ -706,7 +706,7 @@ def test_refused_arming_shows_the_checks_and_overrides_those_that_are_ticked(
 def test_a_seat_that_only_looks_sends_nothing_but_stop(wire: FakeWire) -> None:
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("a")
-        assert "this seat only looks" in pane(app, "keys")
+        assert "this console only looks" in pane(app, "keys")
         await until(pilot, lambda: "(read only)" in pane(app, "top"))
         await pilot.press("x")
         await until(pilot, lambda: "motion ended" in stop_text(app))

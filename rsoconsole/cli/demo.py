@@ -229,7 +229,7 @@ def _watch_night(config: Config, night: Night) -> None:
         _say_summary(process.figures())
         return
     output.say(f"the demo's engine runs on; session {process.session}")
-    output.say("left alone it ends some time after its night; the seat again, and its end:")
+    output.say("left alone it ends some time after its night; the console again, and its end:")
     output.say(f"rsoconsole console{at}", f"rsoconsole quit{at}")
 
 

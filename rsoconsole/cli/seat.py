@@ -1,4 +1,4 @@
-"""The verb console: the operator's seat."""
+"""The verb console."""
 
 from pathlib import Path
 from typing import Annotated
@@ -29,7 +29,7 @@ def console(
     ] = None,
     socket: SocketOption = None,
 ) -> None:
-    """The operator's seat: attaches to the running engine and shows its whole night.
+    """The operator's console: attaches to the running engine and shows its whole night.
 
     Leaving it, or losing it, changes nothing for the telescope.
 

@@ -1,4 +1,4 @@
-"""The console's colours: a calm dark one, a light one, deep red for dark-adapted eyes."""
+"""The console's colours: dark, deep red for dark-adapted eyes, the terminal's own, light."""
 
 from textual.theme import Theme
 

@@ -153,7 +153,7 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
 
         def send(mark: MarkByHand) -> str:
             if not self.may_act():
-                return "no engine takes a mark from this seat"
+                return "no engine takes a mark from this console"
             self.send(mark)
             return "the mark is sent: esc goes back, and shows what came of it"
 

@@ -123,7 +123,7 @@ class Seat(Screen[None]):
     def may_act(self) -> bool:
         """The same; says why not."""
         if self.read_only:
-            self.say("read only: this seat only looks, but for STOP")
+            self.say("read only: this console only looks, but for STOP")
         elif not self.engine.is_attached:
             self.say("no engine answers: 'rsoconsole engine' starts one")
         return self.can_act
@@ -224,7 +224,7 @@ class Seat(Screen[None]):
 
     def _answer_for_seat(self, *, gives: bool) -> None:
         if self.asker is None:
-            self.say("nobody asks for your seat")
+            self.say("nobody asks for control")
         else:
             self.send(AnswerSeat(gives=gives, to=self.asker))
 

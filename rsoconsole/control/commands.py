@@ -423,7 +423,7 @@ class AskSeat(Command):
     """Ask the console in control for it."""
 
     verb = "ask_seat"
-    title = "seat"
+    title = "control"
     needs_control = False
     is_on_panel = True
 
@@ -434,7 +434,7 @@ class AnswerSeat(Command):
     """Give control to the console that asks for it, or keep it."""
 
     verb = "answer_seat"
-    title = "seat"
+    title = "control"
     needs_control = False
     is_on_panel = True
 

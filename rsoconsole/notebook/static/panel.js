@@ -265,7 +265,7 @@ function render({ model, el }) {
         "nothing for 30 s gives it up." }),
       button("Leave it", () => send("forget")), " ", button("Ask for it", () => order("ask_seat")));
     } else if (asked.kind === "asker") {
-      dialog.append(make("p", { textContent: `${asked.holder} asks for your seat.` }),
+      dialog.append(make("p", { textContent: `${asked.holder} asks for control.` }),
         button("Keep it", () => order("answer_seat", { gives: false, to: asked.holder })), " ",
         button("Give it", () => order("answer_seat", { gives: true, to: asked.holder })));
     }
