@@ -46,6 +46,7 @@ class StillClock:
     """Time passes only when waited for."""
 
     is_simulated = True
+    speed = 0.0
 
     def __init__(self) -> None:
         self.t_utc_ns = T0_UTC_NS

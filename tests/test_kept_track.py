@@ -2,11 +2,12 @@
 
 import pytest
 
+from rsoconsole.engine.arming import CHECKS
 from rsoconsole.errors import InstrumentError
 from rsoconsole.pipeline.kept_until import KEPT_S, NS
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.reason_text import text
-from rsoconsole.records import OperatorAction, StateChange
+from rsoconsole.records import Event, OperatorAction, StateChange
 from rsoconsole.session.codec import decode, encode
 from tests.engine_rig import CONFIG, Rig, asked, desk_of, rig
 
@@ -143,3 +144,20 @@ def test_a_night_with_tracks_followed_again_is_replayed_bit_for_bit(tracking: Ri
     replayed = list(replay(records, CONFIG))
     assert len(replayed) > 20
     assert all(frame.is_as_recorded for frame in replayed)
+
+
+def test_arming_and_following_again_at_once_checks_the_pointing_first(tracking: Rig):
+    """As the console's one key asks it: both wait for the loop, and the first frame is no slew."""
+    tell(tracking, "stop")
+    tracking.engine._heed_alarms()
+    desk = desk_of(tracking)
+    for verb in ("arm", "resume"):
+        answer = desk.handle(asked(verb, {"override": list(CHECKS)} if verb == "arm" else {}))
+        assert answer.ok, answer.message
+    tracking.engine._execute_commands()
+    assert (tracking.engine.status().state, tracking.engine.status().kept) == ("COAST", None)
+    tracking.engine._one_turn(is_bounded=False)
+    said = [event.text for event in tracking.memory.of(Event)]
+    assert any(words.startswith("pointing offset") for words in said)
+    tracking.engine.run(frames=12)
+    assert (tracking.engine.status().state, tracking.engine.following.track_id) == ("TRACK", 1)

@@ -245,7 +245,7 @@ def test_what_is_kept_is_offered_where_it_can_be_followed_again(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
         wire.status |= {"state": "IDLE", "holder": "nobody", "kept": "SES-10", "is_resumable": True}
-        await until(pilot, lambda: "SES-10 kept: h follows it again" in pane(app, "top"))
+        await until(pilot, lambda: "SES-10 kept: u follows it again" in pane(app, "top"))
         await pilot.press("h")
         await until(pilot, lambda: wire.verbs == ["resume"])
         wire.status |= {"state": "SEARCH", "holder": "autonomy"}
@@ -255,7 +255,7 @@ def test_what_is_kept_is_offered_where_it_can_be_followed_again(wire: FakeWire):
         await pilot.press("u")
         await until(pilot, lambda: wire.verbs == ["resume", "resume"])
         wire.status |= {"state": "MANUAL", "holder": "operator", "is_resumable": True}
-        await until(pilot, lambda: "SES-10 kept: h follows it again" in pane(app, "top"))
+        await until(pilot, lambda: "SES-10 kept: u follows it again" in pane(app, "top"))
         wire.status |= {"kept": None, "ra": None}
         await until(pilot, lambda: "nothing kept: h searches again" in pane(app, "top"))
         # Nothing is there to be undone: no search may begin, which would slew.

@@ -144,14 +144,12 @@ def keys_for(
     if can_act:
         arm = "Disarm" if engine.holder == "autonomy" else "Arm"
         keys.append(key("arm_or_disarm", arm, is_weighty=True))
-        is_armed = engine.holder == "autonomy"
-        if engine.wants_resuming or (engine.kept and engine.is_resumable and not is_armed):
-            name = "Follow again" if engine.kept else "Resume"
-            keys.append(key("hold_or_resume", name, is_weighty=bool(engine.kept)))
-        elif is_armed:
-            keys.append(key("hold_or_resume", "Hold"))
-        if engine.kept and is_armed:
+        if engine.kept:
             keys.append(key("undo", "Follow again", is_weighty=True))
+        if engine.is_held or (engine.wants_resuming and not engine.kept):
+            keys.append(key("hold_or_resume", "Resume"))
+        elif engine.holder == "autonomy":
+            keys.append(key("hold_or_resume", "Hold"))
         named = {"goto": "Go to", "tune": "Tune", "orbit": "Orbit", "note": "Note", "park": "Park"}
         if engine.holder in {"autonomy", "operator"}:
             named = {"goto": "Go to", "mark": "Mark", **named}

@@ -10,6 +10,7 @@ from rsoconsole.console import words
 from rsoconsole.console.ask import LineDialog
 from rsoconsole.console.commands import bindings, first_key
 from rsoconsole.console.dialogs import LeaveDialog
+from rsoconsole.console.kept_words import kept_words
 from rsoconsole.console.key_line import Key, Mode, keys_for
 from rsoconsole.console.marks import Mark
 from rsoconsole.console.messages import EngineSeen, NightSeen
@@ -23,6 +24,10 @@ from rsoconsole.console.telescope_actions import TelescopeActions
 from rsoconsole.console.tour import intro_text
 from rsoconsole.control.commands import MarkByHand, Note, Shutdown
 from rsoconsole.control.mount_words import motion_words
+from rsoconsole.control.stop import StopNews
+
+AFTER_STOP = {"track": ", the mount tracks on", "stand still": ", the mount stands still"}
+"""By ``mount.after_stop``."""
 
 
 class LiveScreen(NightScreen, TelescopeActions, StreakActions):
@@ -63,10 +68,11 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
 
     def on_engine_seen(self, message: EngineSeen) -> None:
         """The engine's word."""
-        if message.engine.holder != self.engine.holder:
+        before, self.engine = self.engine, message.engine
+        if before.holder != self.engine.holder:
             # Whatever was said of it is done, or undone: the first line has it now.
             self.forget_notice()
-        self.engine = message.engine
+        self.see_mount_change_hands(before)
         self.see_stop()
         self.show_engine()
 
@@ -74,10 +80,22 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
         """The engine's word, and what both together say."""
         self.on_known(self.night, self.engine)
         super().show_engine()
+        self.show_stop_words()
 
     def marks_by_hand(self) -> tuple[Mark, ...]:
         """What is being marked at this moment."""
         return self.mark_marks()
+
+    def stop_words(self, news: StopNews) -> str:
+        """With how things stand since, and the next key."""
+        said, engine = super().stop_words(news), self.engine
+        if news.phase != "stopped" or not engine.is_attached or engine.holder != "nobody":
+            return said
+        mount = AFTER_STOP.get(self.night.setting("mount.after_stop"), "")
+        now = words.present_utc_ns(self.night, engine)
+        arm = first_key("arm_or_disarm", self.keymap)
+        kept = kept_words(engine, self.keymap, now) or (f"{arm} arms it again",)
+        return f"{said}. {engine.state}: disarmed{mount}. {kept[0]}"
 
     @property
     def alert(self) -> str:

@@ -110,12 +110,20 @@ class OutcomeCame(Message):
     """What came of a command.
 
     ``stops``: how many STOPs there had been when it was sent; ``seq``: the last record that was
-    known of then.
+    known of then; ``then``: what goes right behind it, once it has been taken; None: nothing.
     """
 
-    def __init__(self, command: Command, outcome: Outcome, stops: int, seq: int) -> None:
+    def __init__(
+        self,
+        command: Command,
+        outcome: Outcome,
+        stops: int,
+        seq: int,
+        then: Command | None = None,
+    ) -> None:
         super().__init__()
         self.command, self.outcome, self.stops, self.seq = command, outcome, stops, seq
+        self.then = then
 
 
 class StopNewsCame(Message):

@@ -222,7 +222,7 @@ class NightScreen(ReadingActions):
     def top(self, width: int, rows: int) -> list[Line]:
         """State and since when, who holds the mount, the target, the frame clock."""
         night, engine, found = self.night, self.engine, target_words(self.orbit)
-        kept = kept_words(engine, self.keymap)
+        kept = kept_words(engine, self.keymap, words.present_utc_ns(night, engine))
         return words.top_lines(night, engine, self.read_only, width, rows, found=found, kept=kept)
 
     @property
@@ -371,9 +371,21 @@ class NightScreen(ReadingActions):
         if news is None:
             return
         banner.set_class(news.phase == "stopped", "-stopped")
+        self.show_stop_words()
+
+    def show_stop_words(self) -> None:
+        """In the banner; nothing where there is none."""
+        news = self.stop_news
+        if news is None:
+            return
         ending = "  (esc)" if news.phase in {"stopped", "failed"} else ""
-        text = f"STOP {news.text}{ending}"
+        text = f"{self.stop_words(news)}{ending}"
+        banner = self.query_one("#stop", StopBanner)
         banner.show(lambda width, height: words.wrapped(text, width, height))
+
+    def stop_words(self, news: StopNews) -> str:
+        """What came of a STOP."""
+        return f"STOP {news.text}"
 
     def action_zoom(self) -> None:
         """The whole field, the close-up, the close-up pixel by pixel."""

@@ -128,13 +128,16 @@ class Seat(Screen[None]):
             self.say("no engine answers: 'rsoconsole engine' starts one")
         return self.can_act
 
-    def send(self, command: Command) -> None:
-        """Hand a command to the engine; what comes of it is said."""
+    def send(self, command: Command, then: Command | None = None) -> None:
+        """Hand a command to the engine; what comes of it is said.
+
+        ``then``: sent right behind it where the engine has taken it, and no STOP came between.
+        """
         self.say(f"{command.label()} …")
         stops, seq = self._stops, self.night.seq
 
         def came(outcome: Outcome) -> None:
-            self.post_from_thread(OutcomeCame(command, outcome, stops, seq))
+            self.post_from_thread(OutcomeCame(command, outcome, stops, seq, then))
 
         self.orders.send(command, came)
 
@@ -159,10 +162,12 @@ class Seat(Screen[None]):
                 self.show_stop(None)
             elif isinstance(command, Shutdown):
                 self.app.exit("stop engine")
+            if message.then is not None:
+                self.send(message.then)
         elif outcome.data.get("seat"):
             self._ask_for_seat(str(outcome.data["seat"]))
         elif isinstance(command, Arm):
-            self._ask_to_override(outcome, command.override)
+            self._ask_to_override(outcome, command.override, message.then)
         elif isinstance(command, MarkByHand) and outcome.data.get("asks") == "replaces":
             self._ask_to_replace(command, outcome)
         else:
@@ -228,14 +233,16 @@ class Seat(Screen[None]):
         else:
             self.send(AnswerSeat(gives=gives, to=self.asker))
 
-    def _ask_to_override(self, outcome: Outcome, ticked: tuple[str, ...]) -> None:
+    def _ask_to_override(
+        self, outcome: Outcome, ticked: tuple[str, ...], then: Command | None
+    ) -> None:
         given = outcome.data.get("checks")
         checks = [check for check in given if isinstance(check, Mapping)] if given else []
 
         def decided(names: tuple[str, ...] | None) -> None:
             if names is not None:
                 self._ticked = names
-                self.send(Arm(override=names))
+                self.send(Arm(override=names), then)
 
         self.say("not armed", "warn")
         self._open_unasked(ArmDialog(outcome.message, checks, ticked or self._ticked), decided)

@@ -13,6 +13,7 @@ from rsoconsole.console.ask import (
 )
 from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs import ConfirmDialog
+from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.messages import OutcomeCame
 from rsoconsole.console.second_press import RELEASED_S, WITHIN_S, CarefulSeat, has_track
 from rsoconsole.console.up_list import UpListDialog
@@ -48,11 +49,27 @@ class TelescopeActions(CarefulSeat):
     _is_nudging = False
     _no_arming_before_s = 0.0
     """Until then a press may still be meant for the disarming that was asked for or done."""
+    _is_arming = False
+    """What is kept is on its way to be followed again: a key held down asks no second time."""
+    _at_rest_since_s = -WITHIN_S
+    """When autonomy was last seen to lose the mount, or STOP was given here."""
 
     def on_outcome_came(self, message: OutcomeCame) -> None:
         """The next nudge may go."""
         if isinstance(message.command, Nudge):
             self._is_nudging = False
+        elif isinstance(message.command, Arm):
+            self._is_arming = False
+
+    def stop(self) -> None:
+        """STOP; no key that was on its way takes up again what it has ended."""
+        self._at_rest_since_s = self.now_s()
+        super().stop()
+
+    def see_mount_change_hands(self, before: EngineView) -> None:
+        """What the engine said before is ``before``."""
+        if before.holder == "autonomy" != self.engine.holder:
+            self._at_rest_since_s = self.now_s()
 
     def action_arm_or_disarm(self) -> None:
         """Who has the mount gives it up; a running track is not ended by one press."""
@@ -93,7 +110,9 @@ class TelescopeActions(CarefulSeat):
         if not self.may_act():
             return
         is_at_rest = self.engine.holder != "autonomy"
-        if self.engine.wants_resuming or (self.engine.kept is not None and is_at_rest):
+        if self.engine.kept is not None and is_at_rest:
+            self._follow_again()
+        elif self.engine.wants_resuming:
             self.send(Resume())
         elif self.engine.holder == "autonomy":
             self.send(Hold())
@@ -131,9 +150,22 @@ class TelescopeActions(CarefulSeat):
         if self.engine.is_parked:
             self.send(Unpark())
         elif self.engine.kept is not None:
-            self.send(Resume())
+            self._follow_again()
         else:
             self.say("nothing is kept that could be followed again", "warn")
+
+    def _follow_again(self) -> None:
+        """The kept track; after a STOP or a fault the checklist comes first, as with arming."""
+        if self.engine.is_resumable or self.engine.holder == "autonomy":
+            self.send(Resume())
+        elif self.now_s() - self._at_rest_since_s < WITHIN_S:
+            # It may have been pressed before the mount was taken from autonomy.
+            undo = first_key("undo", self.keymap)
+            wait = f"wait {WITHIN_S:.0f} s, then press {undo}"
+            self.say(f"not followed again: autonomy has just lost the mount; {wait}", "warn")
+        elif not self._is_arming:
+            self._is_arming = True
+            self.send(Arm(), then=Resume())
 
     def action_seek(self) -> None:
         """Search round where it must be; that gives up a running track."""

@@ -19,6 +19,7 @@ HOLDERS = {
     "operator": "YOU have the mount",
     "nobody": "nobody has the mount",
 }
+HELD = "AUTO watches, moves nothing"
 ARROWS = "→↘↓↙←↖↑↗"
 NS_PER_S = 1_000_000_000
 BADGE_COLUMNS = 100
@@ -95,7 +96,7 @@ def top_lines(
         target_words, is_followed = ("", ""), False
     clock, dated = f"{clock_text(now)} ", f"{dated_clock_text(now)} "
     gap = ("  ", "")
-    badge = demo_badge(night, width)
+    badge = demo_badge(night, width, engine)
     if only_looks and engine.is_attached:
         holder = (f"{holder[0]} (read only)", holder[1])
 
@@ -121,11 +122,14 @@ def top_lines(
     return [justified(first, shown, width), clipped(with_target(second, width), width)]
 
 
-def demo_badge(night: NightView, width: int) -> Line:
-    """That the night is a simulated one; nothing of a real one."""
+def demo_badge(night: NightView, width: int, engine: EngineView | None = None) -> Line:
+    """That the night is a simulated one, and how fast it runs; nothing of a real one."""
     if not night.is_simulated:
         return []
-    return [(" DEMO SIMULATED " if width >= BADGE_COLUMNS else " DEMO ", "here")]
+    speed = engine.simulated_speed if engine is not None and engine.is_attached else None
+    # At 0 there is no figure: as fast as the machine goes.
+    fast = "" if not speed or speed == 1.0 else f"×{speed:g} "
+    return [(f" DEMO {fast}SIMULATED " if width >= BADGE_COLUMNS else f" DEMO {fast}", "here")]
 
 
 def _state_words(
@@ -151,7 +155,8 @@ def _state_words(
     holder = HOLDERS.get(engine.holder or "", f"{engine.holder or 'unknown'} has the mount")
     ink: Ink = "warn" if engine.holder == "operator" else "title"
     if engine.is_held:
-        return (f"{state}{since} HELD", "warn"), (holder, ink)
+        watches = HELD if engine.holder == "autonomy" else holder
+        return (f"{state}{since} HELD", "warn"), (watches, ink)
     return (state + since, STATE_INKS.get(state, "title")), (holder, ink)
 
 

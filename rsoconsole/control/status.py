@@ -134,6 +134,8 @@ class Status:
     pier_side: str | None = None
     now_utc_ns: int | None = None
     """The engine's clock."""
+    simulated_speed: float | None = None
+    """How many times as fast as the wall's a simulated night's clock runs; 0: as it goes."""
     exposing_until_utc_ns: int | None = None
     """When the shutter closes; None while it is closed."""
     next_start_utc_ns: int | None = None

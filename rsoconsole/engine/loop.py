@@ -182,6 +182,7 @@ class Engine:
 
     def status(self) -> Status:
         """A snapshot, from any thread."""
+        clock = self.hands.instruments.clock
         return status_of(
             self.charge,
             self.watch,
@@ -193,6 +194,7 @@ class Engine:
             names=self.orbits.names,
             kept_until_utc_ns=self._kept.until_utc_ns,
             slew_left_s=self._slew_left_s(),
+            simulated_speed=clock.speed if clock.is_simulated else None,
         )
 
     def _slew_left_s(self) -> float | None:

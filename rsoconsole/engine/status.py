@@ -21,6 +21,7 @@ def status_of(
     names: Mapping[int, str] = MappingProxyType({}),
     kept_until_utc_ns: int | None = None,
     slew_left_s: float | None = None,
+    simulated_speed: float | None = None,
 ) -> Status:
     """A snapshot; every part of it is read once, so that any thread may ask.
 
@@ -51,6 +52,7 @@ def status_of(
         slew_left_s=slew_left_s,
         is_parked=None if report is None else report.is_parked,
         now_utc_ns=now_utc_ns,
+        simulated_speed=simulated_speed,
         next_limit=ahead,
         lifted=tuple(sorted(watch.lifted)),
         faults=faults,

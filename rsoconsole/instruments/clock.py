@@ -51,6 +51,7 @@ class SystemClock:
     """
 
     is_simulated = False
+    speed = 1.0
 
     def __init__(self, read: Callable[[], ClockReadings] = read_clocks) -> None:
         """``read``: where the readings come from."""
@@ -133,7 +134,7 @@ class SimulatedClock:
                 f"{waits.device_s:.0f} s: if it is a real one set indi.simulated = false"
             )
         self._now_utc_ns = int(first.values["UTC_NS"])
-        speed = float(first.values["SPEED"])
+        self.speed = speed = float(first.values["SPEED"])
         self._wall_s_per_ns = 0.0 if speed == 0 else 1.0 / speed / _NS
 
     def now_utc_ns(self) -> int:

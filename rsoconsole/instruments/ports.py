@@ -121,6 +121,10 @@ class Clock(Protocol):
     def is_simulated(self) -> bool:
         """True when time stands still unless this clock is asked to wait."""
 
+    @property
+    def speed(self) -> float:
+        """Its seconds in a second of the wall's; 0: as many as it goes."""
+
     def now_utc_ns(self) -> int:
         """The present instant."""
 

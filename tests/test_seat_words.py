@@ -1,0 +1,179 @@
+"""The seat says what is so and which key comes next, in words that need no second look."""
+
+import threading
+
+import pytest
+from textual.pilot import Pilot
+from textual.widgets import Button
+
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.engine_view import EngineView, engine_view
+from rsoconsole.console.kept_words import kept_words
+from rsoconsole.console.night import NightView
+from rsoconsole.console.second_press import WITHIN_S
+from rsoconsole.console.words import top_lines
+from rsoconsole.control import Outcome
+from tests.engine_rig import rig
+from tests.made_up_night import t_of
+from tests.makers import NS
+from tests.seat_rig import FRAMES, FakeWire, pane, play, stop_text, until
+
+LARGE = (120, 40)
+NOW = t_of(FRAMES) + 7 * NS
+STOPPED = {"state": "IDLE", "holder": "nobody", "kept": "INTELSAT 14", "is_resumable": False}
+REFUSED = Outcome(
+    ok=False,
+    message="not armed. weather: it rains",
+    data={"checks": [{"name": "weather", "ok": False, "detail": "it rains", "remedy": "wait"}]},
+)
+
+
+def top(engine: EngineView, width: int, *, is_simulated: bool = False) -> str:
+    night = NightView(is_simulated=is_simulated)
+    return "".join(text for text, _ in top_lines(night, engine, False, width, 1)[0])
+
+
+def tracking(**other: object) -> EngineView:
+    told = {"state": "TRACK", "holder": "autonomy", "now_utc_ns": NOW}
+    return engine_view(told | other)
+
+
+# -- the first line -------------------------------------------------------------------------------
+
+
+def test_the_badge_of_a_demo_says_how_fast_it_runs():
+    assert top(tracking(simulated_speed=10.0), 80, is_simulated=True).startswith(" DEMO ×10  TRACK")
+    wide = top(tracking(simulated_speed=2.5), 120, is_simulated=True)
+    assert wide.startswith(" DEMO ×2.5 SIMULATED  TRACK")
+    for plain in (0.0, 1.0, None):
+        engine = tracking(simulated_speed=plain)
+        assert top(engine, 80, is_simulated=True).startswith(" DEMO  TRACK")
+    assert "DEMO" not in top(tracking(), 80)
+
+
+def test_an_engine_says_how_fast_its_simulated_clock_runs():
+    r = rig({1})
+    r.clock.speed = 10.0
+    assert r.engine.status().simulated_speed == 10.0
+    r.clock.is_simulated = False
+    assert r.engine.status().simulated_speed is None
+
+
+def test_held_contradicts_nobody_s_having_the_mount():
+    held = top(tracking(is_held=True, target="INTELSAT 14"), 100)
+    assert "TRACK HELD  AUTO watches, moves nothing  target INTELSAT 14" in held
+    assert "has the mount" not in held
+    assert "AUTO has the mount" in top(tracking(), 100)
+
+
+# -- what is kept ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("left_s", "words"),
+    [(12 * 60.0, "12 min"), (119.0, "119 s"), (0.4, "0 s"), (-3.0, "0 s")],
+)
+def test_what_is_kept_says_for_how_long(left_s: float, words: str):
+    until = NOW + round(left_s * NS)
+    for resumable in (True, False):
+        told = STOPPED | {"kept_until_utc_ns": until, "is_resumable": resumable}
+        said = kept_words(engine_view(told), {}, NOW)
+        assert said[0] == f"INTELSAT 14 kept for {words} more: u follows it again"
+        assert [len(each) for each in said] == sorted((len(each) for each in said), reverse=True)
+    assert kept_words(engine_view(STOPPED), {"undo": "f5"}, NOW)[0] == (
+        "INTELSAT 14 kept: f5 follows it again"
+    )
+
+
+async def _stopped(app: ConsoleApp, pilot: Pilot[str], wire: FakeWire) -> None:
+    """STOP was given long enough ago."""
+    wire.status |= STOPPED
+    await until(pilot, lambda: app.live.engine.state == "IDLE")
+    app.live._at_rest_since_s -= WITHIN_S
+
+
+@pytest.mark.parametrize("key", ["u", "h"])
+def test_after_a_stop_one_key_arms_and_follows_again(wire: FakeWire, key: str):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await _stopped(app, pilot, wire)
+        assert "INTELSAT 14 kept: u follows it again" in pane(app, "top")
+        assert ("u", "Follow again") in [each[:2] for each in app.live.keys]
+        await pilot.press(key)
+        await until(pilot, lambda: wire.verbs == ["arm", "resume"])
+        assert not wire.sent[0][1].get("override")
+
+    play(wire, scene, LARGE)
+
+
+def test_what_the_checklist_refuses_is_followed_only_after_an_override_by_name(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await _stopped(app, pilot, wire)
+        wire.outcomes["arm"] = REFUSED
+        await pilot.press("u")
+        await until(pilot, lambda: len(app.screen_stack) > 1)
+        assert type(app.screen).__name__ == "ArmDialog"
+        await pilot.press("escape")
+        await until(pilot, lambda: app.screen is app.live)
+        assert wire.verbs == ["arm"]
+        await pilot.press("u")
+        await until(pilot, lambda: len(app.screen_stack) > 1)
+        wire.outcomes["arm"] = Outcome(ok=True, message="armed from the next cycle")
+        await pilot.press("space")
+        app.screen.query_one("#arm", Button).focus()
+        await pilot.press("enter")
+        await until(pilot, lambda: wire.verbs == ["arm", "arm", "arm", "resume"])
+        assert list(wire.sent[2][1]["override"]) == ["weather"]
+
+    play(wire, scene, LARGE)
+
+
+def test_a_stop_between_leaves_the_track_where_it_is(wire: FakeWire):
+    """The arming that was on its way is answered after the STOP: nothing goes behind it."""
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await _stopped(app, pilot, wire)
+        wire.hangs["arm"] = threading.Event()
+        await pilot.press("u", "u", "u")
+        await until(pilot, lambda: wire.verbs == ["arm"])
+        await pilot.press("x")
+        wire.hangs["arm"].set()
+        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: not app.live._is_arming)
+        await pilot.press("u")
+        await until(pilot, lambda: "autonomy has just lost the mount" in pane(app, "keys"))
+        assert wire.verbs == ["arm", "stop"]
+
+    play(wire, scene, LARGE)
+
+
+def test_a_press_from_before_somebody_else_s_stop_arms_nothing(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.holder == "autonomy")
+        wire.status |= STOPPED
+        await until(pilot, lambda: app.live.engine.holder == "nobody")
+        await pilot.press("h")
+        await until(pilot, lambda: "wait 2 s, then press u" in pane(app, "keys"))
+        assert wire.verbs == []
+
+    play(wire, scene, LARGE)
+
+
+# -- STOP -----------------------------------------------------------------------------------------
+
+
+def test_a_stop_says_how_things_stand_and_the_next_key(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("x")
+        await until(pilot, lambda: "motion ended" in stop_text(app))
+        assert "kept" not in stop_text(app)  # the engine has not said so yet
+        wire.status |= STOPPED | {"kept_until_utc_ns": NOW + 900 * NS}
+        await until(pilot, lambda: "u follows it again" in stop_text(app))
+        assert (
+            "IDLE: disarmed, the mount tracks on. INTELSAT 14 kept for 15 min more: u follows"
+            " it again" in stop_text(app)
+        )
+        wire.status |= {"kept": None, "kept_until_utc_ns": None}
+        await until(pilot, lambda: "a arms it again" in stop_text(app))
+
+    play(wire, scene, LARGE)
