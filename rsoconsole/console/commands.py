@@ -145,7 +145,7 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "u",
         "Follow again",
         "undo: the track that disarming, a search, a STOP or your own move ended, for 15 minutes;"
-        " a parked mount is released",
+        " after a STOP it arms first; a parked mount is released",
         "telescope",
         acts=True,
     ),
