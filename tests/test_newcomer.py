@@ -63,7 +63,8 @@ def test_a_newcomer_sees_a_lock_takes_the_tour_leaves_and_comes_back(
     demo = [*COMMAND, "demo", "--speed", "20", "--session", str(tmp_path / "night")]
     with Terminal(demo, house, SIZE) as seat:
         # What is simulated, and what will come.
-        wait_for(lambda: seat.shows("DEMO ×20 SIMULATED", "searches for a satellite"), "words", seat)
+        words = ("DEMO ×20 SIMULATED", "searches for a satellite")
+        wait_for(lambda: seat.shows(*words), "words", seat)
         wait_for(lambda: seat.shows("TRACK"), "a lock", seat)
         # F1: the tour first, page by page, then the keys and the terms.
         shown_after(seat, F1, "tour 1 of 4", "what you see")

@@ -16,7 +16,7 @@ from rsoconsole.control import Outcome
 from tests.engine_rig import rig
 from tests.made_up_night import t_of
 from tests.makers import NS
-from tests.seat_rig import FRAMES, FakeWire, pane, play, stop_text, until
+from tests.seat_rig import FRAMES, FakeWire, can_answer, pane, play, stop_text, until
 
 LARGE = (120, 40)
 NOW = t_of(FRAMES) + 7 * NS
@@ -110,13 +110,13 @@ def test_what_the_checklist_refuses_is_followed_only_after_an_override_by_name(w
         await _stopped(app, pilot, wire)
         wire.outcomes["arm"] = REFUSED
         await pilot.press("u")
-        await until(pilot, lambda: len(app.screen_stack) > 1)
+        await can_answer(app, pilot)
         assert type(app.screen).__name__ == "ArmDialog"
         await pilot.press("escape")
         await until(pilot, lambda: app.screen is app.live)
         assert wire.verbs == ["arm"]
         await pilot.press("u")
-        await until(pilot, lambda: len(app.screen_stack) > 1)
+        await can_answer(app, pilot)
         wire.outcomes["arm"] = Outcome(ok=True, message="armed from the next cycle")
         await pilot.press("space")
         app.screen.query_one("#arm", Button).focus()
