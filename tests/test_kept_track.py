@@ -1,13 +1,16 @@
 """A track that was ended by a word can be followed again: for some minutes, and on record."""
 
+import dataclasses
+
 import pytest
 
 from rsoconsole.engine.arming import CHECKS
 from rsoconsole.errors import InstrumentError
 from rsoconsole.pipeline.kept_until import KEPT_S, NS
+from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.reason_text import text
-from rsoconsole.records import Event, OperatorAction, StateChange
+from rsoconsole.records import Event, Frame, NotSolved, OperatorAction, StateChange
 from rsoconsole.session.codec import decode, encode
 from tests.engine_rig import CONFIG, Rig, asked, desk_of, rig
 
@@ -110,6 +113,35 @@ def test_after_an_instrument_s_fault_too(tracking: Rig):
     tell(tracking, "resume")
     tracking.engine.run(frames=15)
     assert (tracking.engine.status().state, tracking.engine.following.track_id) == ("TRACK", 1)
+
+
+@pytest.mark.parametrize("is_resumed_at_once", [True, False])
+def test_a_first_look_under_a_cap_or_clouds_leaves_what_was_kept(
+    tracking: Rig, is_resumed_at_once: bool
+):
+    tell(tracking, "stop")
+    tracking.engine._heed_alarms()
+    plain = tracking.reducer.reduce
+
+    def capped(frame: Frame) -> Reduction:
+        unsolved = NotSolved(frame_id=frame.frame_id, reason="0 stars, 8 needed", ms=1.0)
+        return dataclasses.replace(plain(frame), solution=unsolved)
+
+    tracking.reducer.reduce = capped  # type: ignore[method-assign]
+    tracking.engine.arm()
+    if is_resumed_at_once:
+        tell(tracking, "resume")
+    with pytest.raises(InstrumentError, match="not solved"):
+        tracking.engine.run(frames=8)
+    status = tracking.engine.status()
+    assert (status.state, status.kept, status.is_resumable) == ("IDLE", "track 1", False)
+    tracking.reducer.reduce = plain  # type: ignore[method-assign]
+    tracking.engine.arm()
+    assert tell(tracking, "resume")[0]
+    tracking.engine.run(frames=12)
+    assert (tracking.engine.status().state, tracking.engine.following.track_id) == ("TRACK", 1)
+    records = [decode(*encode(record)[::2]) for record in tracking.memory.records]
+    assert all(frame.is_as_recorded for frame in replay(records, CONFIG))
 
 
 def test_a_parked_mount_is_not_given_back(tracking: Rig):

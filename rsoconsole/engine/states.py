@@ -387,7 +387,8 @@ def _(happening: NightEnded, charge: Charge) -> Step:
 def _(happening: NotPointing, charge: Charge) -> Step:
     if not charge.is_autonomous:
         return Step(charge=charge)
-    return _enter(charge, "IDLE", Cause(kind="not pointing", detail=happening.words))
+    reason = Cause(kind="not pointing", detail=happening.words)
+    return _keeping(_enter(charge, "IDLE", reason), charge.tracked)
 
 
 def without_kept(charge: Charge) -> Charge:

@@ -18,7 +18,6 @@ _LEAVES_NOTHING: frozenset[CauseKind] = frozenset(
         "too many limits",
         "clock set",
         "night ended",
-        "not pointing",
         "engine ended",
         "resumed",
     )
