@@ -20,7 +20,7 @@ from rsoconsole.engine.watch import Watch
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import MountReport, StopResult
 from rsoconsole.reasons import CommandResult, done
-from rsoconsole.records import Event, OperatorAction, ParameterChange
+from rsoconsole.records import Event, NotSolved, OperatorAction, ParameterChange
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
 from tests.engine_rig import Rig, asked, desk_of, rig
@@ -247,6 +247,21 @@ def test_one_thing_is_one_line_of_the_log():
         assert line is not None
         append_line(log, line)
     assert [line.text for line in log] == ["a@b: detector.tau 0.1 → 0.2"]
+
+
+def test_clouds_write_one_line_for_all_frames_in_a_row_that_were_not_solved():
+    log: list[LogLine] = []
+    for number, stars in enumerate((4, 3, 0, 5), start=7):
+        line = line_of(NotSolved(frame_id=number, reason=f"{stars} stars, 8 needed", ms=1.0), 0)
+        assert line is not None
+        append_line(log, line)
+    told = line_of(Event(level="info", text="on it goes"), 0)
+    assert told is not None
+    append_line(log, told)
+    assert [(line.text, line.times, line.frame_id) for line in log] == [
+        ("not plate-solved: 5 stars, 8 needed", 4, 10),
+        ("on it goes", 1, None),
+    ]
 
 
 def test_a_command_that_is_refused_later_is_said_over_the_keys(

@@ -112,6 +112,13 @@ def test_a_weak_supply_and_a_hot_processor_are_alarms_in_words(size):
     assert told.get("clock not synchronised", "warn") == "warn"
 
 
+@pytest.mark.parametrize("size", [(80, 3), (120, 5), (120, 12)])
+def test_a_slew_is_said_once(size: tuple[int, int]):
+    mount = {"mount_ra": 10.0, "mount_dec": 0.0, "mount_t_utc_ns": NOW}
+    said = words(size=size, ra=None, dec=None, is_slewing=True, slew_left_s=41.0, **mount)
+    assert said.count("slewing, 41 s left") == 1
+
+
 @pytest.mark.parametrize("track_id", [None, 1])
 def test_an_aim_is_said_where_it_led_to_the_track_whatever_its_words(track_id: int | None):
     aim = SlewCommand(

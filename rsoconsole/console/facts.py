@@ -65,6 +65,11 @@ def fact_lines(
     schedule, cycle = _schedule_items(engine), _cycle_items(night, engine)
     ahead = _ahead_items(outlook, present_utc_ns(night, engine))
     health = _health_items(night, engine)
+    if mount and place[0] == mount[0]:
+        mount = []  # where the telescope looks is told by the mount itself
+    # A slew is said once: with the mount's own place where that is shown.
+    told = [*place, *mount] if rows >= BLOCKS_ROWS else place
+    schedule = [item for item in schedule if item not in told]
     if rows >= BLOCKS_ROWS:
         titled = {
             "where": place,
@@ -80,10 +85,9 @@ def fact_lines(
         margins = _margin_items(outlook)
         if margins:
             margins[0] = (f"to the limits: {margins[0][0]}", margins[0][1])
-        is_mounts = bool(mount) and place[0] == mount[0]
         groups = [
             [*place, *margins],
-            [*motion, *schedule, *([] if is_mounts else mount)],
+            [*motion, *schedule, *mount],
             ahead or _margin_items(outlook),
             cycle,
             health,

@@ -14,9 +14,9 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
     """Add a line, or make one of it and of those before that say the same.
 
     What a frame refused several times over is one line, and so are misses in a row for one
-    reason, and a neighbour that is not taken frame after frame; a miss that changed the state is
-    told by that change, which has the words of the alarm that led to it; a command is told by what
-    came of it.
+    reason, frames in a row that were not plate-solved, and a neighbour that is not taken frame
+    after frame; a miss that changed the state is told by that change, which has the words of the
+    alarm that led to it; a command is told by what came of it.
     """
     if log and _goes_on(log[-1], line):
         log[-1] = replace(line, times=log[-1].times + 1)
@@ -43,7 +43,9 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
 
 
 def _goes_on(last: LogLine, line: LogLine) -> bool:
-    """Whether frame after frame is missed, or refuses something, for one reason."""
+    """Whether frame after frame is not solved, missed, or refuses something for one reason."""
+    if line.kind == "NotSolved":
+        return last.kind == line.kind
     if line.missed is not None:
         return last.missed == line.missed
     return bool(line.not_taken) and last.not_taken == line.not_taken
