@@ -15,8 +15,10 @@ from rsoconsole.console.commands import commands_in, key_words
 from rsoconsole.console.dialogs import help_text
 from rsoconsole.console.keymap import load_keymap
 from rsoconsole.console.log_pane import LogPane
+from rsoconsole.console.orders import Orders
 from rsoconsole.console.panes import SIGHTS, FramePane
-from rsoconsole.control import Outcome
+from rsoconsole.control import Command, Outcome
+from rsoconsole.control.commands import Hold, MarkByHand
 from rsoconsole.errors import ConfigError
 from rsoconsole.records import Detections, Event, NotSolved
 from rsoconsole.session.writer import SessionWriter
@@ -24,6 +26,7 @@ from tests import made_up_night as night
 from tests.makers import NS
 from tests.seat_rig import (
     FRAMES,
+    PATIENCE_S,
     FakeWire,
     can_answer,
     click,
@@ -406,6 +409,28 @@ def test_a_mark_is_made_while_the_operator_has_the_mount(wire: FakeWire):
         await until(pilot, lambda: wire.verbs == ["mark"])
 
     play(wire, scene, LARGE)
+
+
+def test_the_engine_has_time_to_read_a_frames_pixels_before_it_answers_a_mark(
+    monkeypatch: pytest.MonkeyPatch, wire: FakeWire
+):
+    """From a slow card, a compressed frame takes longer than any other answer."""
+    given: dict[str, float] = {}
+    plain = wire.send
+
+    def send(command: Command, *, timeout_s: float = 5.0) -> Outcome:
+        given[command.verb] = timeout_s
+        return plain(command, timeout_s=timeout_s)
+
+    monkeypatch.setattr(wire, "send", send)
+    come = threading.Event()
+    orders = Orders(lambda: wire)
+    orders.send(Hold(), lambda _: come.set())
+    assert come.wait(PATIENCE_S)
+    come.clear()
+    orders.send(MarkByHand(x_a_px=1.0, y_a_px=1.0, x_b_px=9.0, y_b_px=1.0), lambda _: come.set())
+    assert come.wait(PATIENCE_S)
+    assert given["mark"] >= 20.0 > given["hold"]
 
 
 def test_before_a_mark_replaces_what_is_known_better_both_are_shown(wire: FakeWire):

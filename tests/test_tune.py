@@ -168,6 +168,12 @@ def test_a_larger_r_makes_the_nis_smaller_and_the_bounds_hold_as_often(night):
     assert then.inside_3sigma >= now.inside_3sigma
 
 
+def test_the_pane_says_how_many_frames_its_figures_are_of(night):
+    figures = what_if(night, CONFIG, {}, last=10)
+    said = ["".join(t for t, _ in line) for line in tune_lines(Tuning(), figures, None)(46, 24)]
+    assert sum("last 10 frames" in line for line in said) == 1
+
+
 def test_only_the_last_frames_are_looked_at_where_that_is_asked(night):
     assert what_if(night, CONFIG, {}, last=10).frames == 10
     assert what_if(night, CONFIG, {}, last=10).misses == 0

@@ -27,7 +27,7 @@ class Orders:
 
         def work() -> None:
             try:
-                outcome = self._wire().send(command)
+                outcome = self._wire().send(command, timeout_s=command.answer_s)
             except ControlError as error:
                 outcome = Outcome(ok=False, message=str(error))
             except Exception as error:  # the seat must hear of it, whatever it is

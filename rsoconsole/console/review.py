@@ -376,7 +376,7 @@ class ReviewScreen(ReviewCompare):
     @property
     def tune_words(self) -> TuneWords:
         """Nothing is applied here."""
-        frames = "all frames so far" if self._tunes_all else f"{LAST_FRAMES} frames to here"
+        frames = "all frames so far" if self._tunes_all else "{count} frames to here"
         return TuneWords(frames=frames, keys="a frames  u undo  w save  o load")
 
     def tune_scope(self) -> tuple[int | None, int | None]:

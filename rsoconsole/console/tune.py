@@ -237,8 +237,8 @@ class TunePane(LinesPane, can_focus=False):
 class TuneWords(NamedTuple):
     """What the pane says that depends on the screen it is on."""
 
-    frames: str = f"last {LAST_FRAMES} frames"
-    """Over which its figures are."""
+    frames: str = "last {count} frames"
+    """Over which its figures are; how many there are is put in."""
     keys: str = "0-9 type  enter apply  u undo  w save  o load"
 
 
@@ -257,7 +257,8 @@ def tune_lines(
         if waiting:
             changed = f"{waiting} sent, in force from the next frame"
         lines: list[Line] = [_rule(f"tune · {changed}", width)]
-        figures = _figures(now, then, words.frames, is_tried=bool(tuning.tried))
+        frames = words.frames.format(count=LAST_FRAMES if now is None else now.frames)
+        figures = _figures(now, then, frames, is_tried=bool(tuning.tried))
         keys: Line = [(f" {words.keys}", "dim")]
         room = max(height - 2 - len(figures), 1)
         lines += _settings(tuning, room)

@@ -371,6 +371,7 @@ class MarkByHand(Decision):
     """A streak between two ends that the operator has pointed at."""
 
     verb = "mark"
+    answer_s = 30.0
 
     x_a_px: float = argument("x_a")
     y_a_px: float = argument("y_a")
