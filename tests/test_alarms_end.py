@@ -19,8 +19,8 @@ from rsoconsole.control.mount_words import mount_words
 from rsoconsole.engine.watch import Watch
 from rsoconsole.errors import InstrumentError
 from rsoconsole.instruments.ports import MountReport, StopResult
-from rsoconsole.reasons import CommandResult, done
-from rsoconsole.records import Event, NotSolved, OperatorAction, ParameterChange
+from rsoconsole.reasons import CommandResult, HiddenBy, Missed, done
+from rsoconsole.records import Event, Miss, NotSolved, OperatorAction, ParameterChange
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
 from tests.engine_rig import Rig, asked, desk_of, rig
@@ -247,6 +247,23 @@ def test_one_thing_is_one_line_of_the_log():
         assert line is not None
         append_line(log, line)
     assert [line.text for line in log] == ["a@b: detector.tau 0.1 → 0.2"]
+
+
+def test_a_track_in_cloud_writes_one_line_however_many_stars_are_left():
+    log: list[LogLine] = []
+    for number, stars in enumerate((4, 3, 0, 5), start=7):
+        cloud = HiddenBy(kind="fewer stars", stars=stars, usual_stars=400)
+        missed = Missed(kind="no detection", hidden_by=(cloud,))
+        for record in (
+            NotSolved(frame_id=number, reason=f"{stars} stars, 8 needed", ms=1.0),
+            Miss(frame_id=number, reason=missed),
+        ):
+            line = line_of(record, 0)
+            assert line is not None
+            append_line(log, line)
+    assert [(line.text, line.times, line.frame_id) for line in log] == [
+        ("miss: cloud: 5 stars where 400 were; no detection", 4, 10)
+    ]
 
 
 def test_clouds_write_one_line_for_all_frames_in_a_row_that_were_not_solved():

@@ -6,6 +6,7 @@ Which records belong together is told by their kinds and their order, never by t
 from dataclasses import replace
 
 from rsoconsole.console.log_lines import LogLine
+from rsoconsole.reasons import HiddenBy, Missed, Told
 
 LOOK_BACK_LINES = 6
 
@@ -14,10 +15,12 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
     """Add a line, or make one of it and of those before that say the same.
 
     What a frame refused several times over is one line, and so are misses in a row for one
-    reason, frames in a row that were not plate-solved, and a neighbour that is not taken frame
-    after frame; a miss that changed the state is told by that change, which has the words of the
-    alarm that led to it; a command is told by what came of it.
+    reason, frames in a row that were not plate-solved or lay in cloud, and a neighbour that is
+    not taken frame after frame; a miss that changed the state is told by that change, which has
+    the words of the alarm that led to it; a command is told by what came of it.
     """
+    if log and _tells_of_it(line, log[-1]):
+        del log[-1]
     if log and _goes_on(log[-1], line):
         log[-1] = replace(line, times=log[-1].times + 1)
         return
@@ -47,8 +50,23 @@ def _goes_on(last: LogLine, line: LogLine) -> bool:
     if line.kind == "NotSolved":
         return last.kind == line.kind
     if line.missed is not None:
-        return last.missed == line.missed
+        return _why(last.missed) == _why(line.missed)
     return bool(line.not_taken) and last.not_taken == line.not_taken
+
+
+def _tells_of_it(line: LogLine, last: LogLine) -> bool:
+    """Whether a miss in cloud says of a frame what its not being plate-solved said."""
+    is_of_it = last.kind == "NotSolved" and last.frame_id == line.frame_id and last.times == 1
+    is_hidden = isinstance(line.missed, Missed) and bool(line.missed.hidden_by)
+    return is_of_it and is_hidden
+
+
+def _why(missed: Missed | Told | None) -> object:
+    """A reason by its kinds: cloud of few stars is cloud, however many there are."""
+    if not isinstance(missed, Missed):
+        return missed
+    hidden = (each.kind if isinstance(each, HiddenBy) else each for each in missed.hidden_by)
+    return missed.kind, missed.detail, tuple(hidden), missed.lost
 
 
 def _is_alarm(line: LogLine | None) -> bool:
