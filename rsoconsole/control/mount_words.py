@@ -19,7 +19,7 @@ def mount_words(status: Status) -> tuple[str, ...]:
         words.append(f"alt {status.mount_alt_deg:.1f} az {status.mount_az_deg:.1f}")
     since = _silent_since(status)
     if since is not None:
-        return (*words, f"as of {since}: silent since")
+        return (*words, f"silent since {since}")
     return *words, motion_words(status)
 
 
