@@ -1,20 +1,28 @@
 """The seat says what is so and which key comes next, in words that need no second look."""
 
+import dataclasses
+import re
 import threading
+from pathlib import Path
 
 import pytest
 from textual.pilot import Pilot
 from textual.widgets import Button
 
+from rsoconsole.config import Config
 from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.coast_words import coast_words
 from rsoconsole.console.engine_view import EngineView, engine_view
+from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.kept_words import kept_words
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night import FrameRow, Night, NightView
+from rsoconsole.console.plot import Line
 from rsoconsole.console.second_press import WITHIN_S
-from rsoconsole.console.words import top_lines
+from rsoconsole.console.track_fold import FollowedTrack
+from rsoconsole.console.words import clock_text, top_lines
 from rsoconsole.control import Outcome
-from tests.engine_rig import rig
-from tests.made_up_night import t_of
+from tests.engine_rig import CONFIG, Rig, rig
+from tests.made_up_night import state_of, t_of
 from tests.makers import NS
 from tests.seat_rig import FRAMES, FakeWire, can_answer, pane, play, stop_text, until
 
@@ -31,6 +39,10 @@ REFUSED = Outcome(
 def top(engine: EngineView, width: int, *, is_simulated: bool = False) -> str:
     night = NightView(is_simulated=is_simulated)
     return "".join(text for text, _ in top_lines(night, engine, False, width, 1)[0])
+
+
+def plain(lines: list[Line]) -> list[str]:
+    return ["".join(text for text, _ in line) for line in lines]
 
 
 def tracking(**other: object) -> EngineView:
@@ -177,3 +189,105 @@ def test_a_stop_says_how_things_stand_and_the_next_key(wire: FakeWire):
         await until(pilot, lambda: "a arms it again" in stop_text(app))
 
     play(wire, scene, LARGE)
+
+
+# -- a coast --------------------------------------------------------------------------------------
+
+SEEN = NOW - 60 * NS
+COAST = dataclasses.replace(state_of(FRAMES, 150.0, -5.0, "predicted"), misses=2, t_utc_ns=NOW)
+COASTING = NightView(
+    config=CONFIG,
+    state="COAST",
+    track=COAST,
+    tracks=(
+        FollowedTrack(
+            state=COAST, is_lead=True, began_frame_id=2, since_utc_ns=0, measured_utc_ns=SEEN
+        ),
+    ),
+)
+
+
+def with_coast_s(seconds: float) -> Config:
+    settings = CONFIG.filter.model_copy(update={"max_coast_s": seconds})
+    return CONFIG.model_copy(update={"filter": settings})
+
+
+def night_of(r: Rig) -> NightView:
+    night = Night(Path("night"), {}, CONFIG)
+    for record in r.memory.records:
+        night.take(r.clock.t_utc_ns, record)
+    return night.view()
+
+
+def test_a_coast_says_when_it_was_last_seen_and_counts_down_to_its_end():
+    """The count is no promise: it is held against the frame that the engine gives it up in."""
+    r = rig(set(range(1, 6)))
+    r.engine.arm()
+    r.engine.run(frames=5)
+    assert coast_words(night_of(r), r.clock.t_utc_ns) == ""
+    seen_ns = r.engine.following.taken.t_mid_utc_ns
+    left: dict[int, int] = {}
+    for frame in range(6, 80):
+        r.engine.run(frames=frame)
+        view, now = night_of(r), r.clock.t_utc_ns
+        if view.state != "COAST":
+            break
+        seen, coasted, end = coast_words(view, now).split(" · ")
+        assert seen.startswith(f"last seen {clock_text(seen_ns)}, ")
+        assert coasted == f"coasted {frame - 5}"
+        found = re.fullmatch(r"given up after (\d+) more", end)
+        if found is not None:
+            left[frame] = int(found[1])
+    assert view.state == "LOST"
+    off = {at: at + more - frame for at, more in left.items()}
+    # The filter alone is believed for three frames; then the orbit predicts, which errs less.
+    assert all(each <= 0 for at, each in off.items() if at < 9)
+    late = [each for at, each in off.items() if at >= 9]
+    assert len(late) > 20
+    assert max(map(abs, late)) <= 1
+
+
+def test_a_coast_that_ends_by_time_says_so():
+    view = dataclasses.replace(COASTING, config=with_coast_s(120.0))
+    assert coast_words(view, NOW) == (
+        f"last seen {clock_text(SEEN)}, 60 s ago · coasted 2 · given up after 3 more"
+    )
+    long = coast_words(dataclasses.replace(COASTING, config=CONFIG), NOW + 600 * NS)
+    end = clock_text(SEEN + round(CONFIG.filter.max_coast_s * NS))
+    assert long.endswith(f"11m00 ago · coasted 2 · given up by {end}")
+    assert coast_words(dataclasses.replace(COASTING, config=None), None) == (
+        f"last seen {clock_text(SEEN)} · coasted 2"
+    )
+
+
+def test_the_coast_s_words_come_first_in_the_line_on_the_motion():
+    engine = tracking(state="COAST", ra=150.0, dec=-5.0)
+    for size in ((80, 3), (120, 5)):
+        rows = plain(fact_lines(COASTING, engine, None, *size))
+        assert rows[1].startswith(f" last seen {clock_text(SEEN)}, 60 s ago · coasted 2 · given up")
+
+
+# -- where the telescope really looks -------------------------------------------------------------
+
+
+def test_a_plate_solution_says_where_the_frame_looks_beside_the_mount_s_word():
+    row = FrameRow(
+        frame_id=7, is_solved=True, plate_icrs_deg=(150.0, -5.0), mount_icrs_deg=(150.0, -5.1)
+    )
+    night = NightView(rows=(row,))
+    by_hand = {"state": "MANUAL", "holder": "operator", "mount_ra": 150.0, "mount_dec": -5.1}
+    solved = "solved RA 10:00:00.0 Dec -05:00:00 (0007)"
+    for size in ((80, 3), (120, 5), (60, 14)):
+        said = " ".join(plain(fact_lines(night, tracking(**by_hand), None, *size)))
+        assert solved in said
+        assert ("6.0′ from the mount's word" in said) == (size[0] > 80 or size[1] > 3)
+        assert "mount RA 10:00:00.0 Dec -05:06:00" in said
+    for stale in (
+        dataclasses.replace(night, rows=(row, FrameRow(frame_id=8, is_solved=False))),
+        NightView(),
+    ):
+        assert "solved RA" not in " ".join(
+            plain(fact_lines(stale, tracking(**by_hand), None, 120, 5))
+        )
+    slewing = tracking(**by_hand | {"is_slewing": True})
+    assert "solved RA" not in " ".join(plain(fact_lines(night, slewing, None, 120, 5)))

@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from rsoconsole.console.coast_words import coast_words
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.night import NightView
 from rsoconsole.console.plot import Ink, Line
@@ -24,7 +25,7 @@ from rsoconsole.console.words import (
 )
 from rsoconsole.control import Health
 from rsoconsole.control.mount_words import is_silent, motion_words, mount_words
-from rsoconsole.sky.angles import format_dec, format_ra
+from rsoconsole.sky.angles import format_dec, format_ra, separation_deg
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.outlook import Outlook
@@ -60,12 +61,14 @@ def fact_lines(
     night: NightView, engine: EngineView, outlook: "Outlook | None", width: int, rows: int
 ) -> list[Line]:
     """What there is room for, most important first."""
-    place, motion = _place_items(night, engine), _motion_items(night)
-    mount = _mount_items(engine)
+    now = present_utc_ns(night, engine)
+    place, motion = _place_items(night, engine), _motion_items(night, now)
+    mount, plate = _mount_items(engine), _plate_items(night, engine)
+    is_mounts = bool(mount) and place[0] == mount[0]
     schedule, cycle = _schedule_items(engine), _cycle_items(night, engine)
-    ahead = _ahead_items(outlook, present_utc_ns(night, engine))
+    ahead = _ahead_items(outlook, now)
     health = _health_items(night, engine)
-    if mount and place[0] == mount[0]:
+    if is_mounts:
         mount = []  # where the telescope looks is told by the mount itself
     # A slew is said once: with the mount's own place where that is shown.
     told = [*place, *mount] if rows >= BLOCKS_ROWS else place
@@ -73,7 +76,7 @@ def fact_lines(
     if rows >= BLOCKS_ROWS:
         titled = {
             "where": place,
-            "mount": mount,
+            "mount": [*mount, *plate],
             "motion": motion,
             "next": [*schedule, *ahead],
             "limits": _margin_items(outlook),
@@ -87,7 +90,7 @@ def fact_lines(
             margins[0] = (f"to the limits: {margins[0][0]}", margins[0][1])
         groups = [
             [*place, *margins],
-            [*motion, *schedule, *mount],
+            [*motion, *schedule, *mount, *plate],
             ahead or _margin_items(outlook),
             cycle,
             health,
@@ -100,7 +103,7 @@ def fact_lines(
         if margins:
             margins[0] = (f"to the limits: {margins[0][0]}", margins[0][1])
         coming = [*worst, *ahead[:2], *margins] if ahead or margins else [*worst, *cycle]
-        groups = [place, [*motion, *schedule[:1]], coming]
+        groups = [place, [*motion, *(plate if is_mounts else ()), *schedule[:1]], coming]
         return [line for group in groups for line in packed(group, width, 1)]
     return packed([*place, *worst, *motion, *schedule[:1], *cycle], width, rows)
 
@@ -143,6 +146,21 @@ def _mount_items(engine: EngineView) -> list[Item]:
     return [(words, ink) for words in mount_words(engine)]
 
 
+def _plate_items(night: NightView, engine: EngineView) -> list[Item]:
+    """Where the last frame really looks by its stars, and how far that is from the mount's word."""
+    row = next((each for each in reversed(night.rows) if each.is_solved is not None), None)
+    if row is None or row.plate_icrs_deg is None or engine.is_slewing:
+        return []
+    ra, dec = row.plate_icrs_deg
+    items: list[Item] = [
+        (f"solved RA {format_ra(ra, 1)} Dec {format_dec(dec, 0)} ({row.frame_id:04d})", "")
+    ]
+    if row.mount_icrs_deg is not None:
+        off_deg = separation_deg(ra, dec, *row.mount_icrs_deg)
+        items.append((f"{60.0 * off_deg:.1f}′ from the mount's word", ""))
+    return items
+
+
 def _limit_item(next_limit: str | None) -> list[Item]:
     """What the mount runs into if it only tracks on, where that is soon."""
     if not next_limit:
@@ -153,7 +171,7 @@ def _limit_item(next_limit: str | None) -> list[Item]:
     return [] if is_far else [(f"limit if tracking: {next_limit}", "warn" if is_near else "")]
 
 
-def _motion_items(night: NightView) -> list[Item]:
+def _motion_items(night: NightView, now_utc_ns: int | None) -> list[Item]:
     track = night.track
     if track is None:
         is_looking = night.slew is not None and night.state in {"SEARCH", "ACQUIRE"}
@@ -165,8 +183,8 @@ def _motion_items(night: NightView) -> list[Item]:
         (f"rate {ra_rate * cos_deg(dec) * 3600:+.2f} {dec_rate * 3600:+.2f} ″/s", ""),
         (f"3σ {unsigned_text(3 * max(east, north))}", ""),
     ]
-    if track.misses:
-        items.append((f"coasted {track.misses} frame{'s' if track.misses > 1 else ''}", "warn"))
+    if coasts := coast_words(night, now_utc_ns):
+        items.insert(0, (coasts, "warn"))
     if night.slew is not None and night.slew.track_id is not None:
         # What led nowhere yet says nothing once something is followed.
         items.append((f"aim: {night.slew.reason}", ""))

@@ -55,6 +55,8 @@ class FollowedTrack:
     """When it began."""
     measured_frame_id: int | None = None
     """The frame that it has been measured in last."""
+    measured_utc_ns: int | None = None
+    """When that was, mid-exposure."""
     measured_px: tuple[float, float] | None = None
     """Where in that frame."""
     residual_arcsec: tuple[float, float] | None = None
@@ -201,6 +203,7 @@ def _with_state(
         track = replace(
             track,
             measured_frame_id=record.frame_id,
+            measured_utc_ns=record.t_utc_ns,
             measured_px=None if taken is None else (taken.x_px, taken.y_px),
             residual_arcsec=record.innovation_arcsec,
             nis=record.nis,
