@@ -79,6 +79,7 @@ def look(
     size: tuple[int, int] = (80, 24),
     wire: FakeWire | None = None,
     send_mark: SendMark | None = None,
+    mark_refusal: Callable[[int], str] = lambda _frame_id: "",
     **of_app: object,
 ) -> None:
     """Open a frame over a seat, wait until all is said of it, and act."""
@@ -90,7 +91,12 @@ def look(
         async with app.run_test(size=size) as pilot:
             await until(pilot, lambda: app.live.picture is not None)
             sheet = FrameSheet(
-                folder, frame_id, config, keymap=app.live.keymap, send_mark=send_mark
+                folder,
+                frame_id,
+                config,
+                keymap=app.live.keymap,
+                send_mark=send_mark,
+                mark_refusal=mark_refusal,
             )
             app.push_screen(sheet)
             await calm(pilot, sheet)
@@ -434,6 +440,26 @@ def test_a_streak_is_marked_at_full_resolution(impatient_seat: None):
         assert "the mark is sent" in title(sheet)
 
     look(act, size=(120, 40), send_mark=send)
+
+
+def test_a_frame_that_takes_no_mark_any_more_says_so_at_the_first_end(impatient_seat: None):
+    refusals: list[str] = []
+
+    async def act(_app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
+        await pilot.press("m")
+        assert "mark the first end" in title(sheet)
+        refusals.append("no mark in frame 3 any more")
+        await pilot.press("enter")
+        assert "no mark in frame 3 any more" in title(sheet)
+        assert not sheet.sheet.is_marking
+        await pilot.press("m")
+        assert "no mark in frame 3 any more" in title(sheet)
+        assert not sheet.sheet.is_marking
+
+    def refusal(_frame_id: int) -> str:
+        return refusals[0] if refusals else ""
+
+    look(act, size=(120, 40), send_mark=lambda _mark: "sent", mark_refusal=refusal)
 
 
 def test_in_a_night_that_is_over_nothing_is_marked(impatient_seat: None):

@@ -21,6 +21,7 @@ WHOLE = Status(
     state="TRACK",
     holder="autonomy",
     frame_id=7,
+    markable_frames=(5, 6),
     ra_icrs_deg=150.0,
     dec_icrs_deg=-5.0,
     alt_deg=41.0,

@@ -233,7 +233,7 @@ def test_where_the_filter_fails_the_orbit_takes_over_and_knows_where_it_is(eleme
     assert watched.last.observations == 40
     assert any(isinstance(r, TrackState) and r.foretold_by == "orbit" for r in watched.log)
     assert watched.orbit.is_guide
-    assert any(words.startswith("the orbit guides") for words in watched.words)
+    assert any(words.startswith("aims by the orbit from now on: ") for words in watched.words)
     later = true.places(np.array([40 * CADENCE_S + 1800.0]))[0]
     t = int(later.t_utc_ns[0])
     truth = (float(later.ra_icrs_deg[0]), float(later.dec_icrs_deg[0]))

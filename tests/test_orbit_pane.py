@@ -144,7 +144,7 @@ def test_name_elements_and_places_ahead_are_told_at_every_agreed_size(size) -> N
 def test_with_room_it_says_who_guides_how_well_it_fits_and_what_else_is_known() -> None:
     text = said(KNOWN)
     for words in (
-        "the filter guides",
+        "aims by the filter",
         "orbit's NIS 1.2 of 2",
         "rms .41″",
         "18 directions in 8m30",
@@ -157,7 +157,7 @@ def test_with_room_it_says_who_guides_how_well_it_fits_and_what_else_is_known() 
         assert words in text
     assert "argument" not in text  # what is not known to 60 degrees is not told
     guiding = replace(KNOWN, estimate=estimate_of(20, is_guide=True, nis=14.0, outliers=2))
-    assert "the orbit guides" in said(guiding)
+    assert "aims by the orbit" in said(guiding)
     assert inks(guiding)["orbit's NIS 14.0 of 2"] == "warn"
     assert inks(guiding)["2 left out"] == "warn"
 
@@ -250,7 +250,7 @@ def test_the_last_orbit_of_a_lost_one_says_of_when_it_is() -> None:
     shown = seen(*FOLLOWED, to(7, "COAST", "LOST"))
     assert shown.is_past
     assert said(shown).startswith("─ last orbit 02:15:50 · ")
-    assert "guides" not in said(shown)
+    assert "aims by" not in said(shown)
     assert target_words(shown) == ("", "")
 
 

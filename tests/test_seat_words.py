@@ -18,10 +18,12 @@ from rsoconsole.console.kept_words import kept_words
 from rsoconsole.console.night import FrameRow, Night, NightView
 from rsoconsole.console.plot import Line
 from rsoconsole.console.second_press import WITHIN_S
+from rsoconsole.console.streak_actions import too_late_to_mark
 from rsoconsole.console.track_fold import FollowedTrack
 from rsoconsole.console.words import clock_text, top_lines
 from rsoconsole.control import Outcome
-from tests.engine_rig import CONFIG, Rig, rig
+from rsoconsole.engine.states import Taken
+from tests.engine_rig import CONFIG, Rig, asked, desk_of, rig
 from tests.made_up_night import state_of, t_of
 from tests.makers import NS
 from tests.seat_rig import FRAMES, FakeWire, can_answer, pane, play, stop_text, until
@@ -291,3 +293,58 @@ def test_a_plate_solution_says_where_the_frame_looks_beside_the_mount_s_word():
         )
     slewing = tracking(**by_hand | {"is_slewing": True})
     assert "solved RA" not in " ".join(plain(fact_lines(night, slewing, None, 120, 5)))
+
+
+# -- a mark that comes too late -------------------------------------------------------------------
+
+
+def test_a_mark_in_a_frame_that_takes_none_any_more_is_refused_at_its_first_end(wire: FakeWire):
+    too_late = f"no mark in frame {FRAMES}: only in frames 22, 24"
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        wire.status |= {"markable_frames": [FRAMES]}
+        await until(pilot, lambda: app.live.engine.markable_frames == (FRAMES,))
+        await pilot.press("m")
+        assert "mark the first end" in pane(app, "keys")
+        # Meanwhile the engine forgets the frame.
+        wire.status |= {"markable_frames": [22, 24]}
+        await until(pilot, lambda: app.live.engine.markable_frames == (22, 24))
+        await pilot.press("enter")
+        assert too_late in pane(app, "keys")
+        assert app.live.marking is None
+        app.live.say("")
+        await pilot.press("m")
+        assert too_late in pane(app, "keys")
+        assert app.live.marking is None
+        assert app.live.mark_refusal(FRAMES) == too_late
+        assert app.live.mark_refusal(22) == ""
+        assert wire.verbs == []
+
+    play(wire, scene, LARGE)
+
+
+def test_which_frames_take_a_mark_is_said_shortly():
+    def said(*frames: int) -> str:
+        return too_late_to_mark(tracking(markable_frames=frames), 3)
+
+    assert said(*range(20, 32)) == "no mark in frame 3: only in frames 20 to 31"
+    assert said(20) == "no mark in frame 3: only in frame 20"
+    assert said() == "no mark in frame 3: the next one takes one"
+    assert said(2, 3) == ""
+    assert too_late_to_mark(tracking(), 3) == ""  # an engine that does not say it
+    assert too_late_to_mark(EngineView(reach="gone", markable_frames=(9,)), 3) == ""
+
+
+def test_the_engine_says_which_frames_take_a_mark():
+    r = rig(set(range(1, 40)))
+    r.engine.arm()
+    r.engine.run(frames=20)
+    ends = {"x_a": 900.0, "y_a": 700.0, "x_b": 1000.0, "y_b": 720.0}
+    for _ in range(2):
+        frames = r.engine.status().markable_frames
+        assert frames
+        for frame in range(1, r.engine.frame_id + 2):
+            answer = desk_of(r).handle(asked("mark", {"frame": frame, **ends}))
+            is_known = not re.search("nothing can be said|none of those looked", answer.message)
+            assert is_known == (frame in frames), (frame, frames, answer.message)
+        r.engine.happen(Taken(by="operator"))  # by hand other frames count

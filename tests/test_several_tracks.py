@@ -193,7 +193,7 @@ def test_the_log_says_whose_orbit_it_is_and_who_guides_of_the_lead_alone(two):
     words: dict[int, list[str]] = {1: [], 2: []}
     for refined in refined_of(two):
         words[refined.estimate.track_id] += refined.words
-    assert any("guides" in each for each in words[1])
+    assert any("aims by" in each for each in words[1])
     assert not any(each.startswith("track") for each in words[1])
     assert words[2]
     assert all(each.startswith("track 2: orbit: ") for each in words[2])

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 GOTO_EXAMPLES = "05 32 11 -4 52 10 · 83.05 -4.87 of date · alt 47 az 201 · SES-10 · M31"
 
 UNREADABLE = "the engine's answer cannot be read: are engine and console of one version?"
-GOES = "enter goes there; you have the mount then"
+GOES = "enter goes there and stays with the stars: follows nothing, you have the mount"
 
 
 class FieldDialog(Dialog[Result], Generic[Result]):

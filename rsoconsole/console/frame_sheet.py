@@ -60,10 +60,11 @@ class FrameSheet(SheetActions):
         alert: Callable[[], str] | None = None,
         keymap: Mapping[str, str] | None = None,
         send_mark: SendMark | None = None,
+        mark_refusal: Callable[[int], str] = lambda _frame_id: "",
     ) -> None:
         """``config``: None takes the session's own; ``status`` builds the first line and ``alert``
         what must not be missed, where a telescope is at work meanwhile."""
-        super().__init__(Sheet(frame_id=frame_id), send_mark)
+        super().__init__(Sheet(frame_id=frame_id), send_mark, mark_refusal)
         self.keymap = dict(keymap or {})
         self._status, self._alert = status, alert
         self._is_list_open = False

@@ -19,7 +19,7 @@ from rsoconsole.console.orbit_lines import target_words
 from rsoconsole.console.review import HEAD, ReviewScreen
 from rsoconsole.console.second_press import has_track
 from rsoconsole.console.sheet_actions import SendMark
-from rsoconsole.console.streak_actions import StreakActions
+from rsoconsole.console.streak_actions import StreakActions, too_late_to_mark
 from rsoconsole.console.telescope_actions import TelescopeActions
 from rsoconsole.console.tour import intro_text
 from rsoconsole.control.commands import MarkByHand, Note, Shutdown
@@ -164,6 +164,10 @@ class LiveScreen(NightScreen, TelescopeActions, StreakActions):
             if self.covers_picture():
                 self.action_orbit()
         super().action_mark()
+
+    def mark_refusal(self, frame_id: int) -> str:
+        """The engine takes words on the last frames only."""
+        return too_late_to_mark(self.engine, frame_id)
 
     @property
     def send_mark(self) -> SendMark | None:

@@ -417,8 +417,14 @@ class NightScreen(ReadingActions):
                 alert=self._alert_elsewhere,
                 keymap=self.keymap,
                 send_mark=self.send_mark,
+                mark_refusal=self.mark_refusal,
             )
         )
+
+    def mark_refusal(self, frame_id: int) -> str:
+        """Why a frame takes no mark any more; empty: it does, or nothing is known against it."""
+        _ = frame_id
+        return ""
 
     @property
     def send_mark(self) -> SendMark | None:

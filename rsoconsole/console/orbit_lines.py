@@ -256,10 +256,10 @@ def _at(what: str, t_utc_ns: int | None, now: int, never: str) -> Item:
 
 
 def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> list[Ranked]:
-    """Who guides, and how well the orbit fits."""
+    """By what the telescope aims, and how well the orbit fits."""
     items: list[Item] = []
     if not shown.is_past and not shown.is_reckoned:
-        items.append((f"{'the orbit' if estimate.is_guide else 'the filter'} guides", ""))
+        items.append((f"aims by the {'orbit' if estimate.is_guide else 'filter'}", ""))
     if estimate.nis is not None:
         is_far = estimate.nis > NIS_BAND[1]
         items.append((f"orbit's NIS {estimate.nis:.1f} of 2", "warn" if is_far else ""))

@@ -52,12 +52,18 @@ class SheetActions(Screen[None]):
         Binding("L", "list", "List", show=False),
     ]
 
-    def __init__(self, sheet: Sheet, send_mark: SendMark | None = None) -> None:
+    def __init__(
+        self,
+        sheet: Sheet,
+        send_mark: SendMark | None = None,
+        mark_refusal: Callable[[int], str] = lambda _frame_id: "",
+    ) -> None:
         """``send_mark``: hands a mark to the engine, and says why it cannot be; None: there is
-        none, as of a night that is over."""
+        none, as of a night that is over. ``mark_refusal``: why a frame takes none any more."""
         super().__init__()
         self.sheet = sheet
         self._send_mark = send_mark
+        self._mark_refusal = mark_refusal
 
     def show(self) -> None:
         """Draw everything again; the screen does."""
@@ -148,7 +154,7 @@ class SheetActions(Screen[None]):
         elif detail is None or sheet.view is None:
             why_not = "no mark yet: the frame is still being read"
         else:
-            why_not = why_no_mark(sheet.frame_id, detail)
+            why_not = why_no_mark(sheet.frame_id, detail) or self._mark_refusal(sheet.frame_id)
         if why_not:
             self.end_mark(why_not)
             return
@@ -165,6 +171,9 @@ class SheetActions(Screen[None]):
         """The cross is an end; with the second the mark is sent."""
         sheet, view = self.sheet, self.sheet.view
         if not sheet.is_marking or view is None or self._send_mark is None:
+            return
+        if why_not := self._mark_refusal(sheet.frame_id):
+            self.end_mark(why_not)
             return
         sheet.coarsest_px = max(sheet.coarsest_px, view.px_per_square, FINEST_MARK_PX)
         if sheet.first_px is None:

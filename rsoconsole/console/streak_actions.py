@@ -1,8 +1,10 @@
 """What the operator says of the streaks in a frame: this one, not that one, here it is."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.marking import Marking
 from rsoconsole.console.marks import Mark
 from rsoconsole.console.messages import Pointed
@@ -10,6 +12,7 @@ from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.reject_dialog import RejectDialog
+from rsoconsole.console.seat import REFUSAL_S
 from rsoconsole.console.second_press import SETTLES_S, WITHIN_S, CarefulSeat, has_track
 from rsoconsole.control.commands import Accept, Choose, MarkByHand, Reject
 from rsoconsole.records import Detection, NotSolved
@@ -139,9 +142,11 @@ class StreakActions(CarefulSeat):
         if self.picture is None or drawing is None:
             self.say("there is no picture to mark in", "warn")
             return
-        why_not = why_no_mark(self.picture.frame_id, self.picture.detail)
+        frame_id = self.picture.frame_id
+        too_late = too_late_to_mark(self.engine, frame_id)
+        why_not = why_no_mark(frame_id, self.picture.detail) or too_late
         if why_not:
-            self.say(why_not, "warn")
+            self.say(why_not, "warn", REFUSAL_S)
             return
         self.marking = Marking.begin(self.picture.frame_id, drawing)
         self._show_mark()
@@ -218,6 +223,10 @@ class StreakActions(CarefulSeat):
 
     def _set_end(self, px_per_square: float | None = None) -> None:
         assert self.marking is not None
+        if why_not := too_late_to_mark(self.engine, self.marking.frame_id):
+            self._leave_mark()
+            self.say(why_not, "warn", REFUSAL_S)
+            return
         ends = self.marking.set_end(px_per_square)
         if ends is None:
             self._show_mark()
@@ -255,6 +264,23 @@ def why_no_mark(frame_id: int, detail: FrameDetail) -> str:
     if detail.solution is None:
         return f"no mark in frame {frame_id} yet: it is not solved yet"
     return ""
+
+
+def too_late_to_mark(engine: EngineView, frame_id: int) -> str:
+    """Why the engine would take no mark in that frame any more; empty: it would."""
+    frames = engine.markable_frames
+    if not engine.is_attached or frames is None or frame_id in frames:
+        return ""
+    if not frames:
+        return f"no mark in frame {frame_id}: the next one takes one"
+    return f"no mark in frame {frame_id}: only in {_frames_text(frames)}"
+
+
+def _frames_text(frames: Sequence[int]) -> str:
+    """Frames 20 to 31; frames 1, 2, 20."""
+    if len(frames) > 2 and frames[-1] - frames[0] == len(frames) - 1:
+        return f"frames {frames[0]} to {frames[-1]}"
+    return f"frame{'s' if len(frames) > 1 else ''} {', '.join(map(str, frames))}"
 
 
 def _away(streak: Detection, at: Pointed) -> float:

@@ -88,6 +88,12 @@ def _texts(value: Any) -> tuple[str, ...] | None:
     return tuple(printable(str(v)) for v in value) if isinstance(value, list | tuple) else None
 
 
+def _wholes(value: Any) -> tuple[int, ...] | None:
+    if not isinstance(value, list | tuple):
+        return None
+    return tuple(number for number in map(_whole, value) if number is not None)
+
+
 def _path(value: Any) -> Path | None:
     return Path(value) if isinstance(value, str) and value else None
 
@@ -105,6 +111,7 @@ _READERS: dict[Any, Callable[[Any], Any]] = {
     str: _text,
     Path: _path,
     tuple[str, ...]: _texts,
+    tuple[int, ...]: _wholes,
     Mapping[str, int]: _counts,
 }
 """By the type of a field."""

@@ -103,6 +103,8 @@ class Status:
     """The hold ends by itself when the stars are back."""
     frame_id: int | None = None
     """The exposure begun last."""
+    markable_frames: tuple[int, ...] | None = None
+    """In which frames a mark by hand, or another word on a frame, is still taken."""
     kept: str | None = None
     """Name or number of a track that was ended and can be followed again."""
     kept_until_utc_ns: int | None = None

@@ -142,12 +142,13 @@ class Engine:
         )
         self.by_hand = ByHand(self, parts)
         self.seeking = Seeking(self, hands, self.planner, self.slews, self.guide)
+        self.verdicts = Verdicts(self, self.cycle, self.chronicle, pixels_of)
         self.handlers = joined(
             (
                 Modes(self).handlers,
                 self.by_hand.handlers,
                 Settings(self, self.temporary, self.chronicle).handlers,
-                Verdicts(self, self.cycle, self.chronicle, pixels_of).handlers,
+                self.verdicts.handlers,
                 self.seeking.handlers,
             )
         )
@@ -194,6 +195,7 @@ class Engine:
             names=self.orbits.names,
             kept_until_utc_ns=self._kept.until_utc_ns,
             slew_left_s=self._slew_left_s(),
+            markable_frames=self.verdicts.frame_ids,
             simulated_speed=clock.speed if clock.is_simulated else None,
         )
 

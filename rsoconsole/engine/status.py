@@ -22,6 +22,7 @@ def status_of(
     kept_until_utc_ns: int | None = None,
     slew_left_s: float | None = None,
     simulated_speed: float | None = None,
+    markable_frames: tuple[int, ...] | None = None,
 ) -> Status:
     """A snapshot; every part of it is read once, so that any thread may ask.
 
@@ -53,6 +54,7 @@ def status_of(
         is_parked=None if report is None else report.is_parked,
         now_utc_ns=now_utc_ns,
         simulated_speed=simulated_speed,
+        markable_frames=markable_frames,
         next_limit=ahead,
         lifted=tuple(sorted(watch.lifted)),
         faults=faults,

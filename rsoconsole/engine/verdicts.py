@@ -70,6 +70,9 @@ class Frames(Protocol):
     def taken(self, frame_id: int) -> Measurement | None:
         """What the track has of a frame."""
 
+    def frame_ids(self) -> tuple[int, ...]:
+        """The frames on which something can still be said, oldest first."""
+
     def said_last(self) -> int | None:
         """The newest frame that a word was said on."""
 
@@ -96,6 +99,11 @@ class Verdicts:
         mark = Handler(check=self._check_mark, execute=self._rule)
         verdicts = (Choose, Accept, Reject, TakeBack)
         return {MarkByHand: mark, **dict.fromkeys(verdicts, handler)}
+
+    @property
+    def frame_ids(self) -> tuple[int, ...]:
+        """The frames on which something can still be said, oldest first."""
+        return self._frames.frame_ids()
 
     @property
     def _frames(self) -> Frames:

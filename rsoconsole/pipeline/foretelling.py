@@ -72,11 +72,12 @@ class Rivals:
 
     @property
     def words(self) -> str:
-        """How both fared over the last measurements."""
+        """How both have predicted the last measurements."""
         if not self._told:
-            return "what was seen does not fit the filter"
+            return "what was seen does not fit the filter's prediction"
         ours, theirs = zip(*self._told, strict=True)
-        return f"{_fared(ours)}, the filter {_fared(theirs)}"
+        which = "it has predicted better" if self.is_orbit_ahead else "the orbit predicts no better"
+        return f"{which} (orbit {_fared(ours)}, filter {_fared(theirs)})"
 
     def _is_believed(self) -> bool:
         from scipy.special import chdtr
@@ -87,4 +88,4 @@ class Rivals:
 
 def _fared(told: Sequence[Foretold]) -> str:
     width = fmean(each.width_arcsec for each in told)
-    return f'NIS {fmean(each.nis for each in told):.1f} at ±{width:.1f}"'
+    return f'±{width:.1f}", NIS {fmean(each.nis for each in told):.1f}'

@@ -69,6 +69,10 @@ class HandTrack:
         said = [each.shown.taken.frame_id for each in self._looked if each.shown.ruling is not None]
         return said[-1] if said else None
 
+    def frame_ids(self) -> tuple[int, ...]:
+        """The frames on which something can still be said, oldest first."""
+        return tuple(each.shown.taken.frame_id for each in self._looked)
+
     def taken(self, frame_id: int) -> Measurement | None:
         """What the operator gave of a frame. Raises ValueError as ``shown`` does."""
         ruling = self.shown(frame_id).ruling

@@ -402,5 +402,6 @@ def _news(target: _Target, estimate: OrbitEstimate) -> Sequence[str]:
 
 
 def _guide_words(target: _Target, *, is_orbit: bool) -> str:
-    who = "the orbit guides" if is_orbit else "the filter guides again"
-    return f"{who}: {target.rivals.words}"
+    if is_orbit:
+        return f"aims by the orbit from now on: {target.rivals.words}"
+    return f"aims by the filter again: {target.rivals.words}"

@@ -74,6 +74,10 @@ class Folds:
             raise ValueError("no frame has been followed yet that a word could be said on")
         return folds[-1].shown
 
+    def frame_ids(self) -> tuple[int, ...]:
+        """The frames on which something can still be said, oldest first."""
+        return tuple(each.shown.taken.frame_id for each in self._folds)
+
     def rule(self, ruling: Ruling) -> tuple[Fold, ...]:
         """The frame and those after it, followed again. Raises ValueError as ``shown`` does."""
         place = _place(self._folds, ruling.frame_id)
