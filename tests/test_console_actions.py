@@ -146,8 +146,8 @@ def test_a_keymap_that_cannot_be_is_refused_with_the_reason(tmp_path: Path, text
     [
         ("w", {}, "hold", {"until": "clear"}),
         ("u", {"is_parked": True}, "unpark", {}),
-        ("u", {"kept": "SES-10"} | IDLE, "resume", {}),
-        ("h", {"kept": "SES-10"} | IDLE, "resume", {}),
+        ("u", {"kept": "SES-10", "is_resumable": True} | IDLE, "resume", {}),
+        ("h", {"kept": "SES-10", "is_resumable": True} | IDLE, "resume", {}),
         ("ctrl+u", {}, "unpark", {}),
         ("k", {"is_tracking": True}, "track", {"on": False}),
         ("k", {"is_tracking": False}, "track", {"on": True}),
