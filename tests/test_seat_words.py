@@ -324,13 +324,16 @@ def test_a_mark_in_a_frame_that_takes_none_any_more_is_refused_at_its_first_end(
 
 
 def test_which_frames_take_a_mark_is_said_shortly():
-    def said(*frames: int) -> str:
-        return too_late_to_mark(tracking(markable_frames=frames), 3)
+    def said(*frames: int, newest: int = 40) -> str:
+        return too_late_to_mark(tracking(markable_frames=frames, frame_id=newest), 3)
 
     assert said(*range(20, 32)) == "no mark in frame 3: only in frames 20 to 31"
     assert said(20) == "no mark in frame 3: only in frame 20"
     assert said() == "no mark in frame 3: the next one takes one"
     assert said(2, 3) == ""
+    # The record is ahead of the engine's last word.
+    assert said(1, 2, newest=2) == ""
+    assert said(newest=3) == ""
     assert too_late_to_mark(tracking(), 3) == ""  # an engine that does not say it
     assert too_late_to_mark(EngineView(reach="gone", markable_frames=(9,)), 3) == ""
 

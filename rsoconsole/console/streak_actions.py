@@ -271,6 +271,8 @@ def too_late_to_mark(engine: EngineView, frame_id: int) -> str:
     frames = engine.markable_frames
     if not engine.is_attached or frames is None or frame_id in frames:
         return ""
+    if frame_id > max(frames, default=(engine.frame_id or 0) - 1):
+        return ""  # newer than the engine's last word
     if not frames:
         return f"no mark in frame {frame_id}: the next one takes one"
     return f"no mark in frame {frame_id}: only in {_frames_text(frames)}"
