@@ -66,6 +66,10 @@ _RULED: dict[RuledKind, str] = {
     "first of a track": "the first of a track: mark it in a later frame, too",
     "second of a track": "a track begins with it, to be resumed",
     "leads": "its track leads now",
+    "dropped": "dropped: its streak starts no track while it is in the field",
+    "taken up again": "followed again, as if it had not been dropped",
+    "kept": "kept: no miss ends it while it may be in the field",
+    "released": "kept no longer",
 }
 _DROPPED: dict[DroppedBy, str] = {
     "STOP": "dropped by STOP",
@@ -199,6 +203,8 @@ def _not_taken(reason: NotTaken) -> str:  # noqa: PLR0911, PLR0912 -- one case a
             return "cannot be told apart from its neighbour"
         case "refused":
             return "refused by the operator"
+        case "dropped":
+            return "of a track that the operator has dropped"
         case "not chosen":
             return "the operator chose another one"
         case "another taken":

@@ -68,6 +68,7 @@ NotTakenKind: TypeAlias = Literal[
     "NIS",
     "cannot be told apart",
     "refused",
+    "dropped",
     "not chosen",
     "another taken",
     "another leads",
@@ -374,6 +375,10 @@ RuledKind: TypeAlias = Literal[
     "first of a track",
     "second of a track",
     "leads",
+    "dropped",
+    "taken up again",
+    "kept",
+    "released",
 ]
 DroppedBy: TypeAlias = Literal["STOP", "limit met", "night ended", "engine ended"]
 

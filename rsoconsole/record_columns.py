@@ -248,6 +248,8 @@ track_id integer the track, from 1 in the order in which they began
 measurement_id text the measurement that it took
 first_measurement_id=begun_with.0 text the earlier of the two that it began with
 is_lead truth the telescope follows this one
+is_kept?0 truth the operator keeps it: no miss ends it in the field
+replaces integer the track that ended where this one took it up again; empty: it took up none
 turn=mixture.turn real of its path to the left, radians for each radian that it goes on
 scatter_s=mixture.scatter_s real excess scatter along the motion, as of the shutter's time
 scatter_low_s=mixture.scatter_low_s real lower end of its interval of 90 %

@@ -286,6 +286,12 @@ class Ruling:
     taken: Measurement | None = None
     """Followed whatever the gates say; also one that the operator made."""
     refused: tuple[Measurement, ...] = ()
+    dropped: tuple[int, ...] = ()
+    """Tracks that end before this frame, by their numbers; their streaks begin none."""
+    kept: tuple[int, ...] = ()
+    """Tracks that no miss ends while they may be in the field, from this frame on."""
+    released: tuple[int, ...] = ()
+    """Tracks that were so and are no more."""
     by: str = "operator"
 
 
@@ -354,6 +360,11 @@ class TrackState:
     """Whether the telescope follows this one of the frame's tracks."""
     mixture: Mixture | None = None
     """Preset ``adaptive`` only."""
+    is_kept: bool = False
+    """Whether the operator's word keeps it: no miss ends it while it may be in the field."""
+    replaces: int | None = field(default=None, compare=False)
+    """Of a track that began as what another one had lost: that other track's number, which ended
+    with it. Sessions from before it was on record come out the same without it."""
     memory: object | None = field(
         default=None, repr=False, compare=False, metadata={OFF_RECORD: True}
     )

@@ -17,7 +17,7 @@ from rsoconsole.pipeline.fold import follow_settings
 from rsoconsole.pipeline.tracks_taken import TracksTaken
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import HiddenBy, Missed
-from rsoconsole.records import FloatArray, FrameTaken, Measurement, StateChange
+from rsoconsole.records import FloatArray, FrameTaken, Measurement, StateChange, TrackState
 from rsoconsole.tracking.follow import follow
 from rsoconsole.tracking.following import Following, FollowSettings, Seen
 from rsoconsole.tracking.rivals import Rival, odds
@@ -179,7 +179,7 @@ def test_nobody_steals_the_track_and_it_holds(company: str, scatter_s: float) ->
 def test_a_track_begun_with_two_objects_is_begun_anew_with_one() -> None:
     """In the first frame one of two neighbours is seen, in the second the other."""
     random = np.random.default_rng(1)
-    following, told, taken = Following(), [], TracksTaken()
+    following, told, taken, replaced = Following(), [], TracksTaken(), []
     for k in range(12):
         rate = truth()[k].rate
         ours = streak(k, "ours", random, np.zeros(2), rate, 0.0)
@@ -187,6 +187,7 @@ def test_a_track_begun_with_two_objects_is_begun_anew_with_one() -> None:
         shown = {0: (ours,), 1: (other,)}.get(k, (ours,))
         following, records = follow(following, seen(k, *shown), every_day())
         told += [text(r.reason) for r in records if isinstance(r, StateChange)]
+        replaced += [r.replaces for r in records if isinstance(r, TrackState) and r.replaces]
         for record in (*shown, *records):
             taken.hear(record)
         if told[-1].startswith("re-acquired"):
@@ -198,6 +199,7 @@ def test_a_track_begun_with_two_objects_is_begun_anew_with_one() -> None:
     assert len(anew) == 1
     assert "arcsec from the prediction: 3 frames agree" in anew[0]
     assert following.track_id == 2
+    assert replaced == [1]  # on record once, with its first state
 
 
 def test_a_track_begun_with_two_of_three_is_begun_again_with_one_of_them() -> None:

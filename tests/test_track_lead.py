@@ -24,7 +24,7 @@ FRAMES = 8
 
 def shown(k: int) -> list[Any]:
     random = np.random.default_rng(k)
-    return [streak(k, name, places((0.0,) * 12)[name], random) for name in SLOT]
+    return [streak(k, name, places((0.0,) * 24)[name], random) for name in SLOT]
 
 
 def locked() -> Following:

@@ -1,5 +1,6 @@
 """Every satellite of the field: the list, its cursor, the plots of one, and who leads."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,10 +8,11 @@ from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.night import Night
+from rsoconsole.console.second_press import REPEAT_S
 from rsoconsole.console.track_fold import MOST_ROWS
 from rsoconsole.console.track_lines import track_list_lines
 from rsoconsole.reasons import Cause, Missed, TrackLost
-from rsoconsole.records import FollowedAgain, Miss, StateChange
+from rsoconsole.records import FollowedAgain, Miss, Ruling, StateChange, TrackState
 from rsoconsole.session.writer import SessionWriter
 from tests import eight_tracks as eight
 from tests import made_up_night
@@ -69,6 +71,23 @@ def test_a_list_longer_than_its_place_keeps_the_chosen_one_in_sight():
         assert any(line.startswith("▸") and f" {chosen}" in line for line in said)
 
 
+@pytest.mark.parametrize("lead", [True, False])
+def test_one_that_is_re_acquired_leaves_the_list_with_that_frame(lead: bool):
+    """Under its new number it stands there once, not beside what it was."""
+    old = 2 if lead else 8
+    night = Night(Path("again"), {}, None)
+    for n in (1, 2, 3):
+        for record in eight.story(n, since=1, lead=2, missed=(old,) if n == 3 else ()):
+            night.take(t_of(n), record)
+            if isinstance(record, Miss):  # its streak was another's before: a new track takes it
+                anew = replace(eight.state_of(n, old, "initial", is_lead=lead), replaces=old)
+                night.take(t_of(n), replace(anew, track_id=9))
+    assert len(numbers(night)) == eight.COUNT
+    assert f"{old}" not in {each.rstrip("*") for each in numbers(night)}
+    assert ("9*" if lead else "9") in numbers(night)
+    assert len(night.view().beside) == eight.COUNT - 1
+
+
 def test_one_that_began_with_this_frame_is_on_trial_until_it_is_measured_once_more():
     night = Night(Path("trial"), {}, None)
     for n in (1, 2):
@@ -124,7 +143,8 @@ def test_what_ended_by_a_word_comes_back_with_the_word_to_follow_again(after, is
 
 def test_a_name_that_a_track_keeps_is_one_line_of_the_log():
     log = eight.night_of_eight().view().log
-    said = [each.text for each in log if each.text.startswith(("identified", "ambiguous"))]
+    said = [each.text for each in log if each.words.startswith(("identified", "ambiguous"))]
+    assert said[0].startswith("track 1: identified: ASTRA 1KR")
     assert len(said) == len([name for name in eight.NAMES if name])
     assert len(set(said)) == len(said)
 
@@ -181,6 +201,73 @@ def test_the_list_is_read_chosen_from_and_one_is_made_the_lead(seat_of_eight: Fa
     play(wire, scene, frames=FRAMES)
 
 
+def test_the_list_drops_one_by_one_press_and_the_lead_by_two(seat_of_eight: FakeWire):
+    wire = seat_of_eight
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await pilot.press("6")
+        await until(pilot, lambda: "▸ 2*" in pane(app, "tracks"))
+        await until(pilot, lambda: "Drop" in pane(app, "keys"))
+        await pilot.press("minus")
+        await until(pilot, lambda: "- again within 2 s drops track 2*" in pane(app, "keys"))
+        assert not wire.sent
+        await pilot.pause(REPEAT_S * 2)
+        await pilot.press("minus")
+        await until(pilot, lambda: ("drop", {"track": 2}) in wire.sent)
+        # Another track ends by one press, and what asks for a second one is asked of one alone.
+        await pilot.press("minus", "down", "minus")
+        await until(pilot, lambda: ("drop", {"track": 3}) in wire.sent)
+        await until(pilot, lambda: "u takes that back" in pane(app, "keys"))
+        await pilot.press("down", "plus")
+        await until(pilot, lambda: ("keep", {"track": 4}) in wire.sent)
+        assert len(wire.sent) == 3
+
+    play(wire, scene, frames=FRAMES)
+
+
+def test_what_is_dropped_leaves_the_list_at_once_and_comes_back_as_it_was(tmp_path: Path):
+    writer = of_eight(tmp_path)
+    wire = FakeWire(tmp_path / "eight")
+
+    def say(ruling: Ruling, **more) -> None:
+        writer.append(ruling, t_of(FRAMES))
+        writer.append(FollowedAgain(frame_id=FRAMES), t_of(FRAMES))
+        for record in eight.frame(FRAMES, missed=(3,), **more):
+            if isinstance(record, TrackState | Miss):
+                writer.append(record, t_of(FRAMES))
+        assert writer.flush()
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await pilot.press("6")
+        await until(pilot, lambda: "tracks: 8" in pane(app, "tracks"))
+        since = {each.track_id: each.since_utc_ns for each in app.live.night.tracks}
+        say(Ruling(frame_id=FRAMES, dropped=(2,)), tracks=(1, 3, 4, 5, 6, 7, 8), lead=1)
+        await until(pilot, lambda: "tracks: 7 · dropped: 2" in pane(app, "tracks"))
+        assert "1*" in pane(app, "tracks")
+        await pilot.press("u")
+        await until(pilot, lambda: ("drop", {"track": 2, "off": True}) in wire.sent)
+        say(Ruling(frame_id=FRAMES))
+        await until(pilot, lambda: "tracks: 8" in pane(app, "tracks"))
+        night = app.live.night
+        assert {each.track_id: each.since_utc_ns for each in night.tracks} == since
+        assert [len(each.rows) for each in night.tracks] == [FRAMES] * eight.COUNT
+        assert night.dropped == ()
+
+    play(wire, scene, frames=FRAMES)
+    writer.close()
+
+
+def test_a_kept_track_says_so_in_the_list():
+    night = eight.night_of_eight()
+    for record in eight.frame(FRAMES + 1):
+        is_fourth = isinstance(record, TrackState) and record.track_id == 4
+        night.take(t_of(FRAMES + 1), replace(record, is_kept=True) if is_fourth else record)
+    said = words(night, AT_80_X_24, chosen=4)
+    assert "+ kept" in said[0]
+    assert "TRACK+" in next(line for line in said if line.startswith("▸"))
+    assert "kept: no miss ends it" in " ".join(said[10:])
+
+
 def test_at_60_x_20_the_list_has_the_width_and_its_columns(seat_of_eight: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("6")
@@ -192,3 +279,48 @@ def test_at_60_x_20_the_list_has_the_width_and_its_columns(seat_of_eight: FakeWi
         await until(pilot, lambda: not app.live.query_one("#tracks").display)
 
     play(seat_of_eight, scene, size=(60, 20), frames=FRAMES)
+
+
+def log_of(night: Night) -> list[str]:
+    return [f"{line.text} x{line.times}" for line in night.log]
+
+
+def test_a_line_of_the_log_says_whose_miss_it_is_where_several_are_followed():
+    """Tracks that miss one frame for one reason share its line; the frames are counted."""
+    night = Night(Path("log"), {}, None)
+    for n in range(1, 6):
+        missed = {3: (3,), 4: (3, 5), 5: (5,)}.get(n, ())
+        for record in eight.story(n, since=1, missed=missed):
+            night.take(t_of(n), record)
+    assert log_of(night)[-1] == "tracks 3 5: miss: no detection x3"
+
+
+def test_one_track_alone_needs_no_number_in_the_log():
+    night = Night(Path("log"), {}, None)
+    for n in range(1, 4):
+        for record in eight.story(n, since=1, tracks=(2,), missed=(2,) if n > 1 else ()):
+            night.take(t_of(n), record)
+    assert log_of(night)[-1] == "miss: no detection x2"
+
+
+def test_the_leads_coast_does_not_hide_that_others_were_missed():
+    night = Night(Path("log"), {}, None)
+    for n in (1, 2):
+        for record in eight.frame(n, missed=(2, 4) if n == 2 else ()):
+            night.take(t_of(n), record)
+    cause = Cause(kind="missed", missed=Missed(kind="no detection"))
+    change = StateChange(frame_id=2, before="TRACK", after="COAST", reason=cause)
+    night.take(t_of(2), change)
+    assert log_of(night) == [
+        "tracks 2 4: miss: no detection x1",
+        "TRACK → COAST: no detection x1",
+    ]
+
+
+def test_what_ends_one_of_several_tracks_says_which():
+    night = Night(Path("log"), {}, None)
+    for record in eight.story(1, since=1, tracks=(1, 2)):
+        night.take(t_of(1), record)
+    lost = Missed(kind="no detection", lost=TrackLost(kind="not confirmed"))
+    night.take(t_of(2), Miss(frame_id=2, track_id=1, reason=lost))
+    assert night.log[-1].text.startswith("track 1: miss: no detection")

@@ -144,8 +144,9 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "undo",
         "u",
         "Follow again",
-        "undo: the track that disarming, a search, a STOP or your own move ended, for 15 minutes;"
-        " after a STOP it arms first; a parked mount is released",
+        "undo: a track that was dropped, for 12 frames; one that disarming, a search, a STOP or"
+        " your own move ended, for 15 minutes: after a STOP it arms first; a parked mount is"
+        " released",
         "telescope",
         acts=True,
     ),
@@ -288,7 +289,8 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "6",
         "Tracks of the field",
         "every satellite that is followed: state, residual, NIS; arrows choose one, enter makes it"
-        " the lead; once more: the plots of the chosen one",
+        " the lead, - drops it (u takes that back), + keeps it whatever it misses; once more: the"
+        " plots of the chosen one",
         "plots",
         where=BOTH,
     ),

@@ -80,6 +80,8 @@ _OF_MODES: dict[Mode, tuple[Key, ...]] = {
     "tracks": (
         Key("↑↓", "Choose", is_weighty=True),
         Key("enter", "Make it the lead", is_weighty=True),
+        Key("-", "Drop", is_weighty=True),
+        Key("+", "Keep"),
         Key("1", "Its plots", command="track_plots"),
         Key("esc", "Close", is_weighty=True),
     ),

@@ -22,6 +22,7 @@ from rsoconsole.console.sheet_actions import SendMark
 from rsoconsole.console.streak_actions import StreakActions, too_late_to_mark
 from rsoconsole.console.telescope_actions import TelescopeActions
 from rsoconsole.console.tour import intro_text
+from rsoconsole.console.track_orders import TrackOrders
 from rsoconsole.control.commands import MarkByHand, Note, Shutdown
 from rsoconsole.control.mount_words import motion_words
 from rsoconsole.control.stop import StopNews
@@ -30,7 +31,7 @@ AFTER_STOP = {"track": ", the mount tracks on", "stand still": ", the mount stan
 """By ``mount.after_stop``."""
 
 
-class LiveScreen(NightScreen, TelescopeActions, StreakActions):
+class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
     """The operator's seat over a night, live or recorded."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("live")]

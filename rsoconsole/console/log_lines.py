@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
 from rsoconsole.control import command_words, one_line
@@ -88,6 +88,19 @@ class LogLine:
     """Whose command was refused; empty: nobody's."""
     setting: str = ""
     """Which setting was changed, or wanted to be."""
+    tracks: tuple[int, ...] = ()
+    """Whose it is, where several are followed."""
+    words: str = ""
+    """Its text without whose it is."""
+
+    def of(self, tracks: tuple[int, ...]) -> "LogLine":
+        """The same of these tracks, by their numbers."""
+        return replace(self, tracks=tracks, text=f"{tracks_text(tracks)}: {self.words}")
+
+
+def tracks_text(tracks: tuple[int, ...]) -> str:
+    """Tracks by their numbers: "track 3", "tracks 1 3 4"."""
+    return f"track{'s' if len(tracks) > 1 else ''} {' '.join(map(str, tracks))}"
 
 
 def without_console(text: str) -> str:
@@ -113,8 +126,13 @@ def is_without_detection(record: Record) -> bool:
     return isinstance(missed, Missed) and missed.kind == "no detection" and not missed.hidden_by
 
 
-def line_of(record: Record, t_utc_ns: int, beside: str = "") -> LogLine | None:
-    """The record's line; None for what is routine. ``beside``: more that is known of it."""
+def line_of(
+    record: Record, t_utc_ns: int, beside: str = "", *, is_one_of_several: bool = False
+) -> LogLine | None:
+    """The record's line; None for what is routine. ``beside``: more that is known of it.
+
+    ``is_one_of_several``: whether more than one track is followed, so that it says whose it is.
+    """
     words = _words(record)
     if words is None:
         return None
@@ -124,11 +142,12 @@ def line_of(record: Record, t_utc_ns: int, beside: str = "") -> LogLine | None:
     kind: CauseKind | Literal[""] = cause.kind if isinstance(cause, Cause) else ""
     frame_id = getattr(record, "frame_id", None) or None
     action = record if isinstance(record, OperatorAction) else None
-    return LogLine(
+    line = LogLine(
         t_utc_ns=t_utc_ns,
         frame_id=frame_id,
         level=words[0],
         text=said,
+        words=said,
         kind=type(record).__name__,
         missed=record.reason if isinstance(record, Miss) else None,
         not_taken=_not_taken(record),
@@ -143,6 +162,8 @@ def line_of(record: Record, t_utc_ns: int, beside: str = "") -> LogLine | None:
         refused_by=action.by if action and action.outcome.kind == "refused" else "",
         setting=_setting_of(record),
     )
+    track_id = record.track_id if isinstance(record, Miss | NotFollowed | Identified) else None
+    return line if track_id is None or not is_one_of_several else line.of((track_id,))
 
 
 def _not_taken(record: Record) -> str:

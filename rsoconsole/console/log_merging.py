@@ -16,13 +16,14 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
 
     What a frame refused several times over is one line, and so are misses in a row for one
     reason, frames in a row that were not plate-solved or lay in cloud, and a neighbour that is
-    not taken frame after frame; a miss that changed the state is told by that change, which has
-    the words of the alarm that led to it; a command is told by what came of it.
+    not taken frame after frame, of several tracks with all their numbers; a miss that changed the
+    state is told by that change, which has the words of the alarm that led to it; a command is told
+    by what came of it.
     """
     if log and _tells_of_it(line, log[-1]):
         del log[-1]
     if log and _goes_on(log[-1], line):
-        log[-1] = replace(line, times=log[-1].times + 1)
+        log[-1] = _both(log[-1], line)
         return
     last = log[-1] if log and log[-1].frame_id == line.frame_id else None
     if line.kind == "OperatorAction":
@@ -30,7 +31,9 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
         if _is_told(log, line):
             return
     elif last is not None and last.kind == line.kind == "NotFollowed":
-        log[-1] = replace(last, times=last.times + 1)
+        tracks = tuple(sorted({*last.tracks, *line.tracks}))
+        more = replace(last, times=last.times + 1)
+        log[-1] = more.of(tracks) if tracks else more
         return
     elif line.kind == "Miss" and line.is_of_alarm and _is_alarm(last):
         return
@@ -39,10 +42,23 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
         passage = line.text.partition(":")[0]
         log[-1] = replace(line, text=f"{passage}: {last.said}", level="alarm", topic=last.topic)
         return
-    elif last is not None and (last.kind, line.kind) == ("Miss", "StateChange") and line.is_of_miss:
+    elif (
+        last is not None
+        and (last.kind, line.kind) == ("Miss", "StateChange")
+        and line.is_of_miss
+        and len(last.tracks) < 2  # the state is the lead's alone
+    ):
         log[-1] = line
         return
     log.append(line)
+
+
+def _both(last: LogLine, line: LogLine) -> LogLine:
+    """One line of two that say the same: of one track in another frame, or of another track."""
+    tracks = tuple(sorted({*last.tracks, *line.tracks}))
+    is_another_frame = last.frame_id != line.frame_id or not line.tracks
+    both = replace(line, times=last.times + is_another_frame)
+    return both.of(tracks) if tracks else both
 
 
 def _goes_on(last: LogLine, line: LogLine) -> bool:

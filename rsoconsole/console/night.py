@@ -196,6 +196,8 @@ class NightView:
     """What the track took of the last frames, newest first."""
     tracks: tuple[FollowedTrack, ...] = ()
     """All that are followed, by their numbers."""
+    dropped: tuple[int, ...] = ()
+    """Tracks whose dropping may still be undone, the last one last."""
 
     @property
     def is_orbit_past(self) -> bool:
@@ -305,6 +307,7 @@ class Night:
             changed=now.changed,
             measured=last_measured(self._details.items(), self._rows),
             tracks=now.tracks.in_order(),
+            dropped=now.tracks.can_be_taken_back(0 if now.frame is None else now.frame.frame_id),
             rows=tuple(self._rows.values()),
             log=tuple(self._log),
         )
@@ -378,10 +381,11 @@ class Night:
         named = now.identifications.get(record.track_id) if isinstance(record, Identified) else None
         self._fold(record, t_utc_ns)
         detail = self.detail(getattr(record, "frame_id", None) or 0)
+        is_one_of_several = len(now.tracks.tracks) > 1
         now.tracks = tracks_after(
             now.tracks, record, t_utc_ns, detail.all_measured, detail.detections
         )
-        line = line_of(record, t_utc_ns, self._beside(record))
+        line = line_of(record, t_utc_ns, self._beside(record), is_one_of_several=is_one_of_several)
         is_news = not (isinstance(record, Identified) and _is_same(named, record))
         if line is not None and is_news:
             append_line(self._log, replace(line, seq=now.seq))
@@ -518,7 +522,8 @@ class Night:
         detail = self.detail(record.frame_id)
         self._detail(record.frame_id, tracks=with_track(detail.tracks, record))
         if not record.is_lead:
-            self._now.beside = {**self._now.beside, record.track_id: record}
+            others = {n: t for n, t in self._now.beside.items() if n != record.replaces}
+            self._now.beside = {**others, record.track_id: record}
             return
         before = self._now.track
         # The lead's come first: what stands beside it is told behind them.

@@ -75,17 +75,18 @@ class CarefulSeat(Seat):
         self.second_press.forget()
         super().stop()
 
-    def twice(self, name: str, what: str, act: Callable[[], None]) -> None:
+    def twice(self, name: str, what: str, act: Callable[[], None], key: str = "") -> None:
         """Say what a second press would do; do it when that comes. A click counts as no press.
 
-        ``name``: the command's; ``what``: as in "a again within 2 s ...".
+        ``name``: the command's; ``what``: as in "a again within 2 s ..."; ``key``: of what is no
+        command of its own.
         """
         if self.is_click:
             self.name_key(name, what)
             return
         pressed = self.second_press
         heard = pressed.hear(name, self.now_s())
-        key = first_key(name, self.keymap)
+        key = key or first_key(name, self.keymap)
         if heard == "asked":
             self.say(f"{key} again within {WITHIN_S:.0f} s {what}", "warn", WITHIN_S)
         elif heard == "held":

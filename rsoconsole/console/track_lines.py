@@ -27,6 +27,8 @@ ORBIT_WORDS = {
     "not observable": "none",
 }
 """An orbit's label, short."""
+_RULE_CELLS = 6
+"""What a title's line has beside its words."""
 LEAST_DETAIL_ROWS = 5
 """Rows for tracks that stay where the chosen one is told in full."""
 
@@ -54,8 +56,7 @@ def track_list_lines(
     ``chosen``: a track's number, None: the lead.
     """
     tracks = night.tracks
-    most = night.setting("filter.most_tracks")
-    title = rule(f"tracks: {len(tracks)}", f"* lead · at most {most}" if most else "* lead", width)
+    title = _title(night, width)
     if not tracks:
         said = [clipped([(" nothing is followed", "dim")], width)]
         return [title, *said][: max(height, 1)]
@@ -79,16 +80,28 @@ def track_list_lines(
     return [*lines, *detail][: max(height, 1)]
 
 
+def _title(night: NightView, width: int) -> Line:
+    """How many there are, and what the signs mean as far as there is room."""
+    most = night.setting("filter.most_tracks")
+    dropped = f" · dropped: {' '.join(map(str, night.dropped))}" if night.dropped else ""
+    left = f"tracks: {len(night.tracks)}{dropped}"
+    signs = "* lead · + kept" if any(t.state.is_kept for t in night.tracks) else "* lead"
+    rights = [f"{signs} · at most {most}", signs] if most else [signs]
+    fitting = (right for right in rights if len(left) + len(right) + _RULE_CELLS <= width)
+    return rule(left, next(fitting, ""), width)
+
+
 def is_chosen(track: FollowedTrack, chosen: int | None) -> bool:
     """Whether the cursor is on it."""
     return track.is_lead if chosen is None else track.track_id == chosen
 
 
 def state_words(track: FollowedTrack) -> str:
-    """What became of it in the last frame."""
+    """What became of it in the last frame; "+": the operator keeps it."""
+    kept = "+" if track.state.is_kept else ""
     if track.state.misses:
-        return f"COAST {track.state.misses}"
-    return "trial" if track.is_on_trial else "TRACK"
+        return f"COAST {track.state.misses}{kept}"
+    return f"{'trial' if track.is_on_trial else 'TRACK'}{kept}"
 
 
 def name_words(night: NightView, track_id: int) -> str:
@@ -111,6 +124,7 @@ def detail_lines(
         {"trial": "on trial: one more measurement confirms it"}.get(
             state_words(track), state_words(track)
         ),
+        "kept: no miss ends it in the field" if track.state.is_kept else "",
     ]
     if track.residual_arcsec is not None:
         east, north = track.residual_arcsec

@@ -323,7 +323,9 @@ class Set(Command):
 class Decision(Command):
     """The operator's word on one frame's streaks; without a frame: on the newest."""
 
-    frame_id: int | None = argument("frame", default=None)
+    frame_id: int | None = argument(
+        "frame", default=None, help_="The frame that it is said of; without: the newest."
+    )
 
 
 @register
@@ -404,6 +406,46 @@ class TakeBack(Decision):
         """What is wanted."""
         known = "" if self.frame_id is None else f" what was said of frame {self.frame_id}"
         return f"take back{known}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drop(Decision):
+    """One of the tracks ends for good; its streaks start none while it may be in the field."""
+
+    verb = "drop"
+    shell = "rsoconsole drop 3"
+    shell_help = """End one track by its number, as 'rsoconsole status' lists it; the others go on.
+
+    Its streaks start no other track for as long as it may be in the field. With --off within
+    12 frames it is followed as if it had never been dropped; so does 'u' in the console."""
+
+    track: int = argument(help_="The track's number.")
+    off: bool | None = argument(default=None, help_="Take it back.")
+
+    def words(self) -> str:
+        """What is wanted."""
+        return f"{'take back: ' if self.off else ''}drop track {self.track}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Keep(Decision):
+    """No miss ends one of the tracks while it may be in the field; or that holds no longer."""
+
+    verb = "keep"
+    shell = "rsoconsole keep 3"
+    shell_help = """Keep one track, by its number, whatever it misses.
+
+    Neither the time that it coasts nor a miss on trial ends it, until it leaves the field or its
+    3-sigma bounds are wider than the field. With --off that holds no longer."""
+
+    track: int = argument(help_="The track's number.")
+    off: bool | None = argument(default=None, help_="Keep it no longer.")
+
+    def words(self) -> str:
+        """What is wanted."""
+        return f"keep track {self.track}{' no longer' if self.off else ''}"
 
 
 @register

@@ -368,7 +368,8 @@ def _(happening: ClockSet, charge: Charge) -> Step:
     # A track lives by its times, and those before this are wrong; what was seen is still near.
     if not charge.is_autonomous:
         return Step(charge=without_kept(charge))
-    after = replace(charge, following=charge.following.without_track("SEARCH"), kept=None)
+    nothing = replace(charge.following.without_track("SEARCH"), dropped=())
+    after = replace(charge, following=nothing, kept=None)
     actions: tuple[Action, ...] = ("start search", "forget plate")
     return Step(
         charge=after, actions=actions, reason=Cause(kind="clock set", step_s=happening.step_s)

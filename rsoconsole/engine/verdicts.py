@@ -15,6 +15,8 @@ from rsoconsole.control.commands import (
     Accept,
     Choose,
     Decision,
+    Drop,
+    Keep,
     MarkByHand,
     Reject,
     TakeBack,
@@ -22,6 +24,7 @@ from rsoconsole.control.commands import (
 from rsoconsole.engine.chronicle import Chronicle
 from rsoconsole.engine.handlers import Accepted, Control, Handler, Handlers, RefusedError
 from rsoconsole.engine.states import Followed, Marked
+from rsoconsole.engine.track_rulings import frame_of, on_track, ruled_of, with_tracks_of
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import measure
@@ -97,7 +100,7 @@ class Verdicts:
         """Its commands."""
         handler = Handler(check=self._check, execute=self._rule)
         mark = Handler(check=self._check_mark, execute=self._rule)
-        verdicts = (Choose, Accept, Reject, TakeBack)
+        verdicts = (Choose, Accept, Reject, TakeBack, Drop, Keep)
         return {MarkByHand: mark, **dict.fromkeys(verdicts, handler)}
 
     @property
@@ -161,6 +164,8 @@ class Verdicts:
             return self._rule_by_hand(ruling)
         after, records = self._cycle.rule(ruling)
         result = result_of(ruling, records)
+        if isinstance(decision, Drop | Keep):
+            result = replace(result, ruled=ruled_of(decision), left_alone=0)
         others = {each.track.track_id for each in before.tracks[1:]}
         if ruling.taken is not None and after.track_id in others:
             result = CommandResult(kind="ruled", ruled="leads", frame_id=ruling.frame_id)
@@ -192,6 +197,11 @@ class Verdicts:
 
     def _ruling(self, decision: Decision, by: str) -> Ruling:
         """What the word on a frame would be. Raises ValueError where it cannot be."""
+        if isinstance(decision, Drop | Keep) and not self._control.charge.is_autonomous:
+            raise ValueError("nothing is followed: autonomy does not have the mount")
+        if isinstance(decision, Drop | Keep):
+            of = frame_of(decision, self._cycle.folds.rulings())
+            decision = replace(decision, frame_id=of)
         return ruling_of(
             decision,
             by=by,
@@ -206,6 +216,18 @@ def ruling_of(
 ) -> Ruling:
     """The operator's word as a ruling. Raises ValueError with the reason where it cannot be one."""
     match decision:
+        case Drop() | Keep():
+            return on_track(decision, _frame(decision, folds), following, by, config)
+        case TakeBack():
+            return _take_back(decision, folds, by)
+    made = _on_streaks(decision, by, folds, following, config)
+    return with_tracks_of(made, folds.shown(made.frame_id).ruling)
+
+
+def _on_streaks(
+    decision: Decision, by: str, folds: Frames, following: Following, config: Config
+) -> Ruling:
+    match decision:
         case Choose():
             return _choose(_frame(decision, folds), decision, by, config)
         case Accept():
@@ -214,8 +236,6 @@ def ruling_of(
             return _reject(decision, folds, following, by)
         case MarkByHand():
             return _mark(_frame(decision, folds), decision, by, config)
-        case TakeBack():
-            return _take_back(decision, folds, by)
     raise TypeError(f"{decision.verb} is no word on a frame")
 
 

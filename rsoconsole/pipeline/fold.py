@@ -97,6 +97,9 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         field=_field_of(shown),
         chosen=chosen,
         refused=refused,
+        dropped=ruling.dropped,
+        kept=ruling.kept,
+        released=ruling.released,
         by_orbit=_asks_orbit(before, shown.orbits, config, t_mid_ns),
     )
     after, records = follow(before, seen, follow_settings(config, taken))

@@ -333,6 +333,7 @@ class Walk:
         self.hand.forget()
         if isinstance(change.reason, Cause) and change.reason.kind == "clock set":
             self.orbits = {}
+            self.following = replace(self.following, dropped=())
         before, kept = self.following, self.kept.following
         self.kept.passed(change, before, self.config.filter)
         if change.after != "COAST":

@@ -67,6 +67,10 @@ class Folds:
         said = [f.shown.taken.frame_id for f in self._folds if f.shown.ruling is not None]
         return said[-1] if said else None
 
+    def rulings(self) -> tuple[Ruling, ...]:
+        """The operator's words on these frames, oldest first."""
+        return tuple(f.shown.ruling for f in self._folds if f.shown.ruling is not None)
+
     def newest(self) -> Shown:
         """The last frame. Raises ValueError where there is none."""
         folds = self._folds

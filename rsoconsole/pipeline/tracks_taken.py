@@ -159,8 +159,11 @@ class TracksTaken:
             each.corrected is not None and each.corrected.kind == "initial" and each.is_lead
             for each in newest.values()
         )
-        # A lead that was only predicted where another begins has been given up for it.
+        # A lead that was only predicted where another begins has been given up for it; of what
+        # stands beside it the new track says which.
+        ended: set[int | None]
         ended = {n for n, s in newest.items() if is_anew and s.corrected is None and s.is_lead}
+        ended |= {s.corrected.replaces for s in newest.values() if s.corrected is not None}
         found = [
             track
             for track in self.tracks()

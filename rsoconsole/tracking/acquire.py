@@ -124,6 +124,7 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
         tracks=tracks,
         pattern=_pattern_of(tracks, begun_with, seen),
         last_track_id=before.last_track_id + len(tracks),
+        dropped=before.dropped,
     )
     states = tuple(each.track for each in tracks)
     return after, (*states, *of_track((*refused, *told), states[0].track_id))

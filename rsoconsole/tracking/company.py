@@ -16,6 +16,7 @@ from rsoconsole.tracking.acquire import first_state
 from rsoconsole.tracking.association import motion_between
 from rsoconsole.tracking.following import (
     MAY_BE_FOLLOWED,
+    Following,
     FollowSettings,
     Seen,
     Tracked,
@@ -54,17 +55,11 @@ def ended(step: Step, before: Tracked, seen: Seen) -> Step:
     """A step of one that does not lead: on trial it ends with a miss, and outside the field."""
     if step.after is None or step.is_measured:
         return step
-    track = step.after.track
     lost: TrackLost | None = None
-    if track.innovations < ON_TRIAL:
+    if step.after.track.innovations < ON_TRIAL and not before.is_kept:
         lost = TrackLost(kind="not confirmed")
-    elif seen.field is not None and before.taken is not None:
-        ra_deg, dec_deg = lqe.direction_icrs_deg(track)
-        holds = seen.field.holds(np.array([ra_deg]), np.array([dec_deg]), np.zeros(1))
-        is_outside = not bool(holds[0])
-        coasted_s = (seen.t_mid_utc_ns - before.taken.t_mid_utc_ns) / 1e9
-        if is_outside and coasted_s > _OUTSIDE_S:
-            lost = TrackLost(kind="left the field")
+    elif _has_left(step.after, seen):
+        lost = TrackLost(kind="left the field")
     if lost is None:
         return step
     records = tuple(
@@ -74,6 +69,16 @@ def ended(step: Step, before: Tracked, seen: Seen) -> Step:
         for r in step.records
     )
     return Step(records=records, after=None)
+
+
+def _has_left(coasted: Tracked, seen: Seen) -> bool:
+    """Whether a track that a frame does not show has been outside the field for long."""
+    if seen.field is None or coasted.taken is None:
+        return False
+    ra_deg, dec_deg = lqe.direction_icrs_deg(coasted.track)
+    holds = seen.field.holds(np.array([ra_deg]), np.array([dec_deg]), np.zeros(1))
+    coasted_s = (seen.t_mid_utc_ns - coasted.taken.t_mid_utc_ns) / 1e9
+    return not bool(holds[0]) and coasted_s > _OUTSIDE_S
 
 
 def begun(  # noqa: PLR0917 -- one call, each argument a different thing
@@ -140,3 +145,25 @@ def without_verdicts_on(
     return tuple(
         r for r in records if not (isinstance(r, NotFollowed) and r.measurement in seconds)
     )
+
+
+def joined_by_new(  # noqa: PLR0917 -- one call, each argument a different thing
+    before: Following,
+    after: Following,
+    steps: list[Step],
+    records: tuple[FoldRecord, ...],
+    seen: Seen,
+    settings: FollowSettings,
+) -> tuple[Following, tuple[FoldRecord, ...]]:
+    """With the tracks that begin beside those that there are."""
+    free = left_over(steps, seen)
+    room = settings.filter.most_tracks - len(after.tracks)
+    found = begun(before.candidates, free, after.last_track_id, room, seen, settings)
+    taken = {each.taken for each in found}
+    told = without_verdicts_on(records, found)
+    return replace(
+        after,
+        candidates=tuple(m for m in free if m not in taken),
+        tracks=(*after.tracks, *found),
+        last_track_id=after.last_track_id + len(found),
+    ), (*told, *(each.track for each in found))

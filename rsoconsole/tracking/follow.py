@@ -19,7 +19,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking import adaptive, company, estimator
+from rsoconsole.tracking import adaptive, company, estimator, track_words
 from rsoconsole.tracking import pattern as patterns
 from rsoconsole.tracking.acquire import (
     NOT_CHOSEN,
@@ -63,10 +63,16 @@ def follow(
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """The next state, and what to put on the record, in order."""
     seen, crossings = _without_crossings(seen)
+    before = track_words.with_word(before, seen, settings)
     if before.state not in ("TRACK", "COAST") or not before.tracks:
-        after, records = acquire(before, seen, settings)
+        steps = _steps_of_dropped(before, seen, settings)
+        dropped, told = track_words.gone_on(before.dropped, steps, seen)
+        after, records = acquire(before, track_words.without_taken(seen, steps), settings)
+        after, records = replace(after, dropped=dropped), (*records, *told)
     else:
         after, records = _follow_tracks(before, seen, settings)
+    after, records = track_words.with_word_on_begun(after, records, seen)
+    records = track_words.as_kept(records, before, after)
     records += of_track(crossings, before.track_id)
     if after.state != before.state and not any(isinstance(r, StateChange) for r in records):
         change = StateChange(
@@ -117,6 +123,10 @@ def _follow_tracks(
         steps = _steps_of_all(before, seen, settings)
     else:
         steps = _steps_in_turn(before, seen, settings)
+        steps += _steps_of_dropped(before, track_words.without_taken(seen, steps), settings)
+    of_dropped = steps[len(steps) - len(before.dropped) :]
+    dropped, told_of_dropped = track_words.gone_on(before.dropped, of_dropped, seen)
+    before = replace(before, dropped=dropped)
     records: tuple[FoldRecord, ...] = ()
     last_track_id, causes, ended = before.last_track_id, list[Cause](), list[Step]()
     for number, (each, step) in enumerate(zip(before.tracks, steps, strict=False)):
@@ -124,7 +134,7 @@ def _follow_tracks(
         if step.reacquired is not None:
             last_track_id += 1
             causes += [cause_of(step.reacquired)] * (number == 0)
-            done = _initiated_again(step, each.track.is_lead, last_track_id, seen, settings)
+            done = _initiated_again(step, each, last_track_id, seen, settings)
         ended.append(done)
         refused = seen.refused if number == 0 else ()
         told = (*done.records, *(not_followed(m, REFUSED) for m in refused))
@@ -133,15 +143,17 @@ def _follow_tracks(
             return before.without_track("ACQUIRE", (done.begins_with,)), records
     after = replace(_led(before, tuple(ended)), last_track_id=last_track_id)
     if is_joint and seen.chosen is None and settings.filter.most_tracks > 1 and after.tracks:
-        after, records = _with_company(before, after, ended, records, seen, settings)
-    if len(after.tracks) > 1:
+        after, records = company.joined_by_new(
+            before, after, [*ended, *of_dropped], records, seen, settings
+        )
+    if len(after.tracks) + len(after.dropped) > 1:
         after = replace(after, pattern=_pattern(before, after, seen))
     if causes and after.state == "TRACK":
         change = StateChange(
             frame_id=seen.frame_id, before=before.state, after="TRACK", reason=causes[0]
         )
         records = (*records, change)
-    return after, records
+    return after, (*records, *told_of_dropped)
 
 
 def _with_chosen_lead(
@@ -159,59 +171,28 @@ def _with_chosen_lead(
         measurements=tuple(m for m in seen.measurements if once[m.measurement_id] is m),
     )
     wanted = None if seen.chosen is None else seen.chosen.measurement_id
-    for number, step in enumerate(_steps_of_all(before, unsaid, settings)):
+    steps = _steps_of_all(before, unsaid, settings)[: len(before.tracks)]
+    for number, step in enumerate(steps):
         taken = step.after.taken if step.is_measured and step.after is not None else None
         if taken is not None and taken.measurement_id == wanted:
-            return _led_by(before, number), unsaid
+            tracks = before.tracks
+            in_order = (tracks[number], *tracks[:number], *tracks[number + 1 :])
+            return replace(before, tracks=track_words.led_by_first(in_order)), unsaid
     return before, seen
-
-
-def _led_by(before: Following, number: int) -> Following:
-    """The same tracks with that one first, as the lead."""
-    tracks = before.tracks
-    in_order = (tracks[number], *tracks[:number], *tracks[number + 1 :])
-    return replace(
-        before,
-        tracks=tuple(
-            replace(each, track=replace(each.track, is_lead=at == 0))
-            for at, each in enumerate(in_order)
-        ),
-    )
-
-
-def _with_company(  # noqa: PLR0917 -- one call, each argument a different thing
-    before: Following,
-    after: Following,
-    steps: list[Step],
-    records: tuple[FoldRecord, ...],
-    seen: Seen,
-    settings: FollowSettings,
-) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """With the tracks that begin beside those that there are."""
-    free = company.left_over(steps, seen)
-    room = settings.filter.most_tracks - len(after.tracks)
-    begun = company.begun(before.candidates, free, after.last_track_id, room, seen, settings)
-    taken = {each.taken for each in begun}
-    told = company.without_verdicts_on(records, begun)
-    return replace(
-        after,
-        candidates=tuple(m for m in free if m not in taken),
-        tracks=(*after.tracks, *begun),
-        last_track_id=after.last_track_id + len(begun),
-    ), (*told, *(each.track for each in begun))
 
 
 def _pattern(before: Following, after: Following, seen: Seen) -> Pattern:
     """Where the tracks stand to each other after a frame."""
+    tracks = (*after.tracks, *after.dropped)
     shown = {
         each.track.track_id: Place.of(each.taken, each.track)
-        for each in after.tracks
+        for each in tracks
         if each.taken is not None
         and each.taken.frame_id == seen.frame_id
         # Where what the frame cuts was taken is not where it is.
         and not each.taken.is_clipped
     }
-    alive = [each.track.track_id for each in after.tracks]
+    alive = [each.track.track_id for each in tracks]
     return patterns.after(before.pattern, alive, shown, seen.t_mid_utc_ns)
 
 
@@ -235,15 +216,16 @@ def _steps_in_turn(before: Following, seen: Seen, settings: FollowSettings) -> l
 
 
 def _steps_of_all(before: Following, seen: Seen, settings: FollowSettings) -> list[Step]:
-    """All tracks at once; what one has taken is none of the others'."""
-    alone = len(before.tracks) == 1
+    """All tracks at once, then the dropped ones; what one has taken is none of the others'."""
+    all_tracks = (*before.tracks, *before.dropped)
+    alone = len(all_tracks) == 1
     # Where several are followed, neighbours are tracks themselves.
-    tracks = [each if alone else replace(each, neighbours=()) for each in before.tracks]
+    tracks = [each if alone else replace(each, neighbours=()) for each in all_tracks]
     weighed = [_weighed(each, seen, settings) for each in tracks]
     given = assigned(weighed, before.pattern)
     steps = []
     for each, taken, unsure, track in zip(
-        weighed, given.taken, given.is_ambiguous, before.tracks, strict=True
+        weighed, given.taken, given.is_ambiguous, all_tracks, strict=True
     ):
         of_others = {m for m in given.taken if m is not None and m is not taken}
         left = tuple(m for m in seen.measurements if m not in of_others)
@@ -260,6 +242,14 @@ def _steps_of_all(before: Following, seen: Seen, settings: FollowSettings) -> li
     return steps
 
 
+def _steps_of_dropped(before: Following, seen: Seen, settings: FollowSettings) -> list[Step]:
+    """What a frame shows of tracks that were dropped, asked alone."""
+    if not before.dropped:
+        return []
+    dropped = replace(before, tracks=before.dropped, dropped=())
+    return _steps_of_all(dropped, seen, replace(settings, choice="nearest"))
+
+
 def _led(before: Following, steps: tuple[Step, ...]) -> Following:
     """What goes on, the lead first."""
     alive = [step for step in steps if step.after is not None]
@@ -273,6 +263,7 @@ def _led(before: Following, steps: tuple[Step, ...]) -> Following:
         state="TRACK" if alive[0].is_measured else "COAST",
         tracks=tuple(tracks),
         last_track_id=before.last_track_id,
+        dropped=before.dropped,
     )
 
 
@@ -356,12 +347,16 @@ def _stepped(
 
 
 def _initiated_again(
-    step: Step, is_lead: bool, track_id: int, seen: Seen, settings: FollowSettings
+    step: Step, before: Tracked, track_id: int, seen: Seen, settings: FollowSettings
 ) -> Step:
     """A new track takes the place of one that had gone astray."""
     found = step.reacquired
     assert found is not None
-    fresh = first_state(found.first, found.second, track_id, seen, settings, is_lead=is_lead)
+    fresh = first_state(
+        found.first, found.second, track_id, seen, settings, is_lead=before.track.is_lead
+    )
+    track = replace(fresh.track, replaces=before.track.track_id)
+    fresh = replace(fresh, track=track, is_kept=before.is_kept)
     return Step(records=(*step.records, fresh.track), after=fresh, is_measured=True)
 
 
@@ -390,7 +385,13 @@ def _measured(
     """A track that has taken a measurement."""
     neighbours = beside(before.neighbours, track, taken, seen)
     excesses = excesses_with(before.excesses_arcsec, track, taken, seen)
-    after = Tracked(track=track, taken=taken, neighbours=neighbours, excesses_arcsec=excesses)
+    after = Tracked(
+        track=track,
+        taken=taken,
+        neighbours=neighbours,
+        excesses_arcsec=excesses,
+        is_kept=before.is_kept,
+    )
     return Step(records=records, after=after, is_measured=True)
 
 
@@ -429,10 +430,12 @@ def _coast(  # noqa: PLR0917 -- one call, each argument a different thing
     # The paper's bounds are wider than any field from the first prediction on and say nothing.
     bound_deg = three_sigma_deg(predicted)
     most_deg = settings.filter.max_3sigma_arcmin / 60.0
+    if before.is_kept:
+        most_deg = settings.half_field_deg  # beyond that nobody knows whether it is in the field
     if settings.filter.preset != "paper" and bound_deg > min(settings.half_field_deg, most_deg):
         fits_field = most_deg < settings.half_field_deg
         lost = TrackLost.by_bounds(bound_deg * 60, fits_field=fits_field)
-    elif coasted_s > settings.filter.max_coast_s:
+    elif coasted_s > settings.filter.max_coast_s and not before.is_kept:
         lost = TrackLost.by_time(coasted_s)
     if lost is not None:
         ended = replace(miss, reason=replace(reason, lost=lost))

@@ -57,6 +57,12 @@ class Seen:
     """The one that the operator wants followed; one of ``measurements``."""
     refused: tuple[Measurement, ...] = ()
     """Those that the operator wants left alone; none of ``measurements``."""
+    dropped: tuple[int, ...] = ()
+    """Tracks that the operator wants followed no more from this frame on, by their numbers."""
+    kept: tuple[int, ...] = ()
+    """Those that no miss is to end from this frame on."""
+    released: tuple[int, ...] = ()
+    """Those of which that holds no longer."""
     by_orbit: Callable[[TrackState], TrackState | None] | None = None
     """What the orbit predicts in the place of a prediction that failed; None where it does not.
     Asked only where nothing fits."""
@@ -96,6 +102,8 @@ class Tracked:
     """Frames since then in which nothing hid it, and it was not there."""
     excesses_arcsec: tuple[float, ...] = ()
     """By how much its last streaks were longer than it moves in one exposure."""
+    is_kept: bool = False
+    """Whether the operator's word keeps it: no miss ends it while it may be in the field."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,6 +119,8 @@ class Following:
     """Where the tracks stand to each other."""
     last_track_id: int = 0
     """Of the session's last track that has begun; 0 before the first."""
+    dropped: tuple[Tracked, ...] = ()
+    """What the operator has dropped and may still be in the field: its streaks begin no track."""
 
     @property
     def lead(self) -> Tracked | None:
@@ -136,7 +146,12 @@ class Following:
         self, state: LoopState, candidates: tuple[Measurement, ...] = ()
     ) -> "Following":
         """Nothing is followed any more; the next track is another one."""
-        return Following(state=state, candidates=candidates, last_track_id=self.last_track_id)
+        return Following(
+            state=state,
+            candidates=candidates,
+            last_track_id=self.last_track_id,
+            dropped=self.dropped,
+        )
 
 
 def not_followed(

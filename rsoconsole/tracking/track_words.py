@@ -1,0 +1,138 @@
+"""The operator's word on whole tracks: one is dropped, or kept whatever it misses. Pure.
+
+What is dropped goes on by itself, on no record and in no list, so that its streaks are known and
+begin no other track; it is forgotten once it has left the field, or may have.
+"""
+
+from dataclasses import replace
+
+from rsoconsole.reasons import NotTaken
+from rsoconsole.records import FoldRecord, Miss, NotFollowed, TrackState
+from rsoconsole.tracking.following import (
+    Following,
+    FollowSettings,
+    Seen,
+    Tracked,
+    not_followed,
+    of_track,
+)
+from rsoconsole.tracking.takeover import Step
+
+MOST_DROPPED = 12
+"""Of so many dropped tracks the streaks are known: those dropped last."""
+DROPPED = NotTaken(kind="dropped")
+
+
+def with_word(before: Following, seen: Seen, settings: FollowSettings) -> Following:
+    """What is followed before a frame, as the operator wants it from this frame on."""
+    if before.dropped:
+        most_s = settings.filter.max_coast_s
+        known = (
+            each
+            for each in before.dropped
+            if 0.0 <= (seen.t_mid_utc_ns - each.track.t_utc_ns) / 1e9 <= most_s
+        )
+        before = replace(before, dropped=tuple(known))
+    if not (seen.dropped or seen.kept or seen.released):
+        return before
+    left = tuple(_with_keeping(each, seen) for each in before.tracks)
+    gone = tuple(each for each in left if each.track.track_id in seen.dropped)
+    return _without(replace(before, tracks=left), gone)
+
+
+def with_word_on_begun(
+    after: Following, records: tuple[FoldRecord, ...], seen: Seen
+) -> tuple[Following, tuple[FoldRecord, ...]]:
+    """The same of tracks that the frame itself begins: what is dropped never began."""
+    if not (seen.dropped or seen.kept):
+        return after, records
+    tracks = tuple(_with_keeping(each, seen) for each in after.tracks)
+    gone = tuple(each for each in tracks if each.track.track_id in seen.dropped)
+    told = tuple(
+        each
+        for each in records
+        if not isinstance(each, TrackState | Miss | NotFollowed)
+        or each.track_id not in {one.track.track_id for one in gone}
+    )
+    return _without(replace(after, tracks=tracks), gone), told
+
+
+def gone_on(
+    dropped: tuple[Tracked, ...], steps: list[Step], seen: Seen
+) -> tuple[tuple[Tracked, ...], tuple[FoldRecord, ...]]:
+    """Dropped tracks after a frame, and what is on record of it: whose streaks they were.
+
+    A streak that the operator wants followed is dropped no longer.
+    """
+    wanted = None if seen.chosen is None else seen.chosen.measurement_id
+    after, records = list[Tracked](), tuple[FoldRecord, ...]()
+    for before, step in zip(dropped, steps, strict=True):
+        if step.after is None:
+            continue
+        taken = step.after.taken if step.is_measured else None
+        if taken is None:
+            after.append(step.after)
+        elif taken.measurement_id != wanted:
+            after.append(step.after)
+            records += of_track((not_followed(taken, DROPPED),), before.track.track_id)
+    return tuple(after), records
+
+
+def without_taken(seen: Seen, steps: list[Step]) -> Seen:
+    """A frame without what these steps have taken, but for what the operator wants followed."""
+    taken = {
+        step.after.taken.measurement_id
+        for step in steps
+        if step.is_measured and step.after is not None and step.after.taken is not None
+    }
+    if not taken:
+        return seen
+    left = (m for m in seen.measurements if m.measurement_id not in taken or m == seen.chosen)
+    return replace(seen, measurements=tuple(left))
+
+
+def as_kept(records: tuple[FoldRecord, ...], *known: Following) -> tuple[FoldRecord, ...]:
+    """States of kept tracks say so."""
+    kept = {each.track.track_id for one in known for each in one.tracks if each.is_kept}
+    if not kept:
+        return records
+    return tuple(
+        replace(each, is_kept=True)
+        if isinstance(each, TrackState) and each.track_id in kept
+        else each
+        for each in records
+    )
+
+
+def led_by_first(tracks: tuple[Tracked, ...]) -> tuple[Tracked, ...]:
+    """The same, the first one the lead and no other."""
+    return tuple(
+        each
+        if each.track.is_lead == (at == 0)
+        else replace(each, track=replace(each.track, is_lead=at == 0))
+        for at, each in enumerate(tracks)
+    )
+
+
+def _with_keeping(track: Tracked, seen: Seen) -> Tracked:
+    number = track.track.track_id
+    is_kept = number in seen.kept or (track.is_kept and number not in seen.released)
+    return track if is_kept == track.is_kept else replace(track, is_kept=is_kept)
+
+
+def _without(following: Following, gone: tuple[Tracked, ...]) -> Following:
+    """Without tracks that are dropped; where the lead is, the next track leads."""
+    if not gone:
+        return following
+    ended = {each.track.track_id for each in gone}
+    left = tuple(each for each in following.tracks if each.track.track_id not in ended)
+    # Kept, so that nothing but the field's edge ends it, and bounds as wide as the field.
+    unseen = tuple(
+        replace(each, track=replace(each.track, is_lead=False), is_kept=True) for each in gone
+    )
+    dropped = (*following.dropped, *unseen)[-MOST_DROPPED:]
+    if left:
+        return replace(following, tracks=led_by_first(left), dropped=dropped)
+    waiting = following.candidates
+    state = following.without_track("ACQUIRE" if waiting else "SEARCH", waiting)
+    return replace(state, dropped=dropped)
