@@ -67,10 +67,14 @@ def engine(
 def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
     """One line about the running engine, for scripts and tmux.
 
+    Where several satellites are followed a table of them comes below it, and where the telescope
+    looks next: * is the lead, + one that is kept, "next" whether it is then in the field.
+
     Example: rsoconsole status --json
     """
     from rsoconsole.control import ControlClient, Machine, Sender, read_status
     from rsoconsole.control.mount_words import mount_words
+    from rsoconsole.control.track_table import next_aim_words, track_table
 
     outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
     if not outcome.ok:
@@ -102,6 +106,11 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
     if told.state == "FAULT" and not told.faults:
         words.append("the cause of the fault is over: 'rsoconsole arm' goes on")
     output.say(" · ".join(words))
+    if len(told.tracks) > 1:
+        for line in track_table(told):
+            output.say(line)
+        if told.next_aim is not None:
+            output.say(next_aim_words(told.next_aim))
 
 
 def stop(

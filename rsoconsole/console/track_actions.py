@@ -80,7 +80,8 @@ class TrackActions(CurveActions):
         if self.page == "tracks":
             now = present_utc_ns(self.night, self.engine)
             chosen = self.track_chosen if self._chosen_track is not None else None
-            self.tracks_pane.show(partial(track_list_lines, self.night, chosen, now))
+            lines = partial(track_list_lines, self.night, chosen, now)
+            self.tracks_pane.show(partial(lines, next_aim=self.engine.next_aim))
 
     def place_curves(self, *, alert_rows: int, timeline_rows: int, aspect: float) -> None:
         """Over the plots; while it is seen the list has the arrows."""

@@ -12,11 +12,12 @@ from rsoconsole.console.words import (
     NS_PER_S,
     arcsec_text,
     clipped,
+    clock_text,
     duration_text,
     first_shown,
     unsigned_text,
 )
-from rsoconsole.control import one_line
+from rsoconsole.control import NextAim, one_line
 
 NAME_COLUMNS = (8, 24)
 """At least, at most."""
@@ -27,6 +28,8 @@ ORBIT_WORDS = {
     "not observable": "none",
 }
 """An orbit's label, short."""
+LEAST_AIM_ROWS = 2
+"""Rows that the next aim may take where every track has its own."""
 _RULE_CELLS = 6
 """What a title's line has beside its words."""
 LEAST_DETAIL_ROWS = 5
@@ -50,12 +53,19 @@ def track_list_lines(
     now_utc_ns: int | None,
     width: int,
     height: int,
+    *,
+    next_aim: NextAim | None = None,
 ) -> list[Line]:
-    """Title, heads, the tracks by their numbers, the chosen one in full.
+    """Title, heads, the tracks by their numbers, the chosen one in full, the next aim.
 
     ``chosen``: a track's number, None: the lead.
     """
     tracks = night.tracks
+    if next_aim is not None and tracks and height >= len(tracks) + 3 + LEAST_AIM_ROWS:
+        aim = aim_lines(next_aim, width)
+        rows = height - len(aim)
+        listed = track_list_lines(night, chosen, now_utc_ns, width, rows)
+        return [*listed, *aim]
     title = _title(night, width)
     if not tracks:
         said = [clipped([(" nothing is followed", "dim")], width)]
@@ -149,6 +159,17 @@ def _packed(parts: list[str], width: int) -> list[str]:
         else:
             lines.append(part)
     return lines
+
+
+def aim_lines(aim: NextAim, width: int) -> list[Line]:
+    """Where the telescope looks in the exposure after the next one, and by which policy."""
+    way = aim.moves_arcmin
+    parts = [
+        f"next aim, {aim.policy}: {aim.reason}",
+        clock_text(aim.t_utc_ns)[:8],
+        "no slew" if way is None else f"slew {way:.1f}′",
+    ]
+    return [clipped([(f" {line}", "dim")], width) for line in _packed(parts, width - 1)]
 
 
 def columns_for(width: int) -> tuple[_Column, ...]:

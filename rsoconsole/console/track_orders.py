@@ -2,7 +2,6 @@
 
 from functools import partial
 
-from rsoconsole.console.commands import first_key
 from rsoconsole.console.second_press import CarefulSeat, has_track
 from rsoconsole.console.track_actions import TrackActions
 from rsoconsole.console.track_fold import FollowedTrack
@@ -29,8 +28,7 @@ class TrackOrders(TrackActions, CarefulSeat):
 
     def _send_drop(self, track: FollowedTrack) -> None:
         self.send(Drop(track=track.track_id))
-        undo = first_key("undo", self.keymap)
-        self.say(f"{self.words_of(track)} is dropped; {undo} takes that back …")
+        self.say(f"{self.words_of(track)} is to be dropped …")
 
     def keep_track(self) -> None:
         """No miss ends the one at the cursor in the field; once more: that holds no longer."""

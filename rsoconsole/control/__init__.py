@@ -11,7 +11,16 @@ from rsoconsole.control.place import EngineLock, default_socket_path
 from rsoconsole.control.preview import MovePreview, preview_json, read_preview
 from rsoconsole.control.sender import Sender, sender_of
 from rsoconsole.control.server import ControlServer, Handler
-from rsoconsole.control.status import Health, LastStop, Machine, Status, read_status, status_json
+from rsoconsole.control.status import (
+    Health,
+    LastStop,
+    Machine,
+    NextAim,
+    Status,
+    TrackNow,
+    read_status,
+    status_json,
+)
 from rsoconsole.control.text import one_line, printable
 from rsoconsole.control.wire import ON_RECORD, Outcome, Request
 
@@ -27,10 +36,12 @@ __all__ = [
     "LastStop",
     "Machine",
     "MovePreview",
+    "NextAim",
     "Outcome",
     "Request",
     "Sender",
     "Status",
+    "TrackNow",
     "Wire",
     "command_of",
     "command_words",

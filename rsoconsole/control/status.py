@@ -90,6 +90,49 @@ class LastStop:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TrackNow:
+    """One track as its last frame left it; None: not known, or not measured in that frame."""
+
+    track_id: int = 0
+    """Its number in the session."""
+    name: str | None = None
+    """In the catalogue, once it is identified."""
+    is_lead: bool = False
+    state: str = ""
+    """TRACK, COAST, or "trial" until a third frame shows it."""
+    misses: int = 0
+    """Exposures since its last measurement."""
+    is_kept: bool = False
+    """The operator keeps it: no miss ends it while it may be in the field."""
+    age_s: float | None = None
+    """Since its second measurement, with which it began."""
+    residual_east_arcsec: float | None = None
+    """Measured minus predicted, of its last frame."""
+    residual_north_arcsec: float | None = None
+    nis: float | None = None
+    snr: float | None = None
+    """Integrated, of the streak that it took last."""
+    is_in_next_field: bool | None = None
+    """Whether its streak and its bounds fit into the field of the next aim."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NextAim:
+    """Where the telescope looks in the exposure after the one that is under way or ordered."""
+
+    ra_icrs_deg: float = 0.0
+    dec_icrs_deg: float = 0.0
+    t_utc_ns: int = 0
+    """Middle of that exposure, as planned now."""
+    policy: str = ""
+    """lead, most or group."""
+    reason: str = ""
+    """By what it is predicted, and how many of the tracks stand in its field."""
+    moves_arcmin: float | None = None
+    """Way of the slew to it; None where the telescope stays where it is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
     """The engine at one instant; None or empty: not known, or not so."""
 
@@ -142,6 +185,10 @@ class Status:
     """When the shutter closes; None while it is closed."""
     next_start_utc_ns: int | None = None
     """When the next exposure is to begin; None while that is not planned."""
+    tracks: tuple[TrackNow, ...] = ()
+    """All that are followed, by their numbers."""
+    next_aim: NextAim | None = None
+    """None while nothing is followed."""
     next_limit: str | None = None
     """What sidereal tracking runs into within hours, and when."""
     lifted: tuple[str, ...] = ()

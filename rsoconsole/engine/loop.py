@@ -55,6 +55,7 @@ from rsoconsole.engine.states import (
 )
 from rsoconsole.engine.status import status_of
 from rsoconsole.engine.temporary import Temporary
+from rsoconsole.engine.tracks_now import AimAhead, aim_ahead, tracks_now
 from rsoconsole.engine.verdicts import PixelsOf, Verdicts
 from rsoconsole.engine.watch import Watch
 from rsoconsole.errors import InstrumentError, RsoconsoleError
@@ -129,6 +130,8 @@ class Engine:
         self._clear_frames = 0
         self.last_track: TrackState | None = None
         """What was followed last this night."""
+        self._ahead: AimAhead | None = None
+        """Where the exposure after the next one would look."""
         self.temporary = Temporary()
         """Settings that hold for some frames only."""
         self._pace = Pace()
@@ -184,11 +187,13 @@ class Engine:
     def status(self) -> Status:
         """A snapshot, from any thread."""
         clock = self.hands.instruments.clock
+        charge, now_ns = self.charge, self.chronicle.last_utc_ns()
+        ahead = self._ahead if charge.is_autonomous and charge.following.tracks else None
         return status_of(
-            self.charge,
+            charge,
             self.watch,
             frame_id=self.frame_id,
-            now_utc_ns=self.chronicle.last_utc_ns(),
+            now_utc_ns=now_ns,
             faults=self._faults.words,
             exposing_until_utc_ns=self._exposures.open_until_utc_ns,
             next_start_utc_ns=self._exposures.next_start_utc_ns,
@@ -197,7 +202,19 @@ class Engine:
             slew_left_s=self._slew_left_s(),
             markable_frames=self.verdicts.frame_ids,
             simulated_speed=clock.speed if clock.is_simulated else None,
+            tracks=tracks_now(
+                charge.following, self.orbits.names, self.cycle.folds.shown, now_ns, ahead
+            ),
+            next_aim=None if ahead is None else ahead.aim,
         )
+
+    def _look_ahead(self) -> None:
+        """Where the exposure after the next one would look, before the mount goes there."""
+        ahead = None
+        if self.charge.is_autonomous:
+            now_ns = self.hands.now_utc_ns()
+            ahead = self.planner.ahead(self.following, self._plan, now_ns)
+        self._ahead = aim_ahead(ahead, self.following, self.config)
 
     def _slew_left_s(self) -> float | None:
         report, sent = self.watch.last_report, self.hands.sent
@@ -523,6 +540,7 @@ class Engine:
         lqe.make_ready()
         self.chronicle.tell(self.orbits.refine())
         self.guide.prepare(self.hands.now_utc_ns())
+        self._look_ahead()
         stages["orbit"] = (time.perf_counter() - ordered_s) * 1e3
         self.chronicle.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))
         self._faults.clear()
@@ -568,6 +586,8 @@ class Engine:
                 raise
             self.chronicle.append(action_record(request, outcome))
         self._queue.finished()
+        if requests:
+            self._look_ahead()
 
     def _put_back(self, requests: tuple[Request, ...]) -> None:
         """Taken from the queue already: they wait again; what was undone there is undone here."""

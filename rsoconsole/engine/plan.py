@@ -17,8 +17,8 @@ from rsoconsole.pipeline.aim import (
 )
 from rsoconsole.pipeline.group_aim import group_direction
 from rsoconsole.reasons import SlewRefusal
-from rsoconsole.records import Frame, SlewCommand, Solution
-from rsoconsole.sky.angles import wrap_180
+from rsoconsole.records import Frame, SlewCommand, Solution, TrackState
+from rsoconsole.sky.angles import separation_deg, wrap_180
 from rsoconsole.sky.frames import hour_angle_jnow_deg, icrs_to_jnow
 from rsoconsole.tracking.following import Following
 from rsoconsole.tracking.pointing import PointingModel, PointingOffset, command_for, observed
@@ -45,6 +45,21 @@ class Plan:
     them where nothing is left to search."""
     blocked: SlewRefusal | None = None
     """Why the telescope does not go where the track is; None when nothing keeps it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ahead:
+    """Where the exposure after the planned one would look, as things stand now."""
+
+    direction: Direction
+    lead: Direction
+    """Where the lead then is."""
+    t_mid_utc_ns: int
+    reason: str
+    is_slew: bool
+    """Whether the mount would move for it."""
+    way_deg: float
+    """From where it looks before."""
 
 
 class Planner:
@@ -292,11 +307,7 @@ class Planner:
     ) -> tuple[Direction, str]:
         config = self._config
         if following.track is not None:
-            by_orbit = None if self._guide is None else self._guide.of_track(t_mid_ns)
-            by_filter = follow_direction(following.track, t_mid_ns, config.filter, config.aim)
-            direction, reason = (
-                (by_filter, "prediction") if by_orbit is None else (by_orbit, "orbit")
-            )
+            direction, reason = self._of_lead(following.track, t_mid_ns)
             if config.aim.is_offset:
                 return direction, f"{reason}, offset by hand"
             return self._among(following, direction, t_mid_ns, reason)
@@ -306,6 +317,35 @@ class Planner:
                 return by_orbit, "where its orbit says"
         return self._search.direction(
             search_number, t_mid_ns, is_waiting=following.state == "ACQUIRE"
+        )
+
+    def _of_lead(self, track: TrackState, t_mid_ns: int) -> tuple[Direction, str]:
+        """Where the lead will be, or beside it by the operator's offset, and who says so."""
+        by_orbit = None if self._guide is None else self._guide.of_track(t_mid_ns)
+        if by_orbit is not None:
+            return by_orbit, "orbit"
+        config = self._config
+        return follow_direction(track, t_mid_ns, config.filter, config.aim), "prediction"
+
+    def ahead(self, following: Following, planned: Plan | None, now_utc_ns: int) -> Ahead | None:
+        """The exposure after ``planned``; None where nothing is followed. Moves nothing."""
+        if following.track is None:
+            return None
+        config, centre = self._config, self._centre
+        t_start_ns = now_utc_ns
+        if planned is not None:
+            t_start_ns = planned.t_start_utc_ns + round(config.exposure.cadence_s * NS)
+            if planned.slew is not None:
+                centre = (planned.slew.ra_icrs_deg, planned.slew.dec_icrs_deg)
+        t_mid_ns = self._t_mid_ns(t_start_ns)
+        direction, reason = self._direction(following, self._search.number, t_mid_ns)
+        return Ahead(
+            direction=direction,
+            lead=self._of_lead(following.track, t_mid_ns)[0],
+            t_mid_utc_ns=t_mid_ns,
+            reason=reason,
+            is_slew=needs_recentre(config.search, config.optics.field_deg, centre, direction),
+            way_deg=0.0 if centre is None else separation_deg(*centre, *direction),
         )
 
     def _among(

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from rsoconsole.control import Status
+from rsoconsole.control import NextAim, Status, TrackNow
 from rsoconsole.engine.kept import name_of
 from rsoconsole.engine.states import Charge
 from rsoconsole.engine.watch import Watch
@@ -23,6 +23,8 @@ def status_of(
     slew_left_s: float | None = None,
     simulated_speed: float | None = None,
     markable_frames: tuple[int, ...] | None = None,
+    tracks: tuple[TrackNow, ...] = (),
+    next_aim: NextAim | None = None,
 ) -> Status:
     """A snapshot; every part of it is read once, so that any thread may ask.
 
@@ -55,6 +57,8 @@ def status_of(
         now_utc_ns=now_utc_ns,
         simulated_speed=simulated_speed,
         markable_frames=markable_frames,
+        tracks=tracks,
+        next_aim=next_aim,
         next_limit=ahead,
         lifted=tuple(sorted(watch.lifted)),
         faults=faults,

@@ -71,6 +71,32 @@ def group_direction(
     return plane.direction_of(*(3600.0 * centre)), inside
 
 
+def tracks_inside(
+    tracks: Sequence[TrackState],
+    lead_deg: tuple[float, float],
+    centre_deg: tuple[float, float],
+    t_mid_utc_ns: int,
+    *,
+    field_deg: tuple[float, float],
+    exposure_s: float,
+    settings: FilterConfig,
+) -> tuple[bool, ...]:
+    """Which of the tracks are in the field about ``centre_deg`` (ICRS) at an instant.
+
+    ``tracks``: the lead first, which is at ``lead_deg``.
+    """
+    plane = Plane.at(*lead_deg)
+    centre = plane.place_of(*centre_deg) / 3600.0
+    radius_deg = _USABLE_SHARE * min(field_deg) / 2.0
+    inside = []
+    for track in tracks:
+        # The lead is the first of them; one that is far away is none of them.
+        found = _members([tracks[0], track], plane, t_mid_utc_ns, exposure_s, settings)
+        at = 0 if track is tracks[0] else 1
+        inside.append(at < len(found) and _holds(centre, found[at], radius_deg))
+    return tuple(inside)
+
+
 def best_centre(members: Sequence[Member], radius_deg: float, policy: Policy) -> FloatArray:
     """(2,) where the circle lies best; the first of the members is the lead."""
     fitting = [each for each in members if each.reach_deg < radius_deg]

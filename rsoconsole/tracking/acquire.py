@@ -162,6 +162,7 @@ def first_state(
         taken=second,
         neighbours=beside((), track, second, seen),
         excesses_arcsec=excesses_with((), track, second, seen),
+        since_utc_ns=second.t_mid_utc_ns,
     )
 
 

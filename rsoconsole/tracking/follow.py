@@ -385,12 +385,14 @@ def _measured(
     """A track that has taken a measurement."""
     neighbours = beside(before.neighbours, track, taken, seen)
     excesses = excesses_with(before.excesses_arcsec, track, taken, seen)
-    after = Tracked(
+    after = replace(
+        before,
         track=track,
         taken=taken,
         neighbours=neighbours,
         excesses_arcsec=excesses,
-        is_kept=before.is_kept,
+        rivals=(),
+        unexplained=0,
     )
     return Step(records=records, after=after, is_measured=True)
 

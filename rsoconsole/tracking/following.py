@@ -104,6 +104,8 @@ class Tracked:
     """By how much its last streaks were longer than it moves in one exposure."""
     is_kept: bool = False
     """Whether the operator's word keeps it: no miss ends it while it may be in the field."""
+    since_utc_ns: int = 0
+    """When it began, with its second measurement; 0: not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
