@@ -309,6 +309,8 @@ runner_up_name=matches.1.name text its name
 runner_up_separation_arcsec=matches.1.separation_arcsec real how far off it is
 matches json the best of them, best first
 track_id integer the track that it is of
+not_catalogued real probability that no catalogue knows it
+named_with?0 integer other tracks that it was named together with
 """
 _OF_QUALITY = """
 star_count integer stars found, up to a few hundred

@@ -476,6 +476,10 @@ class Identified:
     """Objects it was compared with."""
     matches: tuple[CatalogueMatch, ...]
     """Best first; the second is the runner-up."""
+    not_catalogued: float | None = None
+    """Probability that no catalogue knows it; None in records from before that was kept."""
+    named_with: int = 0
+    """Other tracks with which it was named: one catalogued object is one of them at most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -485,8 +485,13 @@ def test_the_longest_track_of_a_session_is_taken_and_another_satellite_left_out(
     assert [each["is_used"] for each in found["parts"]] == [True, False]
     assert found["parts"][1]["same_object_probability"] < 0.5
     done = CliRunner().invoke(app, ["identify", str(folder), "--tle", str(tle), "--json"])
-    assert json.loads(done.stdout)["matches"][0]["name"] == "OURS"
+    report = json.loads(done.stdout)
+    assert report["matches"][0]["name"] == "OURS"
+    assert [each["track"] for each in report["tracks"]] == [1, 2]
+    assert report["tracks"][0]["object_name"] == "OURS"
+    assert [each["directions"] for each in report["tracks"]] == [12, 8]
     assert "2 tracks" in done.stderr
+    assert "track 1: identified: OURS" in words("identify", folder, "--tle", tle)
     second = run("identify", folder, "--tle", tle, "--track", "2")
     assert second["matches"][0]["name"] == "OTHER"
 

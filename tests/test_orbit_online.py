@@ -529,8 +529,7 @@ def test_new_files_are_asked_at_once(tmp_path):
     watched.see(every_frame(flight(*GEO), 12))
     seen = watched.orbit.seen
     assert seen is not None
-    assert naming.ask(1, 1, seen) is None
+    assert naming.ask(1, {1: seen}, {1}) == ()
     naming.configure(config(catalogue={"tle_files": [str(TLE)]}))
-    found = naming.ask(1, 1, seen)
-    assert found is not None
+    (found,) = naming.ask(1, {1: seen}, {1})
     assert found.verdict == "unknown"

@@ -1,14 +1,13 @@
-"""The verbs orbit and identify: from a track to an orbit, and to a name."""
+"""The verb orbit: from a track to an orbit."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import typer
 
 from rsoconsole.cli import output
 from rsoconsole.cli.options import ConfigOption, JsonOption
 from rsoconsole.config import load_config
-from rsoconsole.errors import OrbitError
 
 PriorChoice: TypeAlias = Literal["auto", "none", "slot", "geo", "meo"]
 SigmaOption = Annotated[
@@ -27,9 +26,8 @@ _ANOTHER = 0.1
 
 
 def register(app: typer.Typer) -> None:
-    """Hang the verbs into the program."""
+    """Hang the verb into the program."""
     app.command()(orbit)
-    app.command()(identify)
 
 
 def orbit(
@@ -120,56 +118,3 @@ def orbit(
     from rsoconsole.cli.orbit_words import orbit_lines
 
     output.say(*orbit_lines([path.name for path in paths], report))
-
-
-def identify(
-    path: Annotated[
-        Path, typer.Argument(metavar="SESSION-or-FILE", help="Session or file of observations.")
-    ],
-    *,
-    tle: Annotated[
-        list[Path] | None,
-        typer.Option(help="Element sets: TLE, or OMM as XML, JSON or CSV; may be repeated."),
-    ] = None,
-    gate: Annotated[
-        float, typer.Option(min=0.001, max=5.0, help="How far off an object may be, degrees.")
-    ] = 0.2,
-    track: TrackOption = None,
-    sigma: SigmaOption = 1.0,
-    config: ConfigOption = None,
-    json_: JsonOption = False,
-) -> None:
-    """Which catalogued object was followed, and which it might have been.
-
-    Every object of the files is put where its elements say it was, and
-    compared in place and motion, with the error that elements of that age
-    have. Without --tle the files of catalogue.tle_files in the configuration
-    are taken. 'ambiguous' and 'unknown' are answers too.
-
-    Example: rsoconsole identify sessions/intelsat-14 --tle catalogue.tle
-    """
-    from rsoconsole.orbit.identify import identify as identified
-    from rsoconsole.pipeline.catalogue_files import read_catalogue
-    from rsoconsole.pipeline.orbit_report import identification_report
-    from rsoconsole.pipeline.sightings_of import longest_arc, read_observed
-
-    files = tle or list(load_config(config).catalogue.tle_files)
-    if not files:
-        raise OrbitError(
-            "no catalogue: name element sets with --tle FILE, or in catalogue.tle_files of the"
-            " configuration"
-        )
-    tracks = read_observed(path, sigma_arcsec=sigma, track=track)
-    if len(tracks) > 1:
-        output.complain(f"rsoconsole: {len(tracks)} tracks; the longest is taken, see --track")
-    entries = read_catalogue(files)
-    seen = longest_arc(tracks[0].seen)
-    found = identified(seen, tracks[0].site, entries, gate_deg=gate)
-    arc_s = float(seen.t_s[-1] - seen.t_s[0])
-    report: dict[str, Any] = identification_report(tracks[0].name, found, arc_s)
-    if json_:
-        output.emit_json(report)
-        return
-    from rsoconsole.cli.orbit_words import identification_lines
-
-    output.say(*identification_lines(report))

@@ -63,7 +63,7 @@ def _wrapped(text: str) -> list[str]:
 
 
 def _data_words(report: dict[str, Any]) -> str:
-    words = [f"{report['observations']} directions over {_span(report['arc_s'])}"]
+    words = [f"{report['observations']} directions over {span_words(report['arc_s'])}"]
     if report["rms_arcsec"] is not None:
         words.append(f'rms {report["rms_arcsec"]:.2f}"')
     if report["outliers"]:
@@ -114,7 +114,7 @@ def _ahead_lines(report: dict[str, Any]) -> Iterator[str]:
     yield f"  {'UTC':11} {'RA':13} {'Dec':13} {'±':>8} {'alt':>6} {'az':>6}"
     first = report["t_last_utc"]
     for each in report["predicted"]:
-        name = _span((iso_to_utc_ns(each["t_utc"]) - iso_to_utc_ns(first)) / 1e9)
+        name = span_words((iso_to_utc_ns(each["t_utc"]) - iso_to_utc_ns(first)) / 1e9)
         shade = "" if each["lit"] >= 1.0 else "  in shadow" if each["lit"] <= 0.0 else "  penumbra"
         clock, place = _clock(each["t_utc"], seconds=True), direction_text(each["ra"], each["dec"])
         sigma = _angle(min(each["sigma_arcsec"], _HALF_SKY_ARCSEC))
@@ -176,7 +176,7 @@ def _angle(arcsec: float, *, signed: bool = False) -> str:
     return f"{arcsec / 3600.0:{sign}.{2 if size < 36_000.0 else 1}f}°"
 
 
-def _span(seconds: float) -> str:
+def span_words(seconds: float) -> str:
     if seconds < 5400.0:
         return f"{seconds / 60.0:.3g} min"
     return f"{seconds / 3600.0:.3g} h" if seconds < 2 * 86_400.0 else f"{seconds / 86_400.0:.3g} d"

@@ -141,6 +141,8 @@ def _name_lines(shown: OrbitShown, width: int) -> list[Ranked]:
     if found.hint:
         lines += _ranked(_said(f"manoeuvre? {found.hint}", "warn", width), 2, 3)
     compared = f"by {found.observations} directions against {found.catalogued} objects"
+    if found.named_with:
+        compared += f", with {found.named_with} other track{'s' if found.named_with > 1 else ''}"
     return [*lines, (9, [(f" {compared}", "dim")])]
 
 

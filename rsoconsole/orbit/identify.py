@@ -41,7 +41,7 @@ _WIDE_DEG = 2.0
 _CLOSE_LOOK_DEG = 3.0
 _AT_LEAST = 24
 """So many of the nearest are compared in full, however far: there is always a runner-up."""
-_UNCATALOGUED = {4: 2.4e-10, 2: 3.9e-9}
+UNCATALOGUED = {4: 2.4e-10, 2: 3.9e-9}
 """Density of objects that no public catalogue knows: 0.05 a square degree, their rates over 4 by
 4 arcsec/s; in arcsec and arcsec/s, with and without rates. A fifth of what is catalogued there."""
 
@@ -97,6 +97,24 @@ class Identification:
     """Objects looked at."""
     failed: int
     """Objects that SGP4 could not carry to that instant."""
+    not_catalogued: float = 0.0
+    """Probability that no catalogue knows it."""
+    named_with: int = 0
+    """Other tracks that it was named together with (``identify_jointly``)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Compared:
+    """One track beside the catalogued objects that stand near it."""
+
+    seen: Sightings
+    found: Comparison
+    scored: tuple[Match, ...]
+    """Best first; their probabilities are weights as yet."""
+    unknown_weight: float
+    """Of what no catalogue knows, in the same unit."""
+    catalogued: int
+    failed: int
 
 
 def identify(
@@ -111,22 +129,58 @@ def identify(
 
     Of each object the set nearest in epoch counts.
     """
+    compared = compared_with(seen, site, entries, gate_deg=gate_deg)
+    return identification_alone(compared, gate_deg, most_matches=most_matches)
+
+
+def compared_with(
+    seen: Sightings, site: Site, entries: Sequence[CatalogueEntry], *, gate_deg: float = GATE_DEG
+) -> Compared:
+    """``seen`` beside every object, as ``identify`` weighs them."""
     nearest = nearest_in_epoch_of_each(entries, seen.epoch_utc_ns)
     close, failed = _close_by(seen, nearest)
     found = compare(seen, site, close)
     scored = sorted(_scored(seen, found, gate_deg), key=lambda each: each.score)
-    total = sum(each.probability for each in scored) + _unknown_weight(found, scored)
-    matches = tuple(_shared(each, total) for each in scored)
+    return Compared(
+        seen=seen,
+        found=found,
+        scored=tuple(scored),
+        unknown_weight=_unknown_weight(found, scored),
+        catalogued=len(nearest),
+        failed=failed,
+    )
+
+
+def identification_alone(
+    compared: Compared, gate_deg: float, *, most_matches: int = 5
+) -> Identification:
+    """The answer for one track by itself."""
+    total = sum(each.probability for each in compared.scored) + compared.unknown_weight
+    shares = tuple(_shared(each, total) for each in compared.scored)
+    unknown = compared.unknown_weight / total if total > 0.0 else 1.0
+    return identification(compared, shares, unknown, gate_deg, most_matches=most_matches)
+
+
+def identification(
+    compared: Compared,
+    matches: tuple[Match, ...],
+    not_catalogued: float,
+    gate_deg: float,
+    *,
+    most_matches: int = 5,
+) -> Identification:
+    """The verdict on matches, best first, that have their probabilities."""
     verdict, reason = _verdict(matches, gate_deg)
     return Identification(
         verdict=verdict,
         reason=reason,
         hint=_hint(matches, verdict, gate_deg),
         matches=matches[:most_matches],
-        t_utc_ns=seen.epoch_utc_ns,
+        t_utc_ns=compared.seen.epoch_utc_ns,
         gate_deg=gate_deg,
-        catalogued=len(nearest),
-        failed=failed,
+        catalogued=compared.catalogued,
+        failed=compared.failed,
+        not_catalogued=not_catalogued,
     )
 
 
@@ -215,7 +269,7 @@ def _unknown_weight(found: Comparison, scored: Sequence[Match]) -> float:
         return 1.0
     n = next(i for i, each in enumerate(found.entries) if each.norad_id == scored[0].norad_id)
     fresh = _covariance(found, n, 0.0, is_moved=False)
-    return _UNCATALOGUED[len(found.offsets[n])] * float(np.exp(_log_size(fresh)))
+    return UNCATALOGUED[len(found.offsets[n])] * float(np.exp(_log_size(fresh)))
 
 
 def _shared(match: Match, total: float) -> Match:
@@ -229,12 +283,12 @@ def _verdict(matches: Sequence[Match], gate_deg: float) -> tuple[Verdict, str]:
     best = near[0]
     rivals = [each for each in matches if each is not best and each.probability > 1.0 - SURE]
     if best is matches[0] and best.probability >= SURE:
-        return "identified", f"{_called(best)} {_off_words(best)}, {_next_words(matches)}"
+        return "identified", f"{called(best)} {_off_words(best)}, {_next_words(matches)}"
     if best is matches[0] and not rivals:
         return "ambiguous", (
-            f"{_called(best)} is the nearest, but {_off_words(best)} is as likely to be chance"
+            f"{called(best)} is the nearest, but {_off_words(best)} is as likely to be chance"
         )
-    names = " and ".join(_called(each) for each in (best, *rivals)[:3])
+    names = " and ".join(called(each) for each in (best, *rivals)[:3])
     return "ambiguous", f"{names} fit alike: a longer arc or fresher elements may tell"
 
 
@@ -243,16 +297,16 @@ def _unknown_words(matches: Sequence[Match], gate_deg: float) -> str:
     if not matches:
         return words
     nearest = min(matches, key=lambda each: each.separation_arcsec)
-    return f"{words}; the nearest, {_called(nearest)}, {_off_words(nearest)}"
+    return f"{words}; the nearest, {called(nearest)}, {_off_words(nearest)}"
 
 
 def _next_words(matches: Sequence[Match]) -> str:
     if len(matches) < 2:
         return "and the catalogue has no other"
-    return f"the runner-up {_called(matches[1])} {_off_words(matches[1])}"
+    return f"the runner-up {called(matches[1])} {_off_words(matches[1])}"
 
 
-def _called(match: Match) -> str:
+def called(match: Match) -> str:
     return f"{match.name} ({match.norad_id})" if match.name else str(match.norad_id)
 
 
@@ -293,7 +347,7 @@ def _moved_words(match: Match) -> str:
     way = "ahead of" if match.along_track_arcsec > 0.0 else "behind"
     between = "since" if match.tle_age_days >= 0.0 else "before"
     return (
-        f'{_called(match)} has the right motion, {abs(match.along_track_arcsec):.0f}" '
+        f'{called(match)} has the right motion, {abs(match.along_track_arcsec):.0f}" '
         f"({abs(match.along_track_s):.0f} s) {way} its elements and "
         f'{abs(match.cross_track_arcsec):.0f}" across: manoeuvred {between} their epoch {epoch}'
     )

@@ -1,13 +1,15 @@
-"""Which catalogued object is followed, asked again and again while more of it is seen."""
+"""Which catalogued objects are followed, asked again and again while more of them is seen."""
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rsoconsole.config import Config
 from rsoconsole.errors import OrbitError
 from rsoconsole.orbit.catalogue import CatalogueEntry
-from rsoconsole.orbit.identify import Identification, Match, identify
+from rsoconsole.orbit.identify import Compared, Identification, Match, compared_with, identify
+from rsoconsole.orbit.identify_jointly import name_together
 from rsoconsole.orbit.sightings import Sightings
 from rsoconsole.pipeline.catalogue_files import read_catalogue
 from rsoconsole.pipeline.sightings_of import longest_arc
@@ -17,6 +19,8 @@ FIRST_AT = 3
 _MORE = 1.5
 """Asked again with so many times as many directions."""
 _MOST_MATCHES = 3
+_MOST_TRACKS = 24
+"""So many are named together, those that were compared last."""
 
 
 class Catalogue:
@@ -50,42 +54,84 @@ class Catalogue:
             self._fault = OrbitError(f"the catalogue cannot be read: {error}")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Asked:
+    """A track as it was compared with the catalogue last."""
+
+    begun_utc_ns: int
+    due: int
+    """With so many directions it is compared again."""
+    compared: Compared
+    said: tuple[str, int | None] = ("", None)
+    """Verdict and best match that are on record."""
+
+
 class Naming:
-    """Knows with how many directions each track is to be asked of next."""
+    """Names all tracks together; knows with how many directions each is to be compared again."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._catalogue = Catalogue(config.catalogue.tle_files)
-        self._due: dict[int, tuple[int, int]] = {}
-        """By track id: when its first direction was seen, and how many are needed."""
+        self._asked: dict[int, _Asked] = {}
+        """By track id."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
         if config.catalogue.tle_files != self._catalogue.files:
             self._catalogue = Catalogue(config.catalogue.tle_files)
-            self._due = {}
+            self._asked = {}
         self._config = config
 
-    def ask(self, frame_id: int, track_id: int, seen: Sightings) -> Identified | None:
-        """A name for what a track saw, where it is time to ask and there is a catalogue.
+    def forget(self) -> None:
+        """The clock was wrong until now."""
+        self._asked = {}
 
+    def ask(
+        self, frame_id: int, seen: Mapping[int, Sightings], tracks: Collection[int]
+    ) -> tuple[Identified, ...]:
+        """Names where it is time to ask and there is a catalogue.
+
+        ``seen``: what the tracks that took something new have seen, by track id; ``tracks``: all
+        that there have been. Beside the tracks that are due, those whose name changes by it.
         Raises OrbitError where the catalogue cannot be read.
         """
-        begun_utc_ns = int(seen.t_utc_ns[0])
-        of, due = self._due.get(track_id, (begun_utc_ns, FIRST_AT))
-        if of != begun_utc_ns:
-            due = FIRST_AT
-        if not self._catalogue.files or len(seen) < due:
-            return None
-        self._due[track_id] = (begun_utc_ns, max(round(_MORE * len(seen)), len(seen) + 1))
-        return identified(
-            frame_id,
-            track_id,
-            longest_arc(seen),
-            self._config.site.to_site(),
-            self._catalogue.entries(),
-            gate_deg=self._config.catalogue.gate_deg,
-        )
+        if not self._catalogue.files:
+            return ()
+        due = [track_id for track_id, each in seen.items() if self._is_due(track_id, each)]
+        if not due:
+            return ()
+        entries, gate_deg = self._catalogue.entries(), self._config.catalogue.gate_deg
+        for track_id in due:
+            arc = longest_arc(seen[track_id])
+            self._asked.pop(track_id, None)  # the latest last
+            self._asked[track_id] = _Asked(
+                begun_utc_ns=int(seen[track_id].t_utc_ns[0]),
+                due=max(round(_MORE * len(seen[track_id])), len(seen[track_id]) + 1),
+                compared=compared_with(
+                    arc, self._config.site.to_site(), entries, gate_deg=gate_deg
+                ),
+            )
+        kept = [each for each in self._asked if each in tracks or each in due][-_MOST_TRACKS:]
+        self._asked = {track_id: self._asked[track_id] for track_id in kept}
+        compared = [each.compared for each in self._asked.values()]
+        answers = name_together(compared, gate_deg=gate_deg)
+        return tuple(self._said(frame_id, due, dict(zip(kept, answers, strict=True))))
+
+    def _is_due(self, track_id: int, seen: Sightings) -> bool:
+        asked = self._asked.get(track_id)
+        if asked is None or asked.begun_utc_ns != int(seen.t_utc_ns[0]):
+            return len(seen) >= FIRST_AT
+        return len(seen) >= asked.due
+
+    def _said(
+        self, frame_id: int, due: Collection[int], answers: Mapping[int, Identification]
+    ) -> Iterator[Identified]:
+        for track_id, found in answers.items():
+            best = found.matches[0].norad_id if found.matches else None
+            said, asked = (found.verdict, best), self._asked[track_id]
+            if track_id in due or said != asked.said:
+                self._asked[track_id] = replace(asked, said=said)
+                yield on_record(frame_id, track_id, found, len(asked.compared.seen))
 
 
 def identified(
@@ -97,17 +143,24 @@ def identified(
     *,
     gate_deg: float,
 ) -> Identified:
+    """What is put on record of an identification of one track by itself."""
+    found = identify(seen, site, entries, gate_deg=gate_deg)
+    return on_record(frame_id, track_id, found, len(seen))
+
+
+def on_record(frame_id: int, track_id: int, found: Identification, observations: int) -> Identified:
     """What is put on record of an identification."""
-    found: Identification = identify(seen, site, entries, gate_deg=gate_deg)
     return Identified(
         frame_id=frame_id,
         track_id=track_id,
         verdict=found.verdict,
         reason=found.reason,
         hint=found.hint,
-        observations=len(seen),
+        observations=observations,
         catalogued=found.catalogued,
         matches=tuple(_match(each) for each in found.matches[:_MOST_MATCHES]),
+        not_catalogued=found.not_catalogued,
+        named_with=found.named_with,
     )
 
 

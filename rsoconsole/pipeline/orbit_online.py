@@ -114,6 +114,11 @@ class OnlineOrbit:
         self._untaken = Untaken()
 
     @property
+    def track_ids(self) -> frozenset[int]:
+        """Of all tracks that took something and were not followed otherwise again."""
+        return frozenset(each.track_id for each in self._tracks.tracks())
+
+    @property
     def seen(self) -> Sightings | None:
         """The directions of the lead, or of what was the lead last."""
         target = self._lead

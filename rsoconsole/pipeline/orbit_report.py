@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.orbit.determine import Orbit
-from rsoconsole.orbit.identify import Identification, Match
+from rsoconsole.orbit.identify import SURE, Identification, Match
 from rsoconsole.orbit.known import KnownOrbit
+from rsoconsole.orbit.sightings import Sightings
 from rsoconsole.orbit.two_body import elements_of, period_s
 from rsoconsole.pipeline.orbit_of import Found, Part
 from rsoconsole.pipeline.orbit_outlook import Ahead, OrbitOutlook
@@ -65,6 +66,38 @@ def identification_report(name: str, found: Identification, arc_s: float) -> dic
         "gate_deg": found.gate_deg,
         "catalogued": found.catalogued,
         "not_propagated": found.failed,
+        "not_catalogued": found.not_catalogued,
+        "named_with": found.named_with,
+    }
+
+
+def named_track_report(number: int, found: Identification, seen: Sightings) -> dict[str, Any]:
+    """One of the ``tracks`` of ``rsoconsole identify``: its name among all of the night."""
+    candidates = [each for each in found.matches if each.probability >= 1.0 - SURE]
+    best = found.matches[0] if found.matches and found.verdict == "identified" else None
+    return {
+        "track": number,
+        "verdict": found.verdict,
+        "reason": found.reason,
+        "hint": found.hint or None,
+        "norad_id": None if best is None else best.norad_id,
+        "object_name": None if best is None else best.name,
+        "probability": None if best is None else best.probability,
+        "separation_arcsec": None if best is None else best.separation_arcsec,
+        "candidates": [
+            {
+                "norad_id": each.norad_id,
+                "name": each.name,
+                "probability": each.probability,
+                "separation_arcsec": each.separation_arcsec,
+            }
+            for each in candidates
+        ],
+        "not_catalogued": found.not_catalogued,
+        "named_with": found.named_with,
+        "directions": len(seen),
+        "arc_s": float(seen.t_s[-1] - seen.t_s[0]),
+        "t_utc": utc_ns_to_iso(found.t_utc_ns),
     }
 
 

@@ -39,36 +39,42 @@ class Orbits:
     def forget(self) -> None:
         """The clock was wrong until now."""
         self.online.forget()
+        self._naming.forget()
         self.last = {}
 
     def refine(self) -> tuple[Record, ...]:
         """What belongs on record behind a frame: OrbitEstimate, Identified, and words on both."""
         records: list[Record] = []
         try:
-            for refined in self.online.refine():
-                estimate = refined.estimate
+            refined = self.online.refine()
+            for each in refined:
+                estimate = each.estimate
                 self.last = {**self.last, estimate.track_id: estimate}
                 records.append(estimate)
-                for words in refined.words:
+                for words in each.words:
                     records.append(Event(level="info", text=words, frame_id=estimate.frame_id))
-                records += self._name_of(refined)
+            records += self._names_of(refined)
         except Exception as error:  # the telescope goes on without an orbit
             log.exception("the orbit could not be refined")
             records += self._complaint(f"its orbit could not be refined ({error}): see the log")
         return tuple(records)
 
-    def _name_of(self, refined: Refined) -> Sequence[Record]:
-        frame_id, track_id = refined.estimate.frame_id, refined.estimate.track_id
+    def _names_of(self, refined: Sequence[Refined]) -> Sequence[Record]:
+        if not refined:
+            return ()
+        frame_id = max(each.estimate.frame_id for each in refined)
+        seen = {each.estimate.track_id: each.seen for each in refined}
         try:
-            name = self._naming.ask(frame_id, track_id, refined.seen)
+            found = self._naming.ask(frame_id, seen, self.online.track_ids)
         except OrbitError as error:
             return self._complaint(f"it has no name: {error}")
-        if name is None:
-            return ()
-        if name.verdict == "identified" and name.matches:
-            best = name.matches[0]
-            self.names = {**self.names, track_id: best.name or str(best.norad_id)}
-        return (name,)
+        for name in found:
+            names = {n: each for n, each in self.names.items() if n != name.track_id}
+            if name.verdict == "identified" and name.matches:
+                best = name.matches[0]
+                names[name.track_id] = best.name or str(best.norad_id)
+            self.names = names
+        return found
 
     def _complaint(self, words: str) -> tuple[Event, ...]:
         """Once for each fault."""

@@ -13,7 +13,7 @@ from rsoconsole.errors import OrbitError, SessionError
 from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
 from rsoconsole.orbit.join import together
 from rsoconsole.orbit.sightings import Sightings, sightings
-from rsoconsole.pipeline.tracks_taken import TracksTaken
+from rsoconsole.pipeline.tracks_taken import Track, TracksTaken
 from rsoconsole.records import Measurement, Site
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.sky.times import iso_to_utc_ns
@@ -47,6 +47,10 @@ class Observed:
     seen: Sightings
     tracks: int = 1
     """How many the session holds."""
+    number: int = 1
+    """Which of them it is, in order of time."""
+    track_id: int | None = None
+    """As in the session's records; None for a file."""
 
 
 def read_observed(
@@ -86,19 +90,18 @@ def _read_session(folder: Path, track: int | None) -> tuple[Observed, ...]:
     if track is not None and not 1 <= track <= len(tracks):
         raise SessionError(f"{folder} has tracks 1 to {len(tracks)}, not {track}")
     found = [
-        _of_track(folder.resolve().name, config, number, len(tracks), each)
+        _of_track(folder.resolve().name, config, (number, len(tracks)), each)
         for number, each in enumerate(tracks, start=1)
         if track in (None, number)
     ]
     return tuple(sorted(found, key=lambda each: -len(each.seen)))
 
 
-def _of_track(
-    name: str, config: Config, number: int, count: int, taken: Sequence[Measurement]
-) -> Observed:
-    site = config.site.to_site()
+def _of_track(name: str, config: Config, place: tuple[int, int], track: Track) -> Observed:
+    """``place``: its number, and how many there are."""
+    site, (number, count) = config.site.to_site(), place
     try:
-        seen = sightings_of(site, taken)
+        seen = sightings_of(site, track.measurements)
     except ValueError as error:
         raise SessionError(
             f"{name}, track {number}: {error}; take another track with --track"
@@ -109,16 +112,18 @@ def _of_track(
         limits=config.limits,
         seen=seen,
         tracks=count,
+        number=number,
+        track_id=track.track_id,
     )
 
 
-def _tracks(reader: SessionReader) -> list[list[Measurement]]:
-    """The measurements that each track took, in order of time."""
+def _tracks(reader: SessionReader) -> list[Track]:
+    """Those with enough measurements, else all that have any, in order of time."""
     taken = TracksTaken()
     for _, _, record in reader.records(kinds=TracksTaken.KINDS):
         taken.hear(record)
-    found = [each.measurements for each in taken.tracks()]
-    return [each for each in found if len(each) >= _FEWEST] or [each for each in found if each]
+    found = [each for each in taken.tracks() if each.measurements]
+    return [each for each in found if len(each.measurements) >= _FEWEST] or found
 
 
 def _read_file(path: Path, sigma_arcsec: float) -> Observed:

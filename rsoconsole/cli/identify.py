@@ -1,0 +1,88 @@
+"""The verb identify: from the tracks of a night to names."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rsoconsole.cli import output
+from rsoconsole.cli.options import ConfigOption, JsonOption
+from rsoconsole.cli.orbit import SigmaOption, TrackOption
+from rsoconsole.config import load_config
+from rsoconsole.errors import OrbitError
+
+
+def register(app: typer.Typer) -> None:
+    """Hang the verb into the program."""
+    app.command()(identify)
+
+
+def identify(
+    path: Annotated[
+        Path, typer.Argument(metavar="SESSION-or-FILE", help="Session or file of observations.")
+    ],
+    *,
+    tle: Annotated[
+        list[Path] | None,
+        typer.Option(help="Element sets: TLE, or OMM as XML, JSON or CSV; may be repeated."),
+    ] = None,
+    gate: Annotated[
+        float, typer.Option(min=0.001, max=5.0, help="How far off an object may be, degrees.")
+    ] = 0.2,
+    track: TrackOption = None,
+    sigma: SigmaOption = 1.0,
+    config: ConfigOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Which catalogued object was followed, and which it might have been.
+
+    Every object of the files is put where its elements say it was, and
+    compared in place and motion, with the error that elements of that age
+    have. Without --tle the files of catalogue.tle_files in the configuration
+    are taken. 'ambiguous' and 'unknown' are answers too.
+
+    All tracks of a session are named together: a catalogued object is one of
+    those that were seen at the same time, and what the elements of a slot
+    are off together is found by where its members stand to each other. Where
+    another choice is one twentieth as likely or more, it is 'ambiguous'.
+
+    Example: rsoconsole identify sessions/intelsat-14 --tle catalogue.tle
+    """
+    from rsoconsole.orbit.identify_jointly import identify_jointly
+    from rsoconsole.pipeline.catalogue_files import read_catalogue
+    from rsoconsole.pipeline.orbit_report import identification_report, named_track_report
+    from rsoconsole.pipeline.sightings_of import longest_arc, read_observed
+
+    files = tle or list(load_config(config).catalogue.tle_files)
+    if not files:
+        raise OrbitError(
+            "no catalogue: name element sets with --tle FILE, or in catalogue.tle_files of the"
+            " configuration"
+        )
+    tracks = read_observed(path, sigma_arcsec=sigma)
+    shown = tracks[0]
+    if track is not None:
+        chosen = [each for each in tracks if each.number == track or each.track_id is None]
+        # Asked for one that is not there, it says which there are.
+        shown = chosen[0] if chosen else read_observed(path, track=track)[0]
+    elif len(tracks) > 1:
+        output.complain(
+            f"rsoconsole: {len(tracks)} tracks, named together; the longest in full, see --track"
+        )
+    entries = read_catalogue(files)
+    arcs = [longest_arc(each.seen) for each in tracks]
+    named = identify_jointly(arcs, tracks[0].site, entries, gate_deg=gate)
+    found = dict(zip((each.number for each in tracks), zip(named, arcs, strict=True), strict=True))
+    one, arc = found[shown.number]
+    arc_s = float(arc.t_s[-1] - arc.t_s[0])
+    report: dict[str, Any] = identification_report(shown.name, one, arc_s)
+    report["tracks"] = [named_track_report(number, *found[number]) for number in sorted(found)]
+    if json_:
+        output.emit_json(report)
+        return
+    from rsoconsole.cli.identify_words import named_tracks_lines
+    from rsoconsole.cli.orbit_words import identification_lines
+
+    if track is None and len(tracks) > 1:
+        output.say(*named_tracks_lines(report["tracks"]), "")
+    output.say(*identification_lines(report))
