@@ -311,6 +311,9 @@ matches json the best of them, best first
 track_id integer the track that it is of
 not_catalogued real probability that no catalogue knows it
 named_with?0 integer other tracks that it was named together with
+ledger_number=ledger.number integer the object of an earlier night that it is or may be
+ledger_name=ledger.name text its name
+ledger_probability=ledger.probability real that it is that one
 """
 _OF_QUALITY = """
 star_count integer stars found, up to a few hundred

@@ -461,6 +461,20 @@ class CatalogueMatch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LedgerName:
+    """An uncatalogued object that was seen on an earlier night, as the ledger calls it."""
+
+    number: int
+    name: str
+    t_last_utc_ns: int
+    """When it was seen last before."""
+    probability: float
+    separation_arcsec: float
+    """Measured minus predicted."""
+    is_sure: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Identified:
     """Which catalogued object what is followed is, by its directions up to this frame."""
 
@@ -480,6 +494,8 @@ class Identified:
     """Probability that no catalogue knows it; None in records from before that was kept."""
     named_with: int = 0
     """Other tracks with which it was named: one catalogued object is one of them at most."""
+    ledger: LedgerName | None = None
+    """Of what no catalogue knows: an object of an earlier night that it is, or may be."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,6 +31,12 @@ def identify(
     ] = 0.2,
     track: TrackOption = None,
     sigma: SigmaOption = 1.0,
+    keep: Annotated[
+        bool,
+        typer.Option(
+            "--keep", help="Keep the session's tracks that no catalogue explains in the ledger."
+        ),
+    ] = False,
     config: ConfigOption = None,
     json_: JsonOption = False,
 ) -> None:
@@ -46,8 +52,13 @@ def identify(
     are off together is found by where its members stand to each other. Where
     another choice is one twentieth as likely or more, it is 'ambiguous'.
 
+    What no catalogue explains is looked up in the ledger of such tracks, and
+    with --keep put into it (see 'rsoconsole ledger'). Tracks of simulated
+    nights have a ledger of their own.
+
     Example: rsoconsole identify sessions/intelsat-14 --tle catalogue.tle
     """
+    from rsoconsole.cli.identify_ledger import SessionLedger
     from rsoconsole.orbit.identify_jointly import identify_jointly
     from rsoconsole.pipeline.catalogue_files import read_catalogue
     from rsoconsole.pipeline.orbit_report import identification_report, named_track_report
@@ -72,17 +83,22 @@ def identify(
     entries = read_catalogue(files)
     arcs = [longest_arc(each.seen) for each in tracks]
     named = identify_jointly(arcs, tracks[0].site, entries, gate_deg=gate)
+    ledger = SessionLedger(path, tracks, named)
     found = dict(zip((each.number for each in tracks), zip(named, arcs, strict=True), strict=True))
     one, arc = found[shown.number]
     arc_s = float(arc.t_s[-1] - arc.t_s[0])
     report: dict[str, Any] = identification_report(shown.name, one, arc_s)
-    report["tracks"] = [named_track_report(number, *found[number]) for number in sorted(found)]
+    report["tracks"] = [
+        {**named_track_report(number, *found[number]), "ledger": ledger.report_of(number)}
+        for number in sorted(found)
+    ]
+    report["kept"] = ledger.keep() if keep else None
     if json_:
         output.emit_json(report)
         return
-    from rsoconsole.cli.identify_words import named_tracks_lines
+    from rsoconsole.cli.identify_words import ledger_lines, named_tracks_lines
     from rsoconsole.cli.orbit_words import identification_lines
 
     if track is None and len(tracks) > 1:
         output.say(*named_tracks_lines(report["tracks"]), "")
-    output.say(*identification_lines(report))
+    output.say(*identification_lines(report), *ledger_lines(report))

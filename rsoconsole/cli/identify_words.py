@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from rsoconsole.cli.orbit_words import span_words
+from rsoconsole.orbit.uncorrelated import SURE
 
 
 def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
@@ -15,11 +16,32 @@ def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
             best = each["candidates"][0]
             yield f"{head}: {_called(best)}, {_percent(best['probability'])}; {arc}"
             continue
+        past = each["ledger"]
+        if each["verdict"] == "unknown" and past is not None:
+            head += f", {_past_words(past)}"
         yield f"{head}; {arc}"
         if each["verdict"] == "ambiguous":
             for one in each["candidates"]:
                 yield f"  {_percent(one['probability']):>5}  {_called(one)}"
             yield f"  {_percent(each['not_catalogued']):>5}  not catalogued"
+
+
+def ledger_lines(report: dict[str, Any]) -> Iterator[str]:
+    """What the ledger says of the tracks, and what was kept in it."""
+    for each in report["tracks"]:
+        if each["ledger"] is not None and len(report["tracks"]) == 1:
+            yield f"  in the ledger: {_past_words(each['ledger'])}"
+    for each in report["kept"] or ():
+        words = "new" if each["is_new"] else "known before"
+        yield f"  track {each['track']} is kept in the ledger as UCT {each['number']}, {words}"
+    if report["kept"] == []:
+        yield "  nothing to keep: no track of it is unknown and long enough"
+
+
+def _past_words(past: dict[str, Any]) -> str:
+    seen = past["t_last_utc"][:10]
+    doubt = "" if past["probability"] >= SURE else "perhaps "
+    return f"{doubt}{past['name']}, seen {seen} ({_percent(past['probability'])})"
 
 
 def _called(candidate: dict[str, Any]) -> str:

@@ -80,7 +80,10 @@ def target_words(shown: OrbitShown) -> tuple[str, str]:
 def _name_of(identified: Identified) -> str:
     """As short as can be: a sign stands for doubt."""
     if identified.verdict == "unknown" or not identified.matches:
-        return "target unknown"
+        past = identified.ledger
+        if past is None:
+            return "target unknown"
+        return _one_wide(past.name) + ("" if past.is_sure else "?")
     best = identified.matches[0]
     doubt = "?" if identified.verdict == "ambiguous" else ""
     return _one_wide(best.name or f"{best.norad_id}") + doubt

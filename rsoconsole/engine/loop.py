@@ -62,6 +62,7 @@ from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.orbits import Orbits
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
+from rsoconsole.pipeline.uncorrelated_tracks import Past
 from rsoconsole.reasons import DONE, Cause, CommandResult, Missed, SlewRefusal
 from rsoconsole.records import (
     CycleTiming,
@@ -101,12 +102,16 @@ class Engine:
         queue: CommandQueue,
         on_cycle: Callable[["Engine", Reduction], None] | None = None,
         pixels_of: PixelsOf = lambda _frame_id: None,
+        past: Past | None = None,
     ) -> None:
-        """``pixels_of``: those of one of the last frames, where they are kept."""
+        """``pixels_of``: those of one of the last frames, where they are kept.
+
+        ``past``: what no catalogue knew on earlier nights.
+        """
         self.config = config
         self.charge = Charge()
         self.hands = hands
-        self.orbits = Orbits(config)
+        self.orbits = Orbits(config, past)
         self.guide = Guide(self.orbits.online, config)
         self.planner = Planner(config, self.guide)
         self.chronicle = Chronicle(record, hands.now_utc_ns, self.orbits.hear)

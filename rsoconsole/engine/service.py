@@ -25,6 +25,7 @@ from rsoconsole.engine.command_queue import CommandQueue
 from rsoconsole.engine.desk import Desk
 from rsoconsole.engine.doctor_system import read_clock
 from rsoconsole.engine.hands import Hands
+from rsoconsole.engine.ledger_night import keep_uncorrelated, read_past
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.machine_watch import MachineWatch
 from rsoconsole.engine.notify import keep_from_children, notify
@@ -107,6 +108,9 @@ def run_engine(
             "continues": None if cut_off is None else str(cut_off),
         }
         writer = SessionWriter.create(folder, config, about, on_fault=log.error)
+        past, past_fault = read_past(is_simulated=instruments.clock.is_simulated)
+        if not instruments.clock.is_simulated:
+            stack.callback(keep_uncorrelated, folder)  # behind the session's end
         stack.callback(writer.close)
         engine = Engine(
             config=config,
@@ -116,6 +120,7 @@ def run_engine(
             queue=queue,
             on_cycle=on_cycle,
             pixels_of=partial(kept_pixels, folder),
+            past=past,
         )
         stack.enter_context(warnings_on_record(engine.chronicle, "rsoconsole.instruments"))
         if cut_off is not None:
@@ -124,8 +129,9 @@ def run_engine(
                 f"the engine before this one ended without closing its session {cut_off.name}:"
                 " it is kept as it is, this one goes on in a new session",
             )
-        if site_fault is not None:
-            engine.chronicle.say("warning", site_fault)
+        for fault in (site_fault, past_fault):
+            if fault is not None:
+                engine.chronicle.say("warning", fault)
         _load_ahead(config)
         _say_outlook(engine, config, folder, now_ns)
         machine = MachineWatch(folder, partial(engine.chronicle.say, topic="machine"))

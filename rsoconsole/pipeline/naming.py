@@ -13,7 +13,8 @@ from rsoconsole.orbit.identify_jointly import name_together
 from rsoconsole.orbit.sightings import Sightings
 from rsoconsole.pipeline.catalogue_files import read_catalogue
 from rsoconsole.pipeline.sightings_of import longest_arc
-from rsoconsole.records import CatalogueMatch, Identified, Site
+from rsoconsole.pipeline.uncorrelated_tracks import Past, ledger_words
+from rsoconsole.records import CatalogueMatch, Identified, LedgerName, Site
 
 FIRST_AT = 3
 _MORE = 1.5
@@ -69,8 +70,10 @@ class _Asked:
 class Naming:
     """Names all tracks together; knows with how many directions each is to be compared again."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, past: Past | None = None) -> None:
+        """``past``: what no catalogue knew on earlier nights."""
         self._config = config
+        self._past = past
         self._catalogue = Catalogue(config.catalogue.tle_files)
         self._asked: dict[int, _Asked] = {}
         """By track id."""
@@ -126,12 +129,15 @@ class Naming:
     def _said(
         self, frame_id: int, due: Collection[int], answers: Mapping[int, Identification]
     ) -> Iterator[Identified]:
+        unknown = {n: self._asked[n].compared.seen for n in due if _is_unknown(answers[n])}
+        past = self._past.names_of(unknown, self._config.site.to_site()) if self._past else {}
         for track_id, found in answers.items():
             best = found.matches[0].norad_id if found.matches else None
             said, asked = (found.verdict, best), self._asked[track_id]
             if track_id in due or said != asked.said:
                 self._asked[track_id] = replace(asked, said=said)
-                yield on_record(frame_id, track_id, found, len(asked.compared.seen))
+                name = on_record(frame_id, track_id, found, len(asked.compared.seen))
+                yield _with_past(name, past.get(track_id))
 
 
 def identified(
@@ -162,6 +168,17 @@ def on_record(frame_id: int, track_id: int, found: Identification, observations:
         not_catalogued=found.not_catalogued,
         named_with=found.named_with,
     )
+
+
+def _is_unknown(found: Identification) -> bool:
+    return found.verdict == "unknown"
+
+
+def _with_past(name: Identified, past: LedgerName | None) -> Identified:
+    """What it was called before, where no catalogue has a name for it."""
+    if past is None or name.verdict != "unknown":
+        return name
+    return replace(name, ledger=past, reason=f"{ledger_words(past)}: {name.reason}")
 
 
 def _match(match: Match) -> CatalogueMatch:

@@ -7,6 +7,7 @@ from rsoconsole.config import Config
 from rsoconsole.errors import OrbitError
 from rsoconsole.pipeline.naming import Naming
 from rsoconsole.pipeline.orbit_online import OnlineOrbit, Refined
+from rsoconsole.pipeline.uncorrelated_tracks import Past
 from rsoconsole.records import Event, OrbitEstimate, Record
 
 log = logging.getLogger(__name__)
@@ -18,9 +19,10 @@ class Orbits:
     No track depends on whether that succeeds: what fails is said once.
     """
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, past: Past | None = None) -> None:
+        """``past``: what no catalogue knew on earlier nights."""
         self.online = OnlineOrbit(config)
-        self._naming = Naming(config)
+        self._naming = Naming(config, past)
         self._faults: set[str] = set()
         self.last: Mapping[int, OrbitEstimate] = {}
         """The last one of each track on record, by track id; never changed, frames keep theirs."""
@@ -73,6 +75,8 @@ class Orbits:
             if name.verdict == "identified" and name.matches:
                 best = name.matches[0]
                 names[name.track_id] = best.name or str(best.norad_id)
+            elif name.ledger is not None and name.ledger.is_sure:
+                names[name.track_id] = name.ledger.name
             self.names = names
         return found
 
