@@ -52,6 +52,8 @@ _MIDDLE_S = 900.0
 """So far to either side of its middle a track is compared."""
 _GATE_DEG, _GATE_DEG_A_DAY = 4.0, 0.2
 """How far off the two-body motion may be for a closer look."""
+_THERE_DEG, _ELSEWHERE_DEG = 3.0, 20.0
+"""The same above the ground, from the same site and by the parallax of another."""
 _EACH = 24
 
 
@@ -140,9 +142,10 @@ def log_density(before: SeenBefore, seen: Sightings, site: Site) -> tuple[float,
     share = _moved_share(before, days)
     if before.orbit is not None and _is_near(before.orbit, track):
         cases += _by_orbit(before, track, site, days, share)
-    if before.is_in_belt and before.orbit is None:
+    is_there = before.is_in_belt and _is_over_there(before, track, site)
+    if is_there and before.orbit is None:
         cases.append((1.0, _over_its_place(before, track, site)))
-    elif before.is_in_belt:
+    elif is_there:
         cases += [(share / 2.0, each) for each in _held(before, track, site, days)]
     whole, nearest = -np.inf, None
     for weight, case in cases:
@@ -253,6 +256,17 @@ def _is_near(orbit: KnownOrbit, track: Sightings) -> bool:
     cosine = float(u @ track.towards[middle] / np.linalg.norm(u))
     gate = _GATE_DEG + _GATE_DEG_A_DAY * abs(float(since_s[0])) / 86_400.0
     return bool(np.isfinite(cosine)) and cosine > float(np.cos(np.radians(min(gate, 90.0))))
+
+
+def _is_over_there(before: SeenBefore, track: Sightings, site: Site) -> bool:
+    """Whether it is about where that stood above the ground, which costs nothing to ask."""
+    middle = int(np.argmin(np.abs(track.t_s)))
+    instant = track.t_utc_ns[middle : middle + 1]
+    ra = np.radians(before.ra_icrs_deg + _sidereal_deg(before.t_utc_ns, instant)[0])
+    dec = np.radians(before.dec_icrs_deg)
+    line = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+    gate = _THERE_DEG if site == before.site else _ELSEWHERE_DEG
+    return float(line @ track.towards[middle]) > float(np.cos(np.radians(gate)))
 
 
 def _by_orbit(
