@@ -1,10 +1,12 @@
 """Wrong usage is one line on stderr with the remedy, in plain words, and exit 2."""
 
+import itertools
 import sys
 
 import pytest
 
 from rsoconsole.cli.app import main
+from rsoconsole.cli.usage import folded
 from rsoconsole.fault_text import nearest, plain_fault
 
 
@@ -67,3 +69,23 @@ def test_a_value_out_of_bounds_is_said_in_the_settings_own_terms():
     with pytest.raises(ValueError, match=r"^detector\.tau = 2\.0: must be below 1$"):
         changed(Config(), "detector.tau", 2.0)
     assert plain_fault("Input should be greater than or equal to 3") == "must be at least 3"
+
+
+def test_help_is_broken_where_the_terminal_ends_and_keeps_its_brackets(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    _, out, _ = said(capsys, monkeypatch, "demo", "--help")
+    words = out.partition("╭")[0]
+    assert "drift_px = 12 under [stars]" in " ".join(words.split())
+    _, out, _ = said(capsys, monkeypatch, "sessions", "--help")
+    assert "Rescue sessions, which went on" in " ".join(out.split())
+    lines = [line.strip() for line in out.partition("╭")[0].splitlines()]
+    # A line that ends early is the last one of its paragraph, or has no room for the next word.
+    for line, after in itertools.pairwise(lines[3:]):
+        assert not (line and after) or len(f"{line} {after.split()[0]}") > 78
+
+
+def test_lines_of_help_that_stand_for_themselves_stay():
+    text = "What it\nis.\n\ntdm, iod: messages\nto others\nhtml: a report\nExample: it --out [x]"
+    assert folded(text) == (
+        "What it is.\n\ntdm, iod: messages to others\nhtml: a report\nExample: it --out \\[x]"
+    )

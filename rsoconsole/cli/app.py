@@ -25,7 +25,7 @@ from rsoconsole.cli import (
     telescope,
     what_if,
 )
-from rsoconsole.cli.usage import USAGE_EXIT, UsageError, help_of, is_help, usage_line
+from rsoconsole.cli.usage import USAGE_EXIT, UsageError, fold_helps, help_of, is_help, usage_line
 from rsoconsole.config import APP
 from rsoconsole.control.text import one_line
 from rsoconsole.errors import RsoconsoleError
@@ -56,6 +56,7 @@ for group in (
     export,
 ):
     group.register(app)
+fold_helps(app)
 
 
 def _version(is_asked: bool) -> None:

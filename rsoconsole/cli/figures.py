@@ -32,7 +32,7 @@ def figures(
     """Draw confidence, track, residuals and NIS of a session, as the paper does.
 
     Measured red squares, updated blue triangles, predicted green circles, 3-sigma bounds dashed;
-    frames in which the object was missed are shaded. Existing figures are written anew.
+    frames in which the object was missed are shaded. Existing figures are replaced.
     Example: rsoconsole figures ~/.local/share/rsoconsole/sessions/NIGHT --format pdf
     """
     from rsoconsole.notebook.figures import write_figures

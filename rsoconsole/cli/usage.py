@@ -1,5 +1,7 @@
 """Wrong usage in one line: which verb, what is wrong, what to write instead."""
 
+import inspect
+import re
 from typing import Any
 
 import typer
@@ -10,6 +12,34 @@ from rsoconsole.fault_text import nearest, plain_fault
 USAGE_EXIT = 2
 # Some versions of typer carry a click of their own: its classes are found through typer's.
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
+_OWN_LINE = re.compile(r"Example: |--|[a-z]+(?:, [a-z]+)*: ")
+"""How a line of help begins that stands for itself."""
+
+
+def fold_helps(app: typer.Typer) -> None:
+    """Let every verb's help be broken where the terminal ends, not where its source is."""
+    for command in app.registered_commands:
+        command.help = folded(command.help or inspect.getdoc(command.callback) or "")
+    callback = app.registered_callback
+    if callback is not None and callback.callback is not None:
+        callback.help = folded(callback.help or inspect.getdoc(callback.callback) or "") or None
+    for group in app.registered_groups:
+        if group.typer_instance is not None:
+            fold_helps(group.typer_instance)
+
+
+def folded(text: str) -> str:
+    """Paragraphs of one line each, but for lines that stand for themselves; no markup in it."""
+    paragraphs: list[str] = []
+    for paragraph in inspect.cleandoc(text).split("\n\n"):
+        lines: list[str] = []
+        for line in map(str.strip, paragraph.splitlines()):
+            if lines and not _OWN_LINE.match(line):
+                lines[-1] += f" {line}"
+            else:
+                lines.append(line)
+        paragraphs.append("\n".join(lines))
+    return "\n\n".join(paragraphs).replace("[", r"\[")
 
 
 def usage_line(error: Any) -> str:
