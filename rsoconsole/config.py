@@ -394,10 +394,25 @@ class CatalogueConfig(_Section):
     )
 
 
+class AlertConfig(_Section):
+    """What the operator is warned of beside faults."""
+
+    separation_arcsec: float = Field(
+        30.0,
+        ge=0,
+        le=3600,
+        description="two satellites of the field that are, or are more likely than not to come,"
+        " nearer to each other on the sky; 0: no warning",
+    )
+    ahead_min: float = Field(
+        120.0, ge=0, le=360, description="how long before its closest approach a pair is warned of"
+    )
+
+
 Graphics = Literal[
     "auto", "kitty", "sixel", "blocks", "octants", "sextants", "quadrants", "half-blocks"
 ]
-Alert = Literal["acquisition", "loss", "limit", "fault"]
+Alert = Literal["acquisition", "loss", "limit", "fault", "approach"]
 
 
 class ConsoleConfig(_Section):
@@ -446,6 +461,7 @@ class Config(_Section):
     aim: AimConfig = AimConfig()
     orbit: OrbitConfig = OrbitConfig()
     catalogue: CatalogueConfig = CatalogueConfig()
+    alert: AlertConfig = AlertConfig()
     session: SessionConfig = SessionConfig()
     console: ConsoleConfig = ConsoleConfig()
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.records import (
     CycleTiming,
     Detections,
@@ -42,6 +43,7 @@ Source: TypeAlias = Literal["log", "files"]
 
 _UNITS = (
     ("_arcsec_px", "arcsec / pix"),
+    ("_arcsec_min", "arcsec / min"),
     ("_deg_s", "deg / s"),
     ("_km_s", "km / s"),
     ("_arcsec_s", "arcsec / s"),
@@ -315,6 +317,50 @@ ledger_number=ledger.number integer the object of an earlier night that it is or
 ledger_name=ledger.name text its name
 ledger_probability=ledger.probability real that it is that one
 """
+_OF_PAIR = """
+t_pair_utc_ns=t_utc_ns integer instant of the separation
+track_id integer the one track
+other_track_id integer the other
+frames integer that have shown both
+separation_arcsec real between them
+sigma_separation_arcsec real one sigma of that
+position_angle_deg real of the other from the one, from north through east
+sigma_position_angle_deg real one sigma of that
+east_arcsec real the way from the one to the other
+north_arcsec real the way from the one to the other
+sigma_east_arcsec real one sigma of that
+sigma_north_arcsec real one sigma of that
+rate_east_arcsec_min real how it changes
+rate_north_arcsec_min real how it changes
+sigma_rate_east_arcsec_min real one sigma of that
+sigma_rate_north_arcsec_min real one sigma of that
+separation_rate_arcsec_min real how the separation changes, below 0 while they approach
+sigma_separation_rate_arcsec_min real one sigma of that
+closest text now, ahead or beyond: at the beginning of the horizon, inside it, at its end
+closest_utc_ns integer when they are nearest within the horizon
+sigma_closest_s real one sigma of that
+closest_arcsec real how near, the median
+closest_low_arcsec real lower end of the interval of 68 %
+closest_high_arcsec real upper end of it
+closest_lowest_arcsec real lower end of the interval of 95 %
+closest_highest_arcsec real upper end of it
+horizon_s real how far ahead was looked
+path text straight, curved or orbits: what the approach was found from
+close_probability real that they come nearer than the angle of the warning
+is_close truth the operator is warned of them
+"""
+_OF_EXPECTED = """
+norad_id integer catalogue number
+name text its name
+ra_icrs_deg real at mid-exposure, by its elements
+dec_icrs_deg real at mid-exposure, by its elements
+x_px real column
+y_px real row
+sigma_arcsec real how far off its elements may be, along its motion
+tle_age_days real of its elements
+is_usable truth its whole streak is in the frame
+is_lit truth by the Sun
+"""
 _OF_QUALITY = """
 star_count integer stars found, up to a few hundred
 star_fwhm_px real median full width of the stars at half their height
@@ -417,6 +463,21 @@ _ABOUT: tuple[Table, ...] = (
         row="which catalogued object a track is of",
         own=columns_of(_OF_NAME),
         is_followed_again=True,
+    ),
+    Table(
+        name="pairs",
+        kind=PairMotions,
+        parts="pairs",
+        row="how two tracks move to each other",
+        own=columns_of(_OF_PAIR),
+        is_followed_again=True,
+    ),
+    Table(
+        name="expected",
+        kind=ExpectedMembers,
+        parts="unseen",
+        row="a catalogued object that should be in the frame and is not followed",
+        own=columns_of(_OF_EXPECTED),
     ),
     Table(
         name="states",

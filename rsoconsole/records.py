@@ -14,6 +14,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.reasons import (
     BelowTau,
     Cause,
@@ -34,7 +35,7 @@ MapMode = Literal["fast", "paper"]
 StreakKind = Literal["streak", "clipped", "crossing"]
 """How many of its ends lie in the frame: both, one, none."""
 ObjectClass = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain", "undetermined"]
-Topic = Literal["", "limit", "machine", "clock", "engine ended"]
+Topic = Literal["", "limit", "machine", "clock", "engine ended", "approach"]
 OFF_RECORD = "off the record"
 """In a field's metadata: of the running program alone, no session carries it."""
 
@@ -588,6 +589,8 @@ Record: TypeAlias = (
     | FollowedAgain
     | OrbitEstimate
     | Identified
+    | PairMotions
+    | ExpectedMembers
     | Event
 )
 """What the log of a session holds."""

@@ -7,6 +7,7 @@ from typing import Literal, assert_never
 
 from rsoconsole.control import command_words, one_line
 from rsoconsole.control.commands import Arm, Disarm, Note, Resume, Seek, Set, Stop
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.reason_text import ruled_text, text
 from rsoconsole.reasons import DONE, Cause, CauseKind, CommandResult, Missed, NotTaken, Told
 from rsoconsole.records import (
@@ -232,6 +233,8 @@ def _words(record: Record) -> tuple[Level, str] | None:  # noqa: PLR0911 -- one 
             | Ruling()
             | FollowedAgain()
             | OrbitEstimate()
+            | PairMotions()
+            | ExpectedMembers()
         ):
             return None
         case _:

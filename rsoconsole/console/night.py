@@ -17,6 +17,7 @@ from rsoconsole.console.track_fold import (
     tracks_after,
     with_track,
 )
+from rsoconsole.field_records import ExpectedMembers, PairMotion, PairMotions
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Closeup,
@@ -198,6 +199,10 @@ class NightView:
     """All that are followed, by their numbers."""
     dropped: tuple[int, ...] = ()
     """Tracks whose dropping may still be undone, the last one last."""
+    pairs: tuple[PairMotion, ...] = ()
+    """How they move to each other, as of the last frame."""
+    expected: ExpectedMembers | None = None
+    """Who should be in the field beside them, as of the last look at the catalogue."""
 
     @property
     def is_orbit_past(self) -> bool:
@@ -242,6 +247,8 @@ class _Now:
     set_aside: TrackState | None = None
     """The track that ended last by somebody's word: it may be followed again."""
     tracks: TracksNow = field(default_factory=TracksNow)
+    pairs: tuple[PairMotion, ...] = ()
+    expected: ExpectedMembers | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -308,6 +315,8 @@ class Night:
             measured=last_measured(self._details.items(), self._rows),
             tracks=now.tracks.in_order(),
             dropped=now.tracks.can_be_taken_back(0 if now.frame is None else now.frame.frame_id),
+            pairs=now.pairs,
+            expected=now.expected,
             rows=tuple(self._rows.values()),
             log=tuple(self._log),
         )
@@ -416,6 +425,10 @@ class Night:
                 self._orbit_estimate(record, t_utc_ns)
             case Identified():
                 self._identified(record, t_utc_ns)
+            case PairMotions():
+                self._now.pairs = record.pairs
+            case ExpectedMembers():
+                self._now.expected = record
             case Miss():
                 self._miss(record, t_utc_ns)
             case StateChange():

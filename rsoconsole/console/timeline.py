@@ -12,6 +12,7 @@ from rsoconsole.console.alerts import FOLLOWING
 from rsoconsole.console.night import FrameRow
 from rsoconsole.console.panels import refused_of
 from rsoconsole.control.commands import Note
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -258,6 +259,8 @@ def _told(record: Record) -> Kind | None:
             | FollowedAgain()
             | OrbitEstimate()
             | Identified()
+            | PairMotions()
+            | ExpectedMembers()
         ):
             return None
         case _:

@@ -17,6 +17,7 @@ from rsoconsole.engine.objects import (
     offset_of,
     taken_of,
 )
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.foreign_text import json_of
 from rsoconsole.records import (
     Closeup,
@@ -118,7 +119,7 @@ class _Tally:
                 self._cycle_timing(record)
             case Solution() | NotSolved() | SlewCommand() | Ruling() | Closeup():
                 pass  # no figure needs them
-            case ParameterChange() | OperatorAction() | Event():
+            case ParameterChange() | OperatorAction() | Event() | PairMotions() | ExpectedMembers():
                 pass
             case _:
                 assert_never(record)

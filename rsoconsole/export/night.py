@@ -8,6 +8,7 @@ from typing import Any, TypeAlias, assert_never
 from rsoconsole import __version__
 from rsoconsole.config import Config
 from rsoconsole.export.rows import MeasuredRow, row_of
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Closeup,
@@ -173,6 +174,8 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
                 | Closeup()
                 | OrbitEstimate()
                 | Identified()
+                | PairMotions()
+                | ExpectedMembers()
                 | Event()
             ):
                 pass  # no direction, nor a word on one

@@ -8,6 +8,7 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.control import command_words
 from rsoconsole.control.commands import Note
 from rsoconsole.errors import ConfigError
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.notebook.night import Night, NightFold, title_of
 from rsoconsole.notebook.overlay import FrameFacts
 from rsoconsole.reason_text import text
@@ -114,6 +115,8 @@ class LiveNight:
                 | FollowedAgain()
                 | OrbitEstimate()
                 | Identified()
+                | PairMotions()
+                | ExpectedMembers()
                 | Event()
             ):
                 pass  # the frames' fold, or the log's line
@@ -178,6 +181,8 @@ def _line(record: Record) -> tuple[str, str] | None:
             | FollowedAgain()
             | OrbitEstimate()
             | Identified()
+            | PairMotions()
+            | ExpectedMembers()
         ):
             pass
         case _:

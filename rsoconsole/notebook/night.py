@@ -9,6 +9,7 @@ from typing import Any, TypeAlias, assert_never
 from rsoconsole.config import Config
 from rsoconsole.control.text import one_line
 from rsoconsole.errors import SessionError
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.foreign_text import json_of
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
@@ -126,6 +127,8 @@ class NightFold:
                 | Ruling()
                 | OrbitEstimate()
                 | Identified()
+                | PairMotions()
+                | ExpectedMembers()
                 | Event()
             ):
                 pass  # nothing of it is drawn

@@ -10,6 +10,7 @@ from typing import assert_never
 
 import numpy as np
 
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.notebook.svg import AMBER, GREEN, RED, text
 from rsoconsole.records import (
     Closeup,
@@ -82,6 +83,8 @@ class FrameFacts:
                 | Ruling()
                 | OrbitEstimate()
                 | Identified()
+                | PairMotions()
+                | ExpectedMembers()
                 | Event()
             ):
                 pass  # nothing of it is drawn

@@ -10,6 +10,7 @@ from typing import assert_never
 from rsoconsole.control import command_words
 from rsoconsole.errors import ConfigError
 from rsoconsole.export.rows import MeasuredRow
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.notebook.night import Night, NightFrame
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.what_if import TrackFigures, figures_of
@@ -219,6 +220,8 @@ def read_course(session: Path, night: Night) -> Course:
                 | FollowedAgain()
                 | OrbitEstimate()
                 | Identified()
+                | PairMotions()
+                | ExpectedMembers()
             ):
                 pass  # not asked for
             case _:

@@ -89,6 +89,10 @@ class Naming:
         """The clock was wrong until now."""
         self._asked = {}
 
+    def entries(self) -> tuple[CatalogueEntry, ...]:
+        """The catalogue. Raises OrbitError where it cannot be read."""
+        return self._catalogue.entries()
+
     def ask(
         self, frame_id: int, seen: Mapping[int, Sightings], tracks: Collection[int]
     ) -> tuple[Identified, ...]:

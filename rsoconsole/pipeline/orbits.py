@@ -1,12 +1,17 @@
-"""The orbit and the name of each track, frame by frame, as they go on record."""
+"""What is made of a frame's tracks while the mount is on its way, as it goes on record.
+
+The orbit and the name of each, how they move to each other, and who should be there beside them.
+"""
 
 import logging
 from collections.abc import Mapping, Sequence
 
 from rsoconsole.config import Config
 from rsoconsole.errors import OrbitError
+from rsoconsole.pipeline.expected import Expected
 from rsoconsole.pipeline.naming import Naming
 from rsoconsole.pipeline.orbit_online import OnlineOrbit, Refined
+from rsoconsole.pipeline.pairs import Pairs
 from rsoconsole.pipeline.uncorrelated_tracks import Past
 from rsoconsole.records import Event, OrbitEstimate, Record
 
@@ -23,6 +28,8 @@ class Orbits:
         """``past``: what no catalogue knew on earlier nights."""
         self.online = OnlineOrbit(config)
         self._naming = Naming(config, past)
+        self.pairs = Pairs(config)
+        self.expected = Expected(config, self._naming.entries)
         self._faults: set[str] = set()
         self.last: Mapping[int, OrbitEstimate] = {}
         """The last one of each track on record, by track id; never changed, frames keep theirs."""
@@ -33,19 +40,27 @@ class Orbits:
         """Take new tunables."""
         self.online.configure(config)
         self._naming.configure(config)
+        self.pairs.configure(config)
+        self.expected.configure(config, self._naming.entries)
 
     def hear(self, record: Record) -> None:
         """One record of the log."""
         self.online.hear(record)
+        self.pairs.hear(record)
+        self.expected.hear(record)
 
     def forget(self) -> None:
         """The clock was wrong until now."""
         self.online.forget()
         self._naming.forget()
+        self.pairs.forget()
         self.last = {}
 
     def refine(self) -> tuple[Record, ...]:
-        """What belongs on record behind a frame: OrbitEstimate, Identified, and words on both."""
+        """What belongs on record behind a frame.
+
+        OrbitEstimate, Identified, PairMotions, ExpectedMembers, and words on them.
+        """
         records: list[Record] = []
         try:
             refined = self.online.refine()
@@ -59,7 +74,20 @@ class Orbits:
         except Exception as error:  # the telescope goes on without an orbit
             log.exception("the orbit could not be refined")
             records += self._complaint(f"its orbit could not be refined ({error}): see the log")
-        return tuple(records)
+        return (*records, *self._others())
+
+    def _others(self) -> Sequence[Record]:
+        """Of all tracks together."""
+        records: list[Record] = []
+        try:
+            records += self.pairs.refine()
+            records += self.expected.refine()
+        except OrbitError as error:
+            records += self._complaint(f"nobody is expected by the catalogue: {error}")
+        except Exception as error:  # the telescope goes on without them
+            log.exception("the field could not be looked over")
+            records += self._complaint(f"the field could not be looked over ({error}): see the log")
+        return records
 
     def _names_of(self, refined: Sequence[Refined]) -> Sequence[Record]:
         if not refined:
@@ -78,6 +106,7 @@ class Orbits:
             elif name.ledger is not None and name.ledger.is_sure:
                 names[name.track_id] = name.ledger.name
             self.names = names
+            self.expected.hear(name)
         return found
 
     def _complaint(self, words: str) -> tuple[Event, ...]:

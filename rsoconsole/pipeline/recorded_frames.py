@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import assert_never
 
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.pipeline.replay import FOLDED, is_from_outside, is_instruments
 from rsoconsole.records import (
     Closeup,
@@ -109,7 +110,15 @@ class _Walk:
                     self.open.records.append(record)
             case Solution() | NotSolved() | Measurement() | SlewCommand():
                 pass
-            case OrbitEstimate() | Identified() | OperatorAction() | Closeup() | Event():
+            case (
+                OrbitEstimate()
+                | Identified()
+                | PairMotions()
+                | ExpectedMembers()
+                | OperatorAction()
+                | Closeup()
+                | Event()
+            ):
                 pass
             case _:
                 assert_never(record)

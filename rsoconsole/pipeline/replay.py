@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias, assert_never
 
 from rsoconsole.config import Config, with_setting
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.pipeline.absence import StarHistory
 from rsoconsole.pipeline.alike import are_alike
 from rsoconsole.pipeline.fold import Shown, fold, looked_at
@@ -223,7 +224,15 @@ class Walk:
                 self.part = self._hear_of_frame(record)
             case TrackState() | NotFollowed() | Miss() | StateChange():
                 self.part = self._hear_of_frame(record)
-            case SlewCommand() | Identified() | OperatorAction() | Closeup() | Event():
+            case (
+                SlewCommand()
+                | Identified()
+                | PairMotions()
+                | ExpectedMembers()
+                | OperatorAction()
+                | Closeup()
+                | Event()
+            ):
                 pass  # led to by what is followed, or beside it
             case _:
                 assert_never(record)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rsoconsole.config import Config
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.pipeline.alike import are_alike
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import at_its_row, shutter_mid_utc_ns
@@ -47,7 +48,7 @@ from rsoconsole.records import (
     TrackState,
 )
 
-OF_TRACK = (OrbitEstimate, Identified)
+OF_TRACK = (OrbitEstimate, Identified, PairMotions, ExpectedMembers)
 """What was made of the track as it was."""
 
 
@@ -139,7 +140,7 @@ class _Telling:
             case TrackState() | NotFollowed() | Miss():
                 if self._is_void:
                     return
-            case OrbitEstimate() | Identified():
+            case OrbitEstimate() | Identified() | PairMotions() | ExpectedMembers():
                 if self._is_void or self._is_another_night:
                     return
             case ParameterChange():
@@ -256,6 +257,8 @@ def _closes(record: Record) -> bool:
             | Closeup()
             | OrbitEstimate()
             | Identified()
+            | PairMotions()
+            | ExpectedMembers()
             | Event()
         ):
             return False

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import assert_never
 
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -120,6 +121,8 @@ class TracksTaken:
                 | Ruling()
                 | OrbitEstimate()
                 | Identified()
+                | PairMotions()
+                | ExpectedMembers()
                 | Event()
             ):
                 pass  # no direction of a track

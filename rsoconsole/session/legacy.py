@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple, assert_never
 
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.foreign_text import json_of
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Cause, Missed, Reason, Told
@@ -297,6 +298,8 @@ class IdGiver:
                 | ParameterChange()
                 | OperatorAction()
                 | Closeup()
+                | PairMotions()
+                | ExpectedMembers()
             ):
                 pass
             case _:

@@ -1,0 +1,215 @@
+"""How the tracks of a field move to each other, frame by frame, as it goes on record."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.field_records import PairMotion, PairMotions
+from rsoconsole.pipeline.approaches import Approaches
+from rsoconsole.reasons import Missed
+from rsoconsole.records import (
+    Event,
+    FloatArray,
+    FollowedAgain,
+    FrameTaken,
+    Measurement,
+    Miss,
+    Record,
+    StateChange,
+    TrackState,
+)
+from rsoconsole.sky.angles import direction_to_unit
+from rsoconsole.tracking import lqe
+from rsoconsole.tracking.closest import pair_motion
+from rsoconsole.tracking.pattern import own_covariance
+from rsoconsole.tracking.relative import RelativePath, Sights, relative_path, ways_between
+
+MOST_FRAMES = 400
+"""Of a track so many of its last measurements are compared."""
+_RECENT_FRAMES = 40
+"""Of so many frames measurements are kept by their ids: a track begins with one of before."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Sight:
+    """What one frame has shown of a track."""
+
+    t_utc_ns: int
+    unit: FloatArray
+    cov_sky_arcsec2: tuple[float, float, float]
+    rate_arcsec_s: tuple[float, float]
+
+
+@dataclass(slots=True)
+class _Seen:
+    """One track."""
+
+    sights: dict[int, _Sight] = field(default_factory=dict)
+    """By frame."""
+    together: Sights | None = None
+    """The same as arrays, once they are asked for."""
+
+    def put(self, frame_id: int, sight: _Sight) -> None:
+        self.sights[frame_id] = sight
+        if len(self.sights) > MOST_FRAMES:
+            del self.sights[min(self.sights)]
+        self.together = None
+
+    def as_sights(self) -> Sights:
+        if self.together is None:
+            frames = sorted(self.sights)
+            each = [self.sights[number] for number in frames]
+            self.together = Sights(
+                frame_id=np.array(frames, np.int64),
+                t_utc_ns=np.array([one.t_utc_ns for one in each], np.int64),
+                units=np.array([one.unit for one in each]).reshape(-1, 3),
+                cov_sky_arcsec2=np.array([one.cov_sky_arcsec2 for one in each]).reshape(-1, 3),
+                rate_arcsec_s=np.array([one.rate_arcsec_s for one in each]).reshape(-1, 2),
+            )
+        return self.together
+
+
+class Pairs:
+    """Hears the log; fed with its records alone, so that the same log gives the same pairs."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._tracks: dict[int, _Seen] = {}
+        self._measured: dict[str, Measurement] = {}
+        """By id."""
+        self._frame_id = 0
+        self._t_utc_ns: int | None = None
+        """Instant of the frame's tracks."""
+        self._alive: list[int] = []
+        """Tracks of the frame, in its order."""
+        self._paths: dict[tuple[int, int], tuple[int, RelativePath]] = {}
+        """With the last frame that showed both."""
+        self._approaches = Approaches()
+        self.last: tuple[PairMotion, ...] = ()
+        """Of the last frame; never changed, other threads look in."""
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+        self._config = config
+
+    def forget(self) -> None:
+        """The clock was wrong until now."""
+        self._tracks, self._measured, self._paths, self.last = {}, {}, {}, ()
+        self._alive, self._t_utc_ns = [], None
+        self._approaches = Approaches()
+
+    def hear(self, record: Record) -> None:
+        """One record of the log."""
+        if isinstance(record, FrameTaken):
+            self._begin(record.frame_id)
+        elif isinstance(record, FollowedAgain):
+            self._begin(record.frame_id)
+            for seen in self._tracks.values():
+                if seen.sights.pop(record.frame_id, None) is not None:
+                    seen.together = None
+            self._paths.clear()
+        elif isinstance(record, Measurement):
+            self._measured[record.measurement_id] = record
+        elif isinstance(record, TrackState):
+            self._hear_state(record)
+        elif isinstance(record, StateChange):
+            if record.after not in {"TRACK", "COAST"}:
+                self._alive, self.last = [], ()
+        elif isinstance(record, Miss) and _is_lost(record):
+            self._alive = [each for each in self._alive if each != record.track_id]
+
+    def _begin(self, frame_id: int) -> None:
+        self._frame_id, self._alive, self._t_utc_ns = frame_id, [], None
+        oldest = frame_id - _RECENT_FRAMES
+        if any(m.frame_id < oldest for m in self._measured.values()):
+            recent = {n: m for n, m in self._measured.items() if m.frame_id >= oldest}
+            self._measured = recent
+
+    def _hear_state(self, state: TrackState) -> None:
+        number = state.track_id
+        if state.kind == "initial" and state.is_lead:
+            # A lead that was only predicted where another begins has been given up for it.
+            self._alive = [each for each in self._alive if self._is_seen(each)]
+        if number not in self._alive:
+            self._alive.append(number)
+        if self._t_utc_ns is None or state.is_lead:
+            self._t_utc_ns = state.t_utc_ns
+        taken = [*(state.begun_with or ())[:1], state.measurement_id]
+        for m in (self._measured.get(each) for each in taken if each is not None):
+            if m is not None and not m.is_crossing and not m.is_clipped:
+                self._tracks.setdefault(number, _Seen()).put(m.frame_id, _sight(m, state))
+
+    def _is_seen(self, track_id: int) -> bool:
+        seen = self._tracks.get(track_id)
+        return seen is not None and self._frame_id in seen.sights
+
+    def refine(self) -> tuple[Record, ...]:
+        """What belongs on record behind a frame: PairMotions, and words on approaches."""
+        pairs, t_utc_ns = self._pairs(), self._t_utc_ns
+        limit = self._config.alert.separation_arcsec
+        close, words = self._approaches.after(pairs, self._alive, t_utc_ns, limit)
+        self.last = tuple(
+            replace(each, is_close=(each.track_id, each.other_track_id) in close) for each in pairs
+        )
+        self._tracks = {n: each for n, each in self._tracks.items() if n in self._alive}
+        alive = set(self._alive)
+        self._paths = {pair: each for pair, each in self._paths.items() if alive.issuperset(pair)}
+        frame_id = self._frame_id
+        events = tuple(
+            Event(level=level, text=text, frame_id=frame_id, topic="approach")
+            for level, text in words
+        )
+        if not self.last or t_utc_ns is None:
+            return events
+        return (PairMotions(frame_id=frame_id, pairs=self.last), *events)
+
+    def _pairs(self) -> Sequence[PairMotion]:
+        found: list[PairMotion] = []
+        if self._t_utc_ns is None:
+            return found
+        alert = self._config.alert
+        for one, other in combinations(sorted(self._alive), 2):
+            path = self._path(one, other, self._tracks)
+            if path is None or self._t_utc_ns - path.t_utc_ns > path.horizon_s * 0.5e9:
+                continue  # nothing that showed both is recent enough
+            found.append(
+                pair_motion(
+                    (one, other),
+                    path,
+                    self._t_utc_ns,
+                    warned_arcsec=alert.separation_arcsec,
+                    warned_ahead_s=60.0 * alert.ahead_min,
+                )
+            )
+        return found
+
+    def _path(self, one: int, other: int, tracks: Mapping[int, _Seen]) -> RelativePath | None:
+        if one not in tracks or other not in tracks:
+            return None
+        last = max(tracks[one].sights.keys() & tracks[other].sights.keys(), default=None)
+        known = self._paths.get((one, other))
+        if known is not None and known[0] == last:
+            return known[1]
+        ways = ways_between(tracks[one].as_sights(), tracks[other].as_sights())
+        if ways is None or last is None:
+            return None
+        path = relative_path(ways)
+        self._paths[one, other] = (last, path)
+        return path
+
+
+def _is_lost(record: Miss) -> bool:
+    return isinstance(record.reason, Missed) and record.reason.lost is not None
+
+
+def _sight(m: Measurement, state: TrackState) -> _Sight:
+    (ee, en), (_, nn) = own_covariance(m, state)
+    return _Sight(
+        t_utc_ns=m.t_mid_utc_ns,
+        unit=direction_to_unit(m.ra_icrs_deg, m.dec_icrs_deg),
+        cov_sky_arcsec2=(float(ee), float(en), float(nn)),
+        rate_arcsec_s=lqe.sky_rate_arcsec_s(state),
+    )
