@@ -2,6 +2,7 @@
 
 import pytest
 
+from rsoconsole.field_records import PairMotion, UnseenMember
 from rsoconsole.record_columns import HEAD, TABLES, Table, documentation
 from rsoconsole.records import Rejection
 
@@ -22,7 +23,12 @@ def test_every_column_begins_at_a_member_of_its_record(table: Table) -> None:
 def _members_of_a_part(table: Table) -> set[str]:
     from rsoconsole.records import Detection
 
-    of_parts = {"detections": Detection, "rejected": Rejection}
+    of_parts = {
+        "detections": Detection,
+        "rejected": Rejection,
+        "pairs": PairMotion,
+        "unseen": UnseenMember,
+    }
     part = of_parts.get(table.parts)
     return set() if part is None else set(part.__dataclass_fields__)
 

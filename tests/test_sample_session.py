@@ -84,13 +84,18 @@ def test_a_table_has_its_columns_and_units_also_where_it_is_empty(
         assert found["direction"].shape == (len(found),)
 
 
+OF_A_FIELD = {"pairs", "expected"}
+"""Tables of nights with several satellites, and with their elements; the shipped one has one."""
+
+
 @pytest.mark.parametrize("name", TABLES)
 def test_no_table_of_the_shipped_one_is_empty(name: str) -> None:
-    assert len(open_session(SAMPLE).table(name)) > 0
+    assert (len(open_session(SAMPLE).table(name)) > 0) != (name in OF_A_FIELD)
 
 
 def test_every_kind_of_record_and_of_file_is_in_it(reader: SessionReader, records: list[Any]):
-    assert {type(record).__name__ for record in records} == set(KINDS)
+    of_a_field = {TABLES[name].kind.__name__ for name in OF_A_FIELD}
+    assert {type(record).__name__ for record in records} == set(KINDS) - of_a_field
     for number in (5, 11, 30):
         assert reader.preview_path(number) is not None
         assert reader.closeup_path(number) is not None

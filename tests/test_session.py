@@ -54,6 +54,7 @@ from rsoconsole.session.store import list_sessions, new_session_folder, size_byt
 from rsoconsole.session.verify import verify_session
 from rsoconsole.session.writer import SessionWriter
 from tests.orbit_night import estimate_of, identified_of
+from tests.pair_records import expected_of, pair_of, pairs_of, unseen_of
 
 T0_UTC_NS = 1_800_000_000_123_456_789
 ABOUT = {"title": "test", "model_sha256": "ab" * 32, "clock_offset_s": 0.002}
@@ -186,6 +187,8 @@ NIGHT = (
         is_guide=True,
     ),
     identified_of(1),
+    pairs_of(1, pair_of(1, 1, 2)),
+    expected_of(1, unseen_of()),
 )
 
 

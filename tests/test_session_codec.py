@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole import records
+from rsoconsole import field_records, records
 from rsoconsole.errors import SessionError
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import DONE, Told
@@ -70,11 +70,12 @@ def test_every_record_comes_back_as_it_was_to_the_last_bit(kind: str) -> None:
 
 def test_every_record_of_the_loop_can_be_recorded() -> None:
     parts_of_others = {"Site", "Frame", "Detection", "Rejection", "Wcs", "CatalogueMatch"}
-    parts_of_others |= {"Mixture", "LedgerName"}
+    parts_of_others |= {"Mixture", "LedgerName", "PairMotion", "UnseenMember"}
     all_records = {
         name
-        for name, thing in vars(records).items()
-        if dataclasses.is_dataclass(thing) and thing.__module__ == records.__name__
+        for module in (records, field_records)
+        for name, thing in vars(module).items()
+        if dataclasses.is_dataclass(thing) and thing.__module__ == module.__name__
     }
     assert set(KINDS) == all_records - parts_of_others
 

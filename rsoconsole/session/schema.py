@@ -9,7 +9,7 @@ makes no new schema.
 Schema 2 adds the hash of every file, and on close the digest of the log (``session/digest.py``);
 schema 3 the views of orbits and identifications; schema 4 the ids of measurements and tracks
 and reasons as kinds with figures (records of older ones are given theirs by ``session/legacy.py``;
-in SQL their columns are NULL); schema 5 the views of pairs and of who is expected.
+in SQL their columns are NULL).
 """
 
 import re
@@ -36,7 +36,7 @@ FOLDERS: Mapping[str, str] = MappingProxyType(
 _ENDINGS = {"frame": ".fits.fz", "preview": ".png", "closeup": ".png"}
 _NUMBERED = re.compile(r"(?P<folder>[a-z]+)/(?P<frame_id>\d{6,})(?P<ending>(\.[a-z]+)+)")
 
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 4
 _WITH_HASHES = 2
 APPLICATION_ID = 0x52534F43
 """``RSOC`` in the database's header: tells a session from any other SQLite file."""
