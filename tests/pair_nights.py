@@ -20,6 +20,7 @@ BEGIN_UTC_NS = 1_687_392_000 * NS
 """Within a day of the elements."""
 LENS_ARCSEC, PLATE_ARCSEC, LATE_S = 0.5, 5.0, 0.2
 WIDEST_DEG = 1.2
+_OF_A_SITE = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,10 +49,10 @@ def directions(
     return ra_deg, np.stack([each.dec_icrs_deg for each in places])
 
 
-def near_pair(
-    random: np.random.Generator, site: Site, t_utc_ns: int, within_deg: float
-) -> tuple[CatalogueEntry, CatalogueEntry] | None:
-    """Two that stand near each other, high enough; None where there are none."""
+def near_pairs(
+    site: Site, t_utc_ns: int, within_deg: float
+) -> list[tuple[CatalogueEntry, CatalogueEntry]]:
+    """Those that stand near each other, high enough."""
     entries, t = geostationary(), np.array([t_utc_ns])
     at_km = site_gcrs(site, t)[0]
     line = states_gcrs(entries, t)[0][:, 0] - at_km
@@ -59,32 +60,33 @@ def near_pair(
     up = np.flatnonzero(line @ at_km[0] / np.linalg.norm(at_km) > np.sin(np.radians(25.0)))
     cosine = line[up] @ line[up].T
     one, other = np.nonzero(np.triu(cosine > np.cos(np.radians(within_deg)), 1))
-    pairs = [
+    return [
         (entries[up[i]], entries[up[j]])
         for i, j in zip(one, other, strict=True)
         # Docked, and twice in the file.
         if cosine[i, j] < 1.0 - 1e-12 and entries[up[i]].norad_id != entries[up[j]].norad_id
     ]
-    return pairs[random.integers(len(pairs))] if pairs else None
 
 
-def random_night(random: np.random.Generator, within_deg: float = 0.7) -> PairNight:
-    """Any pair, from any site, seen for 10 minutes to 3 hours; a tenth of the frames misses one."""
-    while True:
+def random_nights(
+    random: np.random.Generator, count: int, within_deg: float = 0.7
+) -> list[PairNight]:
+    """Any pairs, some from each site, seen for 10 minutes to 3 hours; a tenth of frames misses."""
+    found: list[PairNight] = []
+    while len(found) < count:
         site = Site(
             latitude_deg=random.uniform(-50.0, 55.0),
             longitude_deg=random.uniform(-180.0, 180.0),
             elevation_m=0.0,
         )
         t_last = BEGIN_UTC_NS + int(random.uniform(0.0, 86_400.0)) * NS
-        pair = near_pair(random, site, t_last, within_deg)
-        if pair is None:
-            continue
-        arc_s = random.choice([600, 1800, 3600, 10_800])
-        t = t_last - np.arange(arc_s // 60, -1, -1) * 60 * NS
-        night = seen(random, pair, site, t, misses=0.1)
-        if night is not None:
-            return night
+        pairs = near_pairs(site, t_last, within_deg)
+        for number in random.permutation(len(pairs))[:_OF_A_SITE]:
+            arc_s = random.choice([600, 1800, 3600, 10_800])
+            t = t_last - np.arange(arc_s // 60, -1, -1) * 60 * NS
+            night = seen(random, pairs[number], site, t, misses=0.1)
+            found += [night] if night is not None else []
+    return found[:count]
 
 
 def seen(
@@ -96,9 +98,11 @@ def seen(
     misses: float = 0.0,
 ) -> PairNight | None:
     """The frames of two; None where they do not fit into one field all the time."""
-    ra_deg, dec_deg = directions(pair, site, t_utc_ns)
-    later = directions(pair, site, t_utc_ns + NS)
-    ra_rate, dec_rate = later[0] - ra_deg, later[1] - dec_deg
+    places = [places_of(each, site, t_utc_ns) for each in pair]
+    ra_deg = np.stack([each.ra_icrs_deg for each in places])
+    dec_deg = np.stack([each.dec_icrs_deg for each in places])
+    ra_rate = np.stack([each.ra_rate_deg_s for each in places])
+    dec_rate = np.stack([each.dec_rate_deg_s for each in places])
     level = np.cos(np.radians(dec_deg))
     apart = np.hypot((ra_deg[1] - ra_deg[0]) * level[0], dec_deg[1] - dec_deg[0])
     if not np.all(apart < WIDEST_DEG):
