@@ -60,7 +60,10 @@ def test_a_message_without_a_number_says_which_the_record_would_give_it(tmp_path
     for kind in ("tdm", "iod"):
         run = rsoconsole("export", night, "--format", kind, "--out", "-")
         assert "on record it is INTELSAT 14 (36097): --norad 36097 writes that" in run.stderr
-        assert "36097" not in run.stdout
+        # A comment says what it was taken for; the object's own field is the operator's word.
+        own = [line for line in run.stdout.splitlines() if not line.startswith("COMMENT")]
+        assert "36097" not in "".join(own)
+        assert ("COMMENT Track 1 identified: INTELSAT 14" in run.stdout) == (kind == "tdm")
     told = rsoconsole("export", night, "--format", "tdm", "--out", "-", "--norad", "36097")
     assert "on record it is" not in told.stderr
     assert "36097" in told.stdout

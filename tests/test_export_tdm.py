@@ -210,6 +210,45 @@ def test_each_satellite_that_was_followed_has_its_segment(tmp_path: Path):
         assert {angle.t_utc_ns for angle in segment.angles} == own
 
 
+def test_each_track_says_what_it_was_named_together_with_the_others(tmp_path: Path):
+    from dataclasses import replace as changed
+
+    from rsoconsole.records import Identified, LedgerName
+    from tests.orbit_night import BEST
+
+    session = closed_night(tmp_path / "two", most_tracks=12)
+    night = read_night(session)
+    assert night.names == {}
+    assert "COMMENT Track" not in render(session, "tdm", ExportOptions())[0]
+    likely = changed(BEST, name="ASTRA 1L", norad_id=31306, probability=0.6)
+    other = changed(BEST, name="ASTRA 1N", norad_id=37775, probability=0.4)
+    name = Identified(
+        frame_id=9,
+        track_id=1,
+        verdict="ambiguous",
+        reason="",
+        hint="",
+        observations=9,
+        catalogued=4,
+        matches=(likely, other),
+        named_with=1,
+    )
+    past = LedgerName(
+        number=7, name="UCT 7", t_last_utc_ns=CREATED, probability=0.987, separation_arcsec=3.0
+    )
+    unknown = changed(name, track_id=2, verdict="unknown", matches=(), ledger=past)
+    text = to_tdm(
+        changed(night, names={1: name, 2: unknown}), (1, 2), target=Target(), created_utc_ns=CREATED
+    )
+    parse_tdm(text)
+    said = [line for line in text.splitlines() if line.startswith("COMMENT Track")]
+    assert said == [
+        "COMMENT Track 1 ambiguous: ASTRA 1L (31306), probability 0.600 or ASTRA 1N (37775),"
+        " probability 0.400, named together with 1 other track",
+        "COMMENT Track 2 uncorrelated: UCT 7, seen 2023-06-24, probability 0.987",
+    ]
+
+
 def test_who_and_what_are_named(tmp_path: Path):
     session = closed_night(tmp_path / "named")
     plain = parse_tdm(render(session, "tdm", ExportOptions())[0])

@@ -166,10 +166,17 @@ def _tell_name(session: Path) -> None:
     from rsoconsole.session.reader import SessionReader
 
     rows = SessionReader(session).view("identifications")
-    named = {(row["name"], row["norad_id"]) for row in rows if row["verdict"] == "identified"}
-    if len(named) == 1:  # of several it is not told here which track was which
-        ((name, number),) = named
-        output.complain(f"on record it is {name} ({number}): --norad {number} writes that")
+    last = {row["track_id"]: row for row in rows if not row["is_superseded"]}
+    named = {n: row for n, row in last.items() if row["verdict"] == "identified"}
+    for track_id, row in sorted(named.items()):
+        name, number = row["name"], row["norad_id"]
+        if len(last) == 1:
+            output.complain(f"on record it is {name} ({number}): --norad {number} writes that")
+        else:
+            output.complain(
+                f"on record track {track_id} is {name} ({number}):"
+                f" --track {track_id} --norad {number} writes that"
+            )
 
 
 def _tell_what_is_not_in_it(made: Any) -> None:

@@ -35,7 +35,7 @@ from rsoconsole.session.clock_notes import clock_notes
 from rsoconsole.session.reader import SessionReader
 
 OfFrame: TypeAlias = Measurement | TrackState | NotFollowed | Ruling | FollowedAgain
-KINDS = (FrameTaken, Measurement, TrackState, NotFollowed, Ruling, FollowedAgain)
+KINDS = (FrameTaken, Measurement, TrackState, NotFollowed, Ruling, FollowedAgain, Identified)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +52,8 @@ class ExportedNight:
     """In order of time."""
     clock_notes: tuple[str, ...] = ()
     """What happened to the clock that all these times are by, a line each."""
+    names: Mapping[int, Identified] = field(default_factory=dict)
+    """The last name of each track on record, by track id."""
 
     @property
     def tracks(self) -> tuple[int, ...]:
@@ -154,10 +156,13 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
     config = reader.config()
     about.pop("config", None)
     stories: dict[int, _FrameStory] = {}
+    names: dict[int, Identified] = {}
     for _, _, record in reader.records(kinds=KINDS):
         match record:
             case FrameTaken():
                 stories[record.frame_id] = _FrameStory(taken=record)
+            case Identified():
+                names[record.track_id] = record
             case Measurement() | TrackState() | NotFollowed() | Ruling() | FollowedAgain():
                 if record.frame_id in stories:
                     _hear(stories[record.frame_id], record)
@@ -173,7 +178,6 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
                 | CycleTiming()
                 | Closeup()
                 | OrbitEstimate()
-                | Identified()
                 | PairMotions()
                 | ExpectedMembers()
                 | Event()
@@ -190,6 +194,7 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
         about=about,
         rows=tuple(rows),
         clock_notes=clock_notes(reader),
+        names=names,
     )
 
 

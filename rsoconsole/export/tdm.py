@@ -21,6 +21,7 @@ import numpy as np
 from rsoconsole.export.night import ExportedNight
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.export.target import Target
+from rsoconsole.export.track_names import name_words
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import direction_to_unit, wrap_360
 from rsoconsole.sky.frames import hour_angle_icrs_deg
@@ -97,6 +98,8 @@ def _metadata(
         f"COMMENT Telescope: focal length {optics.focal_length_mm:g} mm, pixels of"
         f" {optics.pixel_um:g} um; angles by streaks against catalogue stars"
     )
+    if track in night.names:
+        yield f"COMMENT Track {track} {name_words(night.names[track])}"
     yield "COMMENT Angles are astrometric and along ICRS axes; EME2000 differs by 0.02 arcsec"
     yield "COMMENT CORRECTION_ABERRATION: size on the sky of what was taken out, deg"
     yield "COMMENT SIGMA in the data section: epoch, RA times cos Dec (arcsec), Dec (arcsec),"
