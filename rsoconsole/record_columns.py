@@ -483,7 +483,10 @@ _ABOUT: tuple[Table, ...] = (
         name="states",
         kind=StateChange,
         row="a change of the loop's state",
-        own=columns_of("before text state before\nafter text state after\nreason text why"),
+        own=columns_of(
+            "before text state before\nafter text state after\nreason text why\n"
+            "kept_track_id integer the track that can be followed again after it; 0: none"
+        ),
     ),
     Table(
         name="parameters",

@@ -35,7 +35,7 @@ MapMode = Literal["fast", "paper"]
 StreakKind = Literal["streak", "clipped", "crossing"]
 """How many of its ends lie in the frame: both, one, none."""
 ObjectClass = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain", "undetermined"]
-Topic = Literal["", "limit", "machine", "clock", "engine ended", "approach"]
+Topic = Literal["", "limit", "machine", "clock", "engine ended", "approach", "kept"]
 OFF_RECORD = "off the record"
 """In a field's metadata: of the running program alone, no session carries it."""
 
@@ -507,6 +507,9 @@ class StateChange:
     before: LoopState
     after: LoopState
     reason: Cause | Told
+    kept_track_id: int | None = None
+    """The track that can be followed again from here on, 0 where there is none; None for a change
+    that a frame led to, and in sessions from before this was on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

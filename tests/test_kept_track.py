@@ -5,10 +5,11 @@ import dataclasses
 import pytest
 
 from rsoconsole.engine.arming import CHECKS
+from rsoconsole.engine.states import ClockSet, LimitMet, Marked
 from rsoconsole.errors import InstrumentError
 from rsoconsole.pipeline.kept_until import KEPT_S, NS
 from rsoconsole.pipeline.reduce import Reduction
-from rsoconsole.pipeline.replay import replay
+from rsoconsole.pipeline.replay import Walk, replay
 from rsoconsole.reason_text import text
 from rsoconsole.records import Event, Frame, NotSolved, OperatorAction, StateChange
 from rsoconsole.session.codec import decode, encode
@@ -193,3 +194,64 @@ def test_arming_and_following_again_at_once_checks_the_pointing_first(tracking: 
     assert any(words.startswith("pointing offset") for words in said)
     tracking.engine.run(frames=12)
     assert (tracking.engine.status().state, tracking.engine.following.track_id) == ("TRACK", 1)
+
+
+def kept_by_replay(r: Rig) -> int | None:
+    """What a replay of the log so far holds to be followed again, by its track id."""
+    walk = Walk.begin(CONFIG)
+    for record in r.memory.records:
+        list(walk.hear(decode(*encode(record)[::2])))
+    return None if walk.kept.following is None else walk.kept.following.track_id
+
+
+def assert_given_up_on_record(r: Rig) -> None:
+    said = [event for event in r.memory.of(Event) if event.topic == "kept"]
+    assert [event.text for event in said] == ["track 1 can no longer be followed again"]
+    assert r.engine.charge.kept is None
+    assert kept_by_replay(r) is None
+
+
+@pytest.mark.parametrize("verb", ["disarm", "seek"])
+def test_what_grew_too_old_is_given_up_on_record_and_a_replay_gives_it_up_too(
+    tracking: Rig, verb: str
+):
+    tracking.reducer.frames = set()
+    tell(tracking, verb)
+    assert kept_by_replay(tracking) == 1
+    idle_for(tracking, KEPT_S + 60.0)
+    assert_given_up_on_record(tracking)
+
+
+@pytest.mark.parametrize("verb", ["disarm", "seek"])
+def test_what_a_set_clock_makes_worthless_is_given_up_on_record(tracking: Rig, verb: str):
+    tracking.reducer.frames = set()
+    tell(tracking, verb)
+    tracking.engine.happen(ClockSet(step_s=3600.0))
+    assert_given_up_on_record(tracking)
+
+
+def test_a_limit_met_in_a_search_gives_up_what_was_kept_on_record(tracking: Rig):
+    tell(tracking, "seek")
+    tracking.engine.happen(LimitMet(words="altitude 5 deg, below 20"))
+    assert_given_up_on_record(tracking)
+
+
+def test_a_change_of_state_says_which_track_can_be_followed_again(tracking: Rig):
+    tell(tracking, "disarm")
+    tell(tracking, "resume")
+    assert [change.kept_track_id for change in tracking.memory.of(StateChange)[-2:]] == [1, 0]
+    # A passage of the fold's own is the same in every session.
+    assert {c.kept_track_id for c in tracking.memory.of(StateChange) if c.after == "TRACK"} == {
+        None
+    }
+
+
+def test_what_the_engine_keeps_longer_than_the_frames_say_is_kept_by_a_replay_too(tracking: Rig):
+    """By hand the time counts again with every word; a replay of frames alone lost the track."""
+    tell(tracking, "disarm")
+    tell(tracking, "nudge", east_arcmin=0.0, north_arcmin=0.01)
+    for _ in range(2):
+        idle_for(tracking, 0.6 * KEPT_S)
+        tracking.engine.happen(Marked(kept=tracking.engine.charge.kept))
+    assert tracking.engine.charge.kept is not None
+    assert kept_by_replay(tracking) == 1

@@ -171,7 +171,9 @@ NIGHT = (
         frame_id=1, ra_icrs_deg=320.2, dec_icrs_deg=-4.8, t_aim_utc_ns=T0_UTC_NS, reason="follow"
     ),
     Miss(frame_id=2, reason=Told(words="cloud")),
-    StateChange(frame_id=2, before="TRACK", after="COAST", reason=Told(words="cloud")),
+    StateChange(
+        frame_id=2, before="TRACK", after="COAST", reason=Told(words="cloud"), kept_track_id=1
+    ),
     ParameterChange(name="detector.tau", before=0.1, after=0.2, by="operator"),
     OperatorAction(verb="slew", arguments={"ra": 1.5}, outcome=DONE, by="console"),
     CycleTiming(frame_id=1, stage_ms={"detect": 30.0, "solve": 40.0}),
@@ -283,6 +285,7 @@ def test_the_views_spread_every_record_into_columns(writer: SessionWriter, folde
     assert json.loads(rows["orbits"][0]["covariance"])[5][5] == estimate_of(1).covariance[5][5]
     assert rows["identifications"][0]["runner_up_name"] == "SES 10"
     assert rows["states"][0]["after"] == "COAST"
+    assert rows["states"][0]["kept_track_id"] == 1
     assert rows["parameters"][0]["after"] == 0.2
     assert json.loads(rows["actions"][0]["arguments"]) == {"ra": 1.5}
     assert {(row["stage"], row["ms"]) for row in rows["timings"]} == {

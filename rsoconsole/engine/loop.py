@@ -24,7 +24,7 @@ from rsoconsole.engine.guide import Guide
 from rsoconsole.engine.handlers import joined
 from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
 from rsoconsole.engine.interruptions import Interruptions
-from rsoconsole.engine.kept import KeptTrack
+from rsoconsole.engine.kept import KeptTrack, name_of
 from rsoconsole.engine.modes import Modes
 from rsoconsole.engine.pace import Pace
 from rsoconsole.engine.parking import Parking
@@ -316,7 +316,9 @@ class Engine:
 
     def _one_turn(self, *, is_bounded: bool) -> None:
         if self._kept.is_over(self.hands.now_utc_ns()):
-            self._enter(without_kept(self.charge), None)
+            before = self.charge
+            self._enter(without_kept(before), None)
+            self._note_given_up(before)
         self.interruptions.look_at_mount()
         is_at_work = self.charge.is_autonomous or self.charge.state == "MANUAL"
         if is_at_work and not self.hands.instruments.clock.is_steady:
@@ -386,6 +388,7 @@ class Engine:
         self._enter(result.charge, result.reason)
         if not isinstance(happening, Followed | Marked):
             self._forget_since(before)
+            self._note_given_up(before)
         if isinstance(happening, LimitMet | BY_OPERATOR):
             self.by_hand.move = None
         if isinstance(happening, BY_OPERATOR):
@@ -427,6 +430,14 @@ class Engine:
         if self.charge.state != before.state:
             self.cycle.hand.forget()
         self._plan = self._exposures.next_start_utc_ns = None
+
+    def _note_given_up(self, before: Charge) -> None:
+        """A kept track is worth nothing any more, and no change of state says so."""
+        given_up = before.kept
+        if given_up is None or self.charge.kept is not None or self.charge.state != before.state:
+            return
+        words = f"{name_of(given_up, self.orbits.names)} can no longer be followed again"
+        self.chronicle.say("info", words, "kept")
 
     def _note_giving_up(self, happening: Happening) -> None:
         if self.charge.state != "IDLE":
@@ -669,6 +680,10 @@ class Engine:
         if before != charge.state and reason is not None:
             self.chronicle.append(
                 StateChange(
-                    frame_id=self.frame_id, before=before, after=charge.state, reason=reason
+                    frame_id=self.frame_id,
+                    before=before,
+                    after=charge.state,
+                    reason=reason,
+                    kept_track_id=0 if charge.kept is None else charge.kept.track_id,
                 )
             )

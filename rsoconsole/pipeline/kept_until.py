@@ -1,6 +1,7 @@
 """What an ended track leaves to be followed again, and until when. Pure but for its memory.
 
-The engine knows it by its clock (``engine/kept.py``), a replay by the frames on record.
+The engine knows it by its clock (``engine/kept.py``) and puts it on record; a replay of a session
+from before that goes by the times of its frames.
 """
 
 from rsoconsole.config import FilterConfig
@@ -50,6 +51,8 @@ class KeptOnRecord:
         self._is_counted = True
         """The time since the last change of state has been begun."""
         self._is_lent = False
+        self._is_on_record = False
+        """What is kept no more stands in this session: nothing has to be inferred."""
         self._last_utc_ns: int | None = None
 
     def folded(self, after: Following, t_mid_utc_ns: int) -> None:
@@ -63,12 +66,16 @@ class KeptOnRecord:
         if t_mid_utc_ns is None:
             return
         self._last_utc_ns = t_mid_utc_ns
-        if self.following is None:
+        if self.following is None or self._is_on_record:
             return
         if self._until_utc_ns is not None and t_mid_utc_ns >= self._until_utc_ns:
             self.following = None
         elif not self._is_counted:
             self._count(settings, t_mid_utc_ns)
+
+    def given_up(self) -> None:
+        """The engine says that it can no longer be followed again."""
+        self.following = None
 
     def made(self, kept: Following | None, settings: FilterConfig) -> None:
         """The operator's words on frames that nobody followed have made it."""
@@ -80,6 +87,7 @@ class KeptOnRecord:
     def passed(self, change: StateChange, before: Following, settings: FilterConfig) -> None:
         """The state has changed from outside. ``before``: what was followed until then."""
         is_ended = before.state in _TRACKS
+        self._is_on_record = self._is_on_record or change.kept_track_id is not None
         cause = change.reason
         if isinstance(cause, Cause) and cause.kind in _LEAVES_NOTHING:
             self.following = None

@@ -224,6 +224,9 @@ class Walk:
                 self.part = self._hear_of_frame(record)
             case TrackState() | NotFollowed() | Miss() | StateChange():
                 self.part = self._hear_of_frame(record)
+            case Event() if record.topic == "kept":
+                yield from self.close()
+                self.kept.given_up()
             case (
                 SlewCommand()
                 | Identified()

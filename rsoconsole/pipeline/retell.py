@@ -244,6 +244,8 @@ def _closes(record: Record) -> bool:
             return True
         case StateChange():
             return is_from_outside(record)
+        case Event():
+            return record.topic == "kept"
         case (
             Detections()
             | Solution()
@@ -259,7 +261,6 @@ def _closes(record: Record) -> bool:
             | Identified()
             | PairMotions()
             | ExpectedMembers()
-            | Event()
         ):
             return False
         case _:
