@@ -10,6 +10,14 @@ from rsoconsole.session.writer import SessionWriter
 from tests.seat_rig import FakeWire, written
 
 
+@pytest.fixture(scope="session", autouse=True)
+def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Rescue sessions, locks of mounts and logs outlive a night: they stay out of the home."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
 @pytest.fixture(scope="module")
 def told_night(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A night of twenty frames, closed."""

@@ -23,7 +23,7 @@ from rsoconsole.session.database import connect_to_read, connect_to_write
 from rsoconsole.session.digest import mark_closed
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.repair import repair_session
-from rsoconsole.session.rescue import Rescue
+from rsoconsole.session.rescue import Rescue, rescue_places
 from rsoconsole.session.rows import FILE_ROWS, INSERT_FILE
 from rsoconsole.session.upkeep import read_notes
 from rsoconsole.session.verify import verify_session
@@ -377,3 +377,23 @@ def test_the_list_names_a_rescue_and_whose_it_is(split, tmp_path):
     (row,) = [json.loads(line) for line in done.stdout.splitlines()]
     assert row["rescues"] is None
     assert row["records"] == 8
+
+
+def test_no_empty_folder_stays_where_a_rescue_could_not_be_or_is_needed_no_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    home = tmp_path / "home"
+    home.mkdir()
+    rescue = Rescue(tmp_path / "night", {}, b"", lambda: [home / "rescue"])
+    monkeypatch.setattr("rsoconsole.session.rescue.LEAST_BYTES", 10**18)
+    assert not rescue.begin()
+    assert list(home.iterdir()) == []
+    monkeypatch.setattr("rsoconsole.session.rescue.LEAST_BYTES", 0)
+    assert rescue.begin()
+    rescue.discard()
+    assert list(home.iterdir()) == []
+
+
+def test_tests_leave_nothing_in_the_state_folder_of_who_runs_them():
+    places = list(rescue_places())
+    assert not places[0].is_relative_to(Path.home())

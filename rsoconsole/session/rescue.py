@@ -63,10 +63,12 @@ class Rescue:
             try:
                 place.mkdir(mode=0o700, parents=True, exist_ok=True)
                 if shutil.disk_usage(place).free < LEAST_BYTES or folder.exists():
+                    _leave(place)
                     continue
                 self._make(folder)
             except (OSError, sqlite3.Error, ValueError):
                 shutil.rmtree(folder, ignore_errors=True)
+                _leave(place)
                 continue
             self.folder = folder
             return True
@@ -119,6 +121,7 @@ class Rescue:
         self.close()
         if self.folder is not None:
             shutil.rmtree(self.folder, ignore_errors=True)
+            _leave(self.folder.parent)
             self.folder = None
 
     def close(self) -> None:
@@ -127,3 +130,9 @@ class Rescue:
             with contextlib.suppress(sqlite3.Error):
                 self._connection.close()
             self._connection = None
+
+
+def _leave(place: Path) -> None:
+    """No empty folder stays behind in somebody's home."""
+    with contextlib.suppress(OSError):  # it holds other rescues, or was never made
+        place.rmdir()
