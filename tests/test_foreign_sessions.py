@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.errors import SessionError
+from rsoconsole.pipeline.replay import replay
+from rsoconsole.records import Event
 from rsoconsole.session import bounds
 from rsoconsole.session.archive import archive_session
 from rsoconsole.session.bounds import is_interrupted
@@ -59,6 +61,45 @@ def test_an_archive_holds_nothing_that_a_link_points_at(foreign, tmp_path):
     with tarfile.open(made.path) as tar:
         names = tar.getnames()
     assert not [name for name in names if "stolen" in name or "secret" in name]
+
+
+def test_a_schema_that_is_no_text_any_more_is_damage_and_what_it_holds_is_saved(foreign):
+    """SQLite's message quotes the bytes: Python fails to decode it."""
+    database = foreign / "session.db"
+    content = database.read_bytes()
+    place = content.index(b"CREATE VIEW")
+    database.write_bytes(content[:place] + b"\xa1" + content[place + 1 :])
+    with pytest.raises(SessionError, match="schema"):
+        SessionReader(foreign).about()
+    assert not verify_session(foreign).is_sound
+    assert [session.folder for session in list_sessions(foreign.parent)] == [foreign]
+    recovered = repair_session(foreign, NOW_NS).recovered
+    assert recovered is not None
+    assert recovered.records == SessionReader(SAMPLE).counts().records
+
+
+NOWHERE = "[[314.2, -4.8], [314.1, 1e300]]"
+
+
+@pytest.mark.parametrize(
+    ("kind", "place"),
+    [
+        ("Measurement", "$.ends_icrs_deg"),
+        ("NotFollowed", "$.measurement.ends_icrs_deg"),
+        ("Ruling", "$.taken.ends_icrs_deg"),
+    ],
+)
+def test_a_streak_that_ends_nowhere_is_damage_and_breaks_no_replay(foreign, kind, place):
+    sql(
+        foreign,
+        f"UPDATE log SET body = json_set(body, '{place}', json('{NOWHERE}')) WHERE kind = '{kind}'"
+        f" AND json_type(body, '{place}') = 'array'",
+    )
+    reader = SessionReader(foreign)
+    records = [record for _, _, record in reader.records()]
+    said = [record.text for record in records if isinstance(record, Event)]
+    assert any(f"a {kind} of this session is damaged" in text for text in said)
+    assert list(replay(records, reader.config()))
 
 
 @pytest.mark.parametrize("value", ["{", "x", '"\\ud800', "[" * 100_000])

@@ -20,11 +20,29 @@ from rsoconsole.session.schema import (
 )
 
 
+class Database(sqlite3.Connection):
+    """A connection whose errors are sqlite3.Error, whatever bytes SQLite's message quotes.
+
+    Of a damaged schema it quotes what is damaged, and Python fails to decode that.
+    """
+
+    def execute(self, sql: str, parameters: Any = (), /) -> sqlite3.Cursor:
+        """As of any connection."""
+        try:
+            return super().execute(sql, parameters)
+        except UnicodeDecodeError as error:
+            raise sqlite3.DatabaseError("the schema of the database is damaged") from error
+
+
 def connect_to_write(path: Path) -> sqlite3.Connection:
     """A connection in autocommit mode whose commits wait for the disk. Raises sqlite3.Error."""
     # mode=rw: a database that has vanished is a fault, never silently a new empty one.
     connection = sqlite3.connect(
-        f"{path.resolve().as_uri()}?mode=rw", uri=True, timeout=2.0, isolation_level=None
+        f"{path.resolve().as_uri()}?mode=rw",
+        uri=True,
+        timeout=2.0,
+        isolation_level=None,
+        factory=Database,
     )
     try:
         connection.execute("PRAGMA synchronous=FULL")
@@ -41,7 +59,9 @@ def connect_to_read(path: Path, *, is_immutable: bool = False) -> sqlite3.Connec
     is ended (``session/bounds.py``). Raises sqlite3.Error.
     """
     mode = "mode=ro&immutable=1" if is_immutable else "mode=ro"
-    connection = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True, timeout=2.0)
+    connection = sqlite3.connect(
+        f"{path.resolve().as_uri()}?{mode}", uri=True, timeout=2.0, factory=Database
+    )
     bound(connection, path)
     try:
         connection.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchall()

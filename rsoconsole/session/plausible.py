@@ -3,7 +3,7 @@
 JSON that is shaped like a record may say anything; what computes with it must not meet that.
 """
 
-from rsoconsole.records import FrameTaken, Measurement, Record, TrackState
+from rsoconsole.records import FrameTaken, Measurement, NotFollowed, Record, Ruling, TrackState
 
 LAST_UTC_NS = 7_258_118_400 * 10**9
 """The year 2200."""
@@ -18,9 +18,13 @@ def expect_plausible(record: Record) -> None:
     """Raises ValueError, naming what is none."""
     match record:
         case Measurement():
-            _expect_time(record.t_mid_utc_ns)
-            _expect_direction(record.ra_icrs_deg, record.dec_icrs_deg)
-            _expect_covariance(*record.cov_sky_arcsec2)
+            _expect_measurement(record)
+        case NotFollowed():
+            _expect_measurement(record.measurement)
+        case Ruling():
+            for each in (record.taken, *record.refused):
+                if each is not None:
+                    _expect_measurement(each)
         case TrackState():
             _expect_time(record.t_utc_ns)
             _expect_state(record)
@@ -31,6 +35,14 @@ def expect_plausible(record: Record) -> None:
                 raise ValueError(f"{record.exposure_s:g} s is no exposure")
         case _:
             pass
+
+
+def _expect_measurement(measurement: Measurement) -> None:
+    _expect_time(measurement.t_mid_utc_ns)
+    _expect_direction(measurement.ra_icrs_deg, measurement.dec_icrs_deg)
+    for ra_deg, dec_deg in measurement.ends_icrs_deg or ():
+        _expect_direction(ra_deg, dec_deg)
+    _expect_covariance(*measurement.cov_sky_arcsec2)
 
 
 def _expect_time(t_utc_ns: int) -> None:

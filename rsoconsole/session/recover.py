@@ -21,7 +21,7 @@ from rsoconsole.foreign_text import json_of, read_foreign, toml_of
 from rsoconsole.session.bounds import bound, computed_part
 from rsoconsole.session.codec import KINDS
 from rsoconsole.session.contents import content_fault
-from rsoconsole.session.database import connect_to_write, create_database, leave_wal
+from rsoconsole.session.database import Database, connect_to_write, create_database, leave_wal
 from rsoconsole.session.digest import META_KEY as DIGEST_KEY
 from rsoconsole.session.digest import Row, mark_closed, sha256_of
 from rsoconsole.session.frame_files import PART, sync_folder
@@ -158,7 +158,7 @@ def _walked(database: Path) -> _Read:
     """The rows that SQLite still reads, one by one around those it does not."""
     read = _Read({}, {}, {})
     try:
-        with closing(sqlite3.connect(database)) as connection:
+        with closing(sqlite3.connect(database, factory=Database)) as connection:
             bound(connection, database)
             if computed_part(connection):
                 return read  # what its tables hold stands on the pages
