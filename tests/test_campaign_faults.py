@@ -1,9 +1,21 @@
 """The campaign of faults judges by what it sees itself, and a short one finds nothing wrong."""
 
+import numpy as np
+import pytest
+
 from tests.campaign import faults
+from tests.campaign.fault_growth import HELD, Sample, growing, growth_lines, slopes_of
 from tests.campaign.fault_kinds import ENDS_IT, KINDS
 from tests.campaign.fault_wire import Orders
 
+WELL = {
+    "rows": [],
+    "lost": [],
+    "unsafe_slews": [],
+    "tracebacks": 0,
+    "tracebacks_in_logs": 0,
+    "slopes": {},
+}
 SHORT = ("wire cut", "frame spoilt", "socket replaced", "noise on the socket", "log removed")
 
 
@@ -74,7 +86,46 @@ def test_there_are_kinds_enough_and_each_says_what_it_is():
 
 
 def test_a_traceback_in_any_log_is_nothing_well():
-    well = {"rows": [], "lost": [], "unsafe_slews": [], "tracebacks": 0, "tracebacks_in_logs": 0}
-    assert faults.is_well(well)
+    assert faults.is_well(WELL)
     for name, found in (("tracebacks_in_logs", 1), ("tracebacks", 1), ("lost", ["fact 1"])):
-        assert not faults.is_well({**well, name: found})
+        assert not faults.is_well({**WELL, name: found})
+
+
+def life(**grows: float) -> list[Sample]:
+    """A life of 1,000 frames on a machine that has ever more to do; ``grows``: a frame."""
+    draw, samples = np.random.default_rng(7), []
+    for frame in range(2, 1000, 2):
+        busy = 1.0 + frame / 500.0 + draw.normal(0.0, 0.3) ** 2
+        figures = {
+            "mib": 210.0 + 4.0 * (1.0 - np.exp(-frame / 150.0)) + draw.normal(0.0, 0.05),
+            "descriptors": 36 + draw.integers(3),
+            "threads": 22 + draw.integers(3),
+            "cycle_s": 0.2 + 0.05 * busy + draw.normal(0.0, 0.01),
+        }
+        for name, each in grows.items():
+            figures[name] += each * frame
+        samples.append(Sample(frame=frame, **figures, pace_s=0.003 * busy))
+    return samples
+
+
+def test_a_life_that_fills_what_is_bounded_on_an_ever_busier_machine_is_flat():
+    slopes = slopes_of(life())
+    assert set(slopes) == {"mib", "descriptors", "threads", "cycle_s"}
+    assert growing(slopes) == []
+    assert faults.is_well({**WELL, "slopes": slopes})
+
+
+@pytest.mark.parametrize(
+    ("name", "a_frame"),
+    [("mib", 0.004), ("descriptors", 0.01), ("threads", 0.01), ("cycle_s", 0.0001)],
+)
+def test_what_grows_with_the_frames_is_named_and_nothing_well(name: str, a_frame: float):
+    slopes = slopes_of(life(**{name: a_frame}))
+    assert growing(slopes) == [HELD[name].words]
+    assert not faults.is_well({**WELL, "slopes": slopes})
+    marked = [line for line in growth_lines(slopes, "seed 7") if line.endswith("GROWS |")]
+    assert [HELD[name].words in line for line in marked] == [True]
+
+
+def test_a_short_night_has_no_slopes():
+    assert slopes_of(life()[:150]) == {}

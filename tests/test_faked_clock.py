@@ -1,4 +1,9 @@
-"""The system clock under libfaketime (apt install faketime): steps, half and twice the speed."""
+"""The system clock under libfaketime (apt install faketime): steps, half and twice the speed.
+
+The clock alone: a whole engine does not run there, because libfaketime 0.9.10 fails Python's
+``time.sleep`` with EINVAL as soon as monotonic time is left as it is. What the engine makes of each
+fault is held with an injected clock (test_interruptions.py).
+"""
 
 import os
 import subprocess

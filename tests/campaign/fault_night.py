@@ -18,6 +18,7 @@ from rsoconsole.errors import ControlError, SessionError
 from rsoconsole.records import OperatorAction
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.simulator.launch import start_observatory
+from tests.campaign.fault_growth import Sample, pace_s
 from tests.campaign.fault_wire import FaultyWire
 from tests.stop_witness import Ear
 from tests.whole_engine import CHILDREN, COMMAND, OVERRIDES, WholeEngine, wait_for
@@ -54,18 +55,6 @@ class Row:
     """Until the answer that the mount stands; None: no STOP was given, or the mount did not say."""
     wrong: list[str] = field(default_factory=list)
     """What should not have happened, in words."""
-
-
-@dataclass(slots=True)
-class Sample:
-    """The engine and its children at one frame."""
-
-    frame: int
-    mib: float
-    descriptors: int
-    threads: int
-    cycle_s: float
-    """Of one frame, measured while nothing was done to it."""
 
 
 class FaultNight:
@@ -190,7 +179,7 @@ class FaultNight:
                 mib += (kib["Pss:"] - kib["Pss_File:"]) / 1024.0
                 descriptors += len(list(Path(f"/proc/{pid}/fd").iterdir()))
                 threads += len(list(Path(f"/proc/{pid}/task").iterdir()))
-        self.samples.append(Sample(frame, mib, descriptors, threads, cycle_s))
+        self.samples.append(Sample(frame, mib, descriptors, threads, cycle_s, pace_s()))
 
     def stop(self, row: Row, *, is_delayed: bool = False) -> None:
         """STOP by the wire while the mount moves, measured: the worst of a row is kept.

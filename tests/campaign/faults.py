@@ -20,9 +20,9 @@ from typing import Any
 import astropy.units as u
 import numpy as np
 from astropy.time import Time
-from scipy.stats import theilslopes
 
 from tests.campaign.arguments import seeds_of
+from tests.campaign.fault_growth import growing, growth_lines, slopes_of
 from tests.campaign.fault_kinds import ENDS_IT, KINDS
 from tests.campaign.fault_night import VERB_S, FaultNight, Row
 from tests.stub_stage import SITE
@@ -40,12 +40,6 @@ BETWEEN_S = 20.0
 LEAST_ALT_DEG = 15.0
 """Below which this engine's configuration sends no mount."""
 ORDERED_MS, CONFIRMED_MS = 200.0, 500.0
-HELD = {
-    "mib": "memory of the engine and its children, MiB",
-    "descriptors": "their open files",
-    "threads": "their threads",
-    "cycle_s": "an undisturbed cycle, s",
-}
 Answer = dict[str, Any]
 
 
@@ -74,7 +68,7 @@ def night(seed: int, frames: int, folder: Path, kinds: Sequence[str] = tuple(KIN
                 path.read_text(errors="replace").count("Traceback (most recent call last)")
                 for path in log.rglob("*.log*")
             ),
-            "slopes": _slopes(running),
+            "slopes": slopes_of(running.samples),
         }
 
 
@@ -141,23 +135,6 @@ def _row_json(row: Row) -> dict[str, Any]:
     return {name: getattr(row, name) for name in row.__dataclass_fields__}
 
 
-def _slopes(running: FaultNight) -> dict[str, Any]:
-    """Growth of what one engine holds: Theil-Sen's slope and its 95 % interval."""
-    told: dict[str, Any] = {}
-    frames = np.array([each.frame for each in running.samples], float)
-    if len(frames) < 10:
-        return told
-    for name in HELD:
-        values = np.array([getattr(each, name) for each in running.samples], float)
-        told[name] = {
-            "first": float(np.median(values[:10])),
-            "last": float(np.median(values[-10:])),
-        }
-        slope, _, low, high = theilslopes(values, frames)
-        told[name] |= {"per_1000": slope * 1e3, "low": low * 1e3, "high": high * 1e3}
-    return told
-
-
 def table(answers: Sequence[Mapping[str, Any]]) -> str:
     """Markdown: the whole, and each kind."""
     rows = [row for answer in answers for row in answer["rows"]]
@@ -189,12 +166,7 @@ def table(answers: Sequence[Mapping[str, Any]]) -> str:
                 f" {late} of {len(values)} over {bar:.0f} ms |"
             )
     for answer in answers:
-        for name, s in answer["slopes"].items():
-            lines.append(
-                f"| {HELD[name]}, seed {answer['seed']} | {s['first']:.3g} to"
-                f" {s['last']:.3g}, {s['per_1000']:+.2g} per 1,000 frames"
-                f" ({s['low']:+.2g} to {s['high']:+.2g} at 95 %) |"
-            )
+        lines += growth_lines(answer["slopes"], f"seed {answer['seed']}")
     lines += ["", "| fault | n | frames again after, median and worst | armed again | wrong |"]
     lines.append("|---|---|---|---|---|")
     for kind in KINDS:
@@ -250,9 +222,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def is_well(answer: Mapping[str, Any]) -> bool:
-    """Whether nothing was lost, unsafe, broken or otherwise wrong in a night."""
+    """Whether nothing was lost, unsafe, broken, growing or otherwise wrong in a night."""
     whole = ("lost", "unsafe_slews", "tracebacks", "tracebacks_in_logs")
-    return not (any(answer[name] for name in whole) or any(r["wrong"] for r in answer["rows"]))
+    is_wrong = any(answer[name] for name in whole) or any(r["wrong"] for r in answer["rows"])
+    return not is_wrong and not growing(answer["slopes"])
 
 
 if __name__ == "__main__":
