@@ -67,8 +67,13 @@ def test_a_schema_that_is_no_text_any_more_is_damage_and_what_it_holds_is_saved(
     """SQLite's message quotes the bytes: Python fails to decode it."""
     database = foreign / "session.db"
     content = database.read_bytes()
-    place = content.index(b"CREATE VIEW")
-    database.write_bytes(content[:place] + b"\xa1" + content[place + 1 :])
+    name, words = b"detectionsdetections", b"CREATE VIEW detections"
+    place = content.index(name + words)
+    database.write_bytes(
+        content[:place]
+        + (b"\xa1" + name[1:] + b"?" + words[1:])
+        + content[place + len(name + words) :]
+    )
     with pytest.raises(SessionError, match="schema"):
         SessionReader(foreign).about()
     assert not verify_session(foreign).is_sound
