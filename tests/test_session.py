@@ -30,6 +30,7 @@ from rsoconsole.records import (
     FollowedAgain,
     Frame,
     FrameTaken,
+    LedgerName,
     Measurement,
     Miss,
     Mixture,
@@ -156,6 +157,7 @@ NIGHT = (
         nis=1.5,
         innovation_arcsec=(0.5, -0.25),
         sigma_innovation_arcsec=(1.0, 2.0),
+        replaces=7,
         mixture=Mixture(
             motion_probabilities=(("parallel", 0.9), ("any orbit", 0.1)),
             acceleration_arcsec_s2=1e-6,
@@ -188,7 +190,17 @@ NIGHT = (
         sigma_innovation_arcsec=(1.0, 2.0),
         is_guide=True,
     ),
-    identified_of(1),
+    replace(
+        identified_of(1),
+        not_catalogued=0.1,
+        ledger=LedgerName(
+            number=3,
+            name="UCT 3",
+            t_last_utc_ns=T0_UTC_NS,
+            probability=0.8,
+            separation_arcsec=9.0,
+        ),
+    ),
     pairs_of(1, pair_of(1, 1, 2)),
     expected_of(1, unseen_of()),
 )
