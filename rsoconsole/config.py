@@ -427,7 +427,7 @@ class ConsoleConfig(_Section):
         " by the finest of its characters",
     )
     bell: tuple[Alert, ...] = Field(
-        ("loss", "limit", "fault"), description="what the terminal's bell is rung for"
+        ("loss", "limit", "fault", "approach"), description="what the terminal's bell is rung for"
     )
     notify: tuple[Alert, ...] = Field(
         (), description="what the terminal is asked to show a notification for (OSC 9)"

@@ -69,6 +69,16 @@ def test_a_limit_rings_once_and_history_never():
     assert alerts(HERE, other) == []
 
 
+def test_two_that_come_near_ring_and_their_end_does_not():
+    words = 'tracks 1 and 2: 80.1" apart, closest approach 12" (8 to 15") at 22:10 UTC ± 2 min'
+    for level, expected in (("warning", ["approach"]), ("info", [])):
+        line = line_of(Event(level=level, text=words, topic="approach"), 1)
+        assert line is not None
+        after = dataclasses.replace(HERE, log=(dataclasses.replace(line, seq=1),), seq=1)
+        assert alerts(HERE, after) == expected
+    assert "approach" in Config().console.bell
+
+
 def test_a_weak_supply_rings_as_a_fault_with_its_name():
     text = "machine: under-voltage: the power supply gives too little: use another"
     line = line_of(Event(level="alarm", text=text, topic="machine"), 1)

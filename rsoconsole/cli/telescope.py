@@ -15,6 +15,7 @@ from rsoconsole.cli.options import (
 )
 from rsoconsole.config import load_config
 from rsoconsole.control.commands import AskStatus
+from rsoconsole.control.status import Status
 from rsoconsole.errors import ControlError, InstrumentError
 from rsoconsole.waits import told_to
 
@@ -68,13 +69,14 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
     """One line about the running engine, for scripts and tmux.
 
     Where several satellites are followed a table of them comes below it, and where the telescope
-    looks next: * is the lead, + one that is kept, "next" whether it is then in the field.
+    looks next: * is the lead, + one that is kept, "next" whether it is then in the field. Then each
+    one's nearest neighbour with the next closest approach, tracks that are in no catalogue, and who
+    should be in the field and is not seen.
 
     Example: rsoconsole status --json
     """
     from rsoconsole.control import ControlClient, Machine, Sender, read_status
     from rsoconsole.control.mount_words import mount_words
-    from rsoconsole.control.track_table import next_aim_words, track_table
 
     outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
     if not outcome.ok:
@@ -106,11 +108,21 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
     if told.state == "FAULT" and not told.faults:
         words.append("the cause of the fault is over: 'rsoconsole arm' goes on")
     output.say(" · ".join(words))
+    _say_field(told)
+
+
+def _say_field(told: Status) -> None:
+    """Its tracks, the next aim, how they move to each other, and who is missing."""
+    from rsoconsole.control.field_now import field_words
+    from rsoconsole.control.track_table import next_aim_words, track_table
+
+    lines: list[str] = []
     if len(told.tracks) > 1:
-        for line in track_table(told):
-            output.say(line)
-        if told.next_aim is not None:
-            output.say(next_aim_words(told.next_aim))
+        lines += track_table(told)
+        lines += [] if told.next_aim is None else [next_aim_words(told.next_aim)]
+    lines += field_words(told.pairs, told.unseen, told.uncatalogued)
+    for line in lines:
+        output.say(line)
 
 
 def stop(

@@ -1,4 +1,4 @@
-"""What is worth a bell or a notification: a track begun or lost, a limit met, a fault."""
+"""What is worth a bell or a notification: a track begun or lost, an approach, a limit, a fault."""
 
 from rsoconsole.config import Alert
 from rsoconsole.console.engine_view import EngineView
@@ -37,6 +37,11 @@ def alerts_between(
         ("fault", line.text.removeprefix(MACHINE).partition(":")[0])
         for line in new_lines
         if line.level == "alarm" and line.topic == "machine"
+    ]
+    found += [
+        ("approach", line.text.removeprefix("warning: ").partition(",")[0])
+        for line in new_lines
+        if line.level == "warning" and line.topic == "approach"
     ]
     if now == "FAULT" and was != "FAULT":
         found.append(("fault", "the engine is in FAULT"))

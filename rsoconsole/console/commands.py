@@ -289,8 +289,9 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "6",
         "Tracks of the field",
         "every satellite that is followed: state, residual, NIS; arrows choose one, enter makes it"
-        " the lead, - drops it (u takes that back), + keeps it whatever it misses; once more: the"
-        " plots of the chosen one",
+        " the lead, - drops it (u takes that back), + keeps it whatever it misses, → shows who"
+        " stands next to whom, when they come closest and who is missing; once more: the plots of"
+        " the chosen one",
         "plots",
         where=BOTH,
     ),

@@ -9,13 +9,14 @@ from textual.message import Message
 
 from rsoconsole.console.curve_actions import CurveActions
 from rsoconsole.console.night import FrameRow, NightView
+from rsoconsole.console.pair_lines import neighbour_lines
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.track_fold import FollowedTrack
 from rsoconsole.console.track_lines import is_chosen, name_words, track_list_lines
 from rsoconsole.console.words import present_utc_ns
 from rsoconsole.control.commands import Choose
 
-Wanting = Literal["above", "below", "lead", "drop", "keep", "close"]
+Wanting = Literal["above", "below", "lead", "drop", "keep", "close", "neighbours", "list"]
 
 
 class TracksPane(LinesPane, can_focus=False):
@@ -24,6 +25,8 @@ class TracksPane(LinesPane, can_focus=False):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "say('above')", "Track above"),
         Binding("down", "say('below')", "Track below"),
+        Binding("right", "say('neighbours')", "Who stands next to whom"),
+        Binding("left", "say('list')", "List"),
         Binding("enter", "say('lead')", "Make it the lead"),
         Binding("minus,delete", "say('drop')", "Drop it"),
         Binding("plus", "say('keep')", "Keep it whatever it misses"),
@@ -50,6 +53,9 @@ class TrackActions(CurveActions):
 
     track_chosen: int | None = None
     """Whose plots are shown, and where the list's cursor is; None: the lead's."""
+
+    shows_neighbours = False
+    """Whether the list says who stands next to whom."""
 
     @property
     def tracks_pane(self) -> TracksPane:
@@ -81,7 +87,11 @@ class TrackActions(CurveActions):
             now = present_utc_ns(self.night, self.engine)
             chosen = self.track_chosen if self._chosen_track is not None else None
             lines = partial(track_list_lines, self.night, chosen, now)
-            self.tracks_pane.show(partial(lines, next_aim=self.engine.next_aim))
+            listed = partial(lines, next_aim=self.engine.next_aim)
+            if self.shows_neighbours:
+                self.tracks_pane.show(partial(neighbour_lines, self.night, chosen))
+            else:
+                self.tracks_pane.show(listed)
 
     def place_curves(self, *, alert_rows: int, timeline_rows: int, aspect: float) -> None:
         """Over the plots; while it is seen the list has the arrows."""
@@ -108,6 +118,9 @@ class TrackActions(CurveActions):
         if message.what == "close":
             self.show_page(None)
             self.say(f"plots: {self.plotted_words or 'the lead'}")
+        elif message.what in {"neighbours", "list"}:
+            self.shows_neighbours = message.what == "neighbours"
+            self.show_plots()
         elif message.what == "lead":
             self._make_lead()
         elif message.what == "drop":

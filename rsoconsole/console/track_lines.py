@@ -117,7 +117,11 @@ def state_words(track: FollowedTrack) -> str:
 def name_words(night: NightView, track_id: int) -> str:
     """Its name in the catalogue; a sign stands for doubt."""
     found = night.identifications.get(track_id)
-    if found is None or found.verdict == "unknown" or not found.matches:
+    if found is not None and found.verdict == "unknown":
+        past = found.ledger
+        known = "" if past is None else one_line(past.name) + ("" if past.is_sure else "?")
+        return known or "not in catalogue"
+    if found is None or not found.matches:
         return "-"
     best = found.matches[0]
     doubt = "" if found.verdict == "identified" else "?"
@@ -146,10 +150,10 @@ def detail_lines(
     age = _age(night, track, now_utc_ns)
     parts.append(f"age {age}" if age else "")
     parts.append("no orbit yet" if orbit is None else f"orbit {orbit.label}")
-    return [clipped([(f" {line}", "")], width) for line in _packed(parts, width - 1)]
+    return [clipped([(f" {line}", "")], width) for line in packed(parts, width - 1)]
 
 
-def _packed(parts: list[str], width: int) -> list[str]:
+def packed(parts: list[str], width: int) -> list[str]:
     """In as many lines as it takes, broken between parts."""
     lines = [""]
     for part in (each for each in parts if each):
@@ -169,7 +173,7 @@ def aim_lines(aim: NextAim, width: int) -> list[Line]:
         clock_text(aim.t_utc_ns)[:8],
         "no slew" if way is None else f"slew {way:.1f}′",
     ]
-    return [clipped([(f" {line}", "dim")], width) for line in _packed(parts, width - 1)]
+    return [clipped([(f" {line}", "dim")], width) for line in packed(parts, width - 1)]
 
 
 def columns_for(width: int) -> tuple[_Column, ...]:

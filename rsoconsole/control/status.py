@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.control.field_now import PairNow, UnseenNow
 from rsoconsole.control.fields import as_json, read_fields
 
 SCHEMA = 1
@@ -189,6 +190,12 @@ class Status:
     """All that are followed, by their numbers."""
     next_aim: NextAim | None = None
     """None while nothing is followed."""
+    pairs: tuple[PairNow, ...] = ()
+    """How they move to each other, the nearest first."""
+    unseen: tuple[UnseenNow, ...] = ()
+    """Catalogued objects that should be in the field and have no track."""
+    uncatalogued: tuple[int, ...] = ()
+    """Tracks that no catalogued object explains."""
     next_limit: str | None = None
     """What sidereal tracking runs into within hours, and when."""
     lifted: tuple[str, ...] = ()

@@ -211,6 +211,7 @@ class Engine:
                 charge.following, self.orbits.names, self.cycle.folds.shown, now_ns, ahead
             ),
             next_aim=None if ahead is None else ahead.aim,
+            orbits=self.orbits,
         )
 
     def _look_ahead(self) -> None:

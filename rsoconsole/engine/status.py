@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from rsoconsole.control import NextAim, Status, TrackNow
+from rsoconsole.control.field_now import pairs_now, unseen_now
 from rsoconsole.engine.kept import name_of
 from rsoconsole.engine.states import Charge
 from rsoconsole.engine.watch import Watch
+from rsoconsole.pipeline.orbits import Orbits
 
 
 def status_of(
@@ -25,11 +27,14 @@ def status_of(
     markable_frames: tuple[int, ...] | None = None,
     tracks: tuple[TrackNow, ...] = (),
     next_aim: NextAim | None = None,
+    orbits: Orbits | None = None,
 ) -> Status:
     """A snapshot; every part of it is read once, so that any thread may ask.
 
-    ``names``: of identified tracks, by track id.
+    ``names``: of identified tracks, by track id; ``orbits``: knows the field as a whole.
     """
+    last_pairs = () if orbits is None or not charge.following.tracks else orbits.pairs.last
+    expected = None if orbits is None else orbits.expected
     track = charge.following.track
     limit = watch.next_limit
     report = watch.last_report
@@ -59,6 +64,9 @@ def status_of(
         markable_frames=markable_frames,
         tracks=tracks,
         next_aim=next_aim,
+        pairs=pairs_now(last_pairs),
+        unseen=unseen_now(None if expected is None else expected.last),
+        uncatalogued=() if expected is None else expected.uncatalogued,
         next_limit=ahead,
         lifted=tuple(sorted(watch.lifted)),
         faults=faults,

@@ -85,9 +85,14 @@ class Expected:
         """Solved ones since the last look."""
         self._missing: dict[int, int] = {}
         """By catalogue number: looks in a row that did not find it."""
-        self._was_told = False
+        self._uncatalogued: tuple[int, ...] = ()
         self.last: ExpectedMembers | None = None
         """Of the last look; other threads look in."""
+
+    @property
+    def uncatalogued(self) -> tuple[int, ...]:
+        """Tracks of the last frame that no catalogued object explains; from any thread."""
+        return self._uncatalogued
 
     def configure(self, config: Config, entries: Entries) -> None:
         """Take new tunables."""
@@ -112,6 +117,11 @@ class Expected:
 
     def refine(self) -> tuple[Record, ...]:
         """What belongs on record behind a frame. Raises OrbitError for a catalogue not read."""
+        self._uncatalogued = tuple(
+            n
+            for n in sorted(self._tracks)
+            if n in self._names and self._names[n].verdict == "unknown"
+        )
         taken, solution = self._taken, self._solution
         self._taken = None
         if taken is None or solution is None or solution.frame_id != taken.frame_id:
