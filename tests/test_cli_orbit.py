@@ -522,3 +522,33 @@ def test_the_sample_session_is_intelsat_14(tle: Path) -> None:
     found = run("orbit", sample)
     assert found["label"] == "constrained by prior"
     assert found["a_km"] == pytest.approx(42_165.0, abs=3.0 * found["sigma_a_km"])
+
+
+@pytest.mark.parametrize("is_simulated", [True, False])
+def test_a_session_is_identified_by_the_elements_that_it_began_with(
+    tmp_path: Path, tle: Path, monkeypatch: pytest.MonkeyPatch, is_simulated: bool
+) -> None:
+    site = {"latitude_deg": 29.19, "longitude_deg": -81.05, "elevation_m": 10.0}
+    config = Config.model_validate({"site": site, "catalogue": {"tle_files": [str(tle)]}})
+    about = {"title": "made up", "is_simulated": is_simulated}
+    writer = SessionWriter.create(tmp_path / "session", config, about)
+    write_track(writer, 1, SATELLITE, instants(0.0, 12))
+    writer.close()
+    done = CliRunner().invoke(app, ["identify", str(tmp_path / "session")])
+    assert done.exit_code == 0, done.output
+    assert "OURS" in done.stdout
+    assert f"by the elements that the session was recorded with: {tle}" in done.stderr
+    # What the operator has configured is newer than a real night's own, and none of a simulated's.
+    other = geostationary(90003, -58.0)
+    mine = tmp_path / "mine.tle"
+    mine.write_text(f"MINE\n{other.line_1}\n{other.line_2}\n")
+    (tmp_path / "none.toml").write_text(f'[catalogue]\ntle_files = ["{mine}"]\n')
+    done = CliRunner().invoke(app, ["identify", str(tmp_path / "session"), "--json"])
+    best = json.loads(done.stdout)["matches"][0]["name"]
+    assert best == ("OURS" if is_simulated else "MINE")
+    (tmp_path / "none.toml").write_text("")
+    tle.unlink()
+    done = CliRunner().invoke(app, ["identify", str(tmp_path / "session")])
+    assert f"--tle FILE, or in catalogue.tle_files of the configuration; the session had {tle}" in (
+        str(done.exception)
+    )

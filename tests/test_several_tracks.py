@@ -2,10 +2,12 @@
 
 import dataclasses
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from rsoconsole.cli.demo import _track_words
 from rsoconsole.config import Config
 from rsoconsole.console.night import Night
 from rsoconsole.engine.summary import summarise
@@ -13,8 +15,11 @@ from rsoconsole.export.night import read_night as exported
 from rsoconsole.notebook.night import read_night
 from rsoconsole.pipeline.orbit_online import OnlineOrbit, Refined
 from rsoconsole.pipeline.orbits import Orbits
+from rsoconsole.reasons import Missed, TrackLost
 from rsoconsole.records import (
+    CatalogueMatch,
     FoldRecord,
+    FrameTaken,
     Identified,
     Measurement,
     Miss,
@@ -244,6 +249,44 @@ def test_an_export_holds_both_tracks_and_figures_are_the_leads(told, tmp_path: P
     assert not [f for f in shown.frames if f.missed]
     figures = summarise(told, [])
     assert figures["misses"] == 0
+
+
+MATCH = CatalogueMatch(
+    norad_id=42432,
+    name="SES-10",
+    separation_arcsec=0.1,
+    along_track_s=0.0,
+    cross_track_arcsec=0.0,
+    rate_difference_percent=None,
+    tle_age_days=1.0,
+    score=0.1,
+    probability=0.99,
+)
+
+
+def test_the_summary_has_a_line_for_each_satellite(told):
+    first, second = summarise(told, [])["tracks"]
+    assert [each["tracks"] for each in (first, second)] == [[1], [2]]
+    assert [each["frames"] for each in (first, second)] == [30, 30]
+    assert {each["state"] for each in (first, second)} == {"TRACK"}
+    assert first["orbit"]["a_km"] != second["orbit"]["a_km"]
+    last = max(r.frame_id for r in told if isinstance(r, FrameTaken))
+    lost = Missed(kind="no detection", lost=TrackLost.by_time(7260.0))
+    gone = summarise([*told, Miss(frame_id=last, reason=lost, track_id=2)], [])["tracks"][1]
+    assert (gone["state"], gone["last_frame"]) == ("LOST", last)
+    assert "121 min" in gone["lost"]
+    # Of one catalogue number: one satellite, though its track began twice.
+    match = next(r for r in told if isinstance(r, Identified) and r.track_id == 1)
+    names = [
+        replace(match, verdict="identified", track_id=track_id, matches=(MATCH,))
+        for track_id in (1, 2)
+    ]
+    (only,) = summarise([*told, *names], [])["tracks"]
+    assert (only["name"], only["tracks"], only["frames"]) == ("SES-10", [1, 2], 60)
+    said = _track_words(only)
+    assert said.startswith("SES-10: 60 frames, followed to the end; ")
+    assert "lost in frame" in _track_words(gone)
+    assert "unidentified (track 2)" in _track_words(gone)
 
 
 def test_the_console_knows_all_and_shows_the_lead(told):

@@ -1,5 +1,6 @@
 """Tuning: what is tried, what it would have done to the night, and what the engine is told."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from rsoconsole.console.presets import load_presets, save_preset
 from rsoconsole.console.tune import NAMES, TUNABLES, TunePane, Tuning, tune_lines
 from rsoconsole.engine.tunables import TUNABLE
 from rsoconsole.errors import ConfigError
-from rsoconsole.pipeline.what_if import figures_of, what_if
+from rsoconsole.pipeline.what_if import as_recorded, figures_of, what_if
 from rsoconsole.records import Miss, TrackState
 from rsoconsole.session.codec import decode, encode
 from tests.engine_rig import rig
@@ -258,6 +259,35 @@ def test_what_a_tried_preset_does_not_ask_for_is_tried_no_longer():
     assert tuning.tried == {"filter.preset": "paper"}
 
 
+def test_the_effect_is_a_curve_and_says_which_way_is_better():
+    told = figures_of(())
+    now = replace(told, log_likelihood_mean=-1.0, nis_curve=(0.0, 2.0, None, 30.0))
+    then = replace(told, log_likelihood_mean=-0.5, nis_curve=(0.0, 1.0, 1.0, 3.0))
+    tuning = Tuning()
+    tuning.see(PRESENT)
+    tuning.step(1)
+    lines = tune_lines(tuning, now, then)(41, 24)
+    texts = ["".join(part for part, _ in line) for line in lines]
+    assert any(row.startswith("  log L ↑ is better") and row.endswith("-0.50") for row in texts)
+    assert "  NIS as it was  ▁▂·█" in texts
+    assert "  NIS if tried   ▁▁▁▃" in texts
+    inks = {part: ink for line in lines for part, ink in line}
+    assert (inks["█"], inks["▃"]) == ("warn", "")
+    # Where the settings need the rows there is none.
+    low = ["".join(part for part, _ in line) for line in tune_lines(tuning, now, then)(41, 14)]
+    assert not [row for row in low if "NIS as it was" in row]
+
+
+def test_the_curve_is_the_lead_s_innovations_frame_by_frame():
+    r = rig(set(range(1, 8)))
+    r.engine.arm()
+    r.engine.run(frames=9)
+    curve = as_recorded(r.memory.records).nis_curve
+    nis = {s.frame_id: s.nis for s in r.memory.of(TrackState) if s.kind == "updated"}
+    assert len(nis) > 3
+    assert curve == tuple(nis.get(frame) for frame in range(1, 10))
+
+
 @pytest.mark.parametrize("height", [12, 17, 21])
 def test_in_a_lower_pane_the_settings_move_so_that_the_chosen_one_is_seen(height: int):
     tuning = Tuning()
@@ -273,7 +303,7 @@ def test_in_a_lower_pane_the_settings_move_so_that_the_chosen_one_is_seen(height
         )
         assert any(text.startswith(" ▲") for text in texts) or row < height // 2 or is_whole
         assert any(text.startswith(" ▼") for text in texts) or row > 2 or is_whole
-        assert "state" in texts[-2]
+        assert "state" in texts[-2 if height < 17 else -4]
 
 
 def test_what_is_tried_is_shown_then_applied_then_undone(wire: FakeWire):

@@ -265,13 +265,18 @@ def _print_night(config: Config, night: Night) -> dict[str, Any]:
 
 
 def _say_summary(found: dict[str, Any]) -> None:
+    tracks = found["tracks"]
     target = found["target"] or "nothing"
     output.say(
         f"{found['frames']} frames, {found['detections']} detections, {found['misses']} misses;"
         f" followed {target}"
         + (f", locked after {found['locked_after_frames']} frames" if found["target"] else "")
     )
+    for each in tracks:
+        output.say(f"  {_track_words(each)}")
     if found["target"]:
+        if len(tracks) > 1:
+            output.say(f"  of {found['target']}:")
         names = {
             "measured_rms_arcsec": "measured, rms against truth (arcsec)",
             "prediction_rms_arcsec": "predicted one step ahead, rms (arcsec)",
@@ -281,7 +286,8 @@ def _say_summary(found: dict[str, Any]) -> None:
         for key, words in names.items():
             value = found[key]
             output.say(f"  {words:42} {'-' if value is None else f'{value:.2f}'}")
-    output.say(f"  {'orbit':42} {_orbit_words(found)}")
+    if not tracks:
+        output.say(f"  {'orbit':42} none")
     total = found["latency_ms"].get("total")
     if total:
         spread = f"{total['median']:.0f}, 95 %: {total['p95']:.0f}"
@@ -289,14 +295,20 @@ def _say_summary(found: dict[str, Any]) -> None:
     output.say(f"session {found['session']}")
 
 
-def _orbit_words(found: dict[str, Any]) -> str:
-    orbit, name = found["orbit"], found["identified"]
-    if orbit is None:
-        return "none"
-    words = f"{orbit['label']}, a {orbit['a_km']:.0f} ± {orbit['sigma_a_km']:.0f} km"
-    if name is None:
-        return words
-    return f"{words}; {name['verdict']}" + (f" {name['name']}" if name["name"] else "")
+def _track_words(track: dict[str, Any]) -> str:
+    """A satellite that was followed: name, frames, how it ended, orbit."""
+    name = track["name"] or f"unidentified (track {track['tracks'][-1]})"
+    ending = {
+        "TRACK": "followed to the end",
+        "COAST": "coasted at the end",
+        "LOST": f"lost in frame {track['last_frame']}: {track['lost']}",
+        "IDLE": f"ended in frame {track['last_frame']}",
+    }[track["state"]]
+    orbit = track["orbit"]
+    words = "no orbit"
+    if orbit is not None:
+        words = f"{orbit['label']}, a {orbit['a_km']:.0f} ± {orbit['sigma_a_km']:.0f} km"
+    return f"{name}: {track['frames']} frames, {ending}; {words}"
 
 
 def demo_config(

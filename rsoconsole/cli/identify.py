@@ -6,10 +6,10 @@ from typing import Annotated, Any
 import typer
 
 from rsoconsole.cli import output
+from rsoconsole.cli.element_files import element_files
 from rsoconsole.cli.options import ConfigOption, JsonOption
 from rsoconsole.cli.orbit import SigmaOption, TrackOption
 from rsoconsole.config import load_config
-from rsoconsole.errors import OrbitError
 
 
 def register(app: typer.Typer) -> None:
@@ -45,7 +45,8 @@ def identify(
     Every object of the files is put where its elements say it was, and
     compared in place and motion, with the error that elements of that age
     have. Without --tle the files of catalogue.tle_files in the configuration
-    are taken. 'ambiguous' and 'unknown' are answers too.
+    are taken; of a simulated night, or where it names none, those that the
+    session was recorded with. 'ambiguous' and 'unknown' are answers too.
 
     All tracks of a session are named together: a catalogued object is one of
     those that were seen at the same time, and what the elements of a slot
@@ -64,12 +65,7 @@ def identify(
     from rsoconsole.pipeline.orbit_report import identification_report, named_track_report
     from rsoconsole.pipeline.sightings_of import longest_arc, read_observed
 
-    files = tle or list(load_config(config).catalogue.tle_files)
-    if not files:
-        raise OrbitError(
-            "no catalogue: name element sets with --tle FILE, or in catalogue.tle_files of the"
-            " configuration"
-        )
+    files = tle or element_files(path, load_config(config).catalogue.tle_files)
     tracks = read_observed(path, sigma_arcsec=sigma)
     shown = tracks[0]
     if track is not None:

@@ -89,7 +89,13 @@ def _evidence(proposal: "Proposal", before: "Soundness", after: "Soundness") -> 
     bound = proposal.autocorrelation_bound or 0.0
     yield f"  {'the same innovations':34}{'recorded':>11}{'proposed':>11}"
     rows = (
-        ("log L", before.log_likelihood, after.log_likelihood, ".1f", ""),
+        (
+            "log L",
+            before.log_likelihood,
+            after.log_likelihood,
+            ".1f",
+            f"{after.log_likelihood - before.log_likelihood:+.1f}, higher is better",
+        ),
         ("NIS mean", before.nis_mean, after.nis_mean, ".3g", f"sound: {low:.2f} to {high:.2f}"),
         *(
             (

@@ -14,7 +14,9 @@ LABEL, COLUMN = 22, 20
 
 def figures_report(figures: "TrackFigures") -> dict[str, Any]:
     """The object of one set of figures."""
-    return {**asdict(figures), "is_nis_sound": figures.is_nis_sound}
+    report = {**asdict(figures), "is_nis_sound": figures.is_nis_sound}
+    del report["nis_curve"]  # of the session's own log, frame by frame
+    return report
 
 
 def answer_report(answer: "Answer") -> dict[str, Any]:

@@ -25,6 +25,7 @@ def kept_words(
         return (
             f"{timed}: {undo} follows it again",
             f"{kept}{f' {left}' if left else ''}: {undo} follows it",
+            f"{kept}{f' {left}' if left else ''}: {undo}",
             f"{kept}: {undo}",
             kept,
         )

@@ -18,7 +18,12 @@ if TYPE_CHECKING:
 Value = float | int | str
 Wanting = Literal["apply", "lend", "undo", "save", "load", "close", "try", "type"]
 LAST_FRAMES = 40
-LABEL_COLUMNS, VALUE_COLUMNS = 16, 12
+LABEL_COLUMNS, VALUE_COLUMNS = 16, 10
+CURVE_ROWS, CURVE_LABEL, LEAST_SETTINGS = 2, 17, 6
+"""Rows of the curves, columns before them, and settings that must stay in sight beside them."""
+BARS = "▁▂▃▄▅▆▇█"
+UNLIKELY_NIS = 9.21
+"""One update in a hundred of a sound filter exceeds it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,6 +265,8 @@ def tune_lines(
         frames = words.frames.format(count=LAST_FRAMES if now is None else now.frames)
         figures = _figures(now, then, frames, is_tried=bool(tuning.tried))
         keys: Line = [(f" {words.keys}", "dim")]
+        if height - 2 - len(figures) - CURVE_ROWS >= LEAST_SETTINGS:
+            figures += _curves(now, then, width)
         room = max(height - 2 - len(figures), 1)
         lines += _settings(tuning, room)
         spare = max(height - len(lines) - len(figures) - 1, 0)
@@ -317,7 +324,7 @@ def _figures(
     rows: tuple[tuple[str, Callable[[TrackFigures], tuple[str, Ink]]], ...] = (
         ("residual rms", lambda f: (_text(f.residual_rms_arcsec, ".2f", "″"), "")),
         ("NIS mean (2)", _nis),
-        ("log L an update", lambda f: (_text(f.log_likelihood_mean, "+.2f"), "")),
+        ("log L ↑ is better", lambda f: (_text(f.log_likelihood_mean, "+.2f"), "")),
         ("3σ holds", lambda f: (_percent(f.inside_3sigma), "")),
         ("misses", lambda f: (f"{f.misses}", "")),
         ("state", lambda f: (f.state or "-", "")),
@@ -330,6 +337,26 @@ def _figures(
             line.append((f"{text:>{VALUE_COLUMNS}}", ink))
         lines.append(line)
     return lines
+
+
+def _curves(now: "TrackFigures | None", then: "TrackFigures | None", width: int) -> list[Line]:
+    """NIS frame by frame, as it was and with what is tried, one over the other."""
+    room = max(width - CURVE_LABEL, 1)
+    lines: list[Line] = []
+    for label, figures in (("NIS as it was", now), ("NIS if tried", then)):
+        line: Line = [(f"  {label:<{CURVE_LABEL - 2}}", "dim")]
+        for nis in () if figures is None else figures.nis_curve[-room:]:
+            is_out = nis is not None and nis > UNLIKELY_NIS
+            line.append((_bar(nis), "warn" if is_out else ""))
+        lines.append(line)
+    return lines
+
+
+def _bar(nis: float | None) -> str:
+    """Of eight heights; the last is what one update in a hundred exceeds, a dot is a miss."""
+    if nis is None:
+        return "·"
+    return BARS[min(int(nis / UNLIKELY_NIS * (len(BARS) - 1)), len(BARS) - 1)]
 
 
 def _nis(figures: "TrackFigures") -> tuple[str, Ink]:

@@ -184,13 +184,13 @@ def up_lines(head: str, shown: "list[Up]", chosen: int, width: int, height: int)
     room = max(height - 1, 1)
     first = first_shown(chosen, len(shown), room)
     for number, up in enumerate(shown[first : first + room], first):
-        left = "over 12 h" if up.minutes_left is None else duration_text(up.minutes_left * 60.0)
+        left = "12 h +" if up.minutes_left is None else duration_text(up.minutes_left * 60.0)
         is_soon = up.minutes_left is not None and up.minutes_left < SOON_MIN
         ink: Ink = "warn" if is_soon else "" if up.is_lit else "dim"
         text = (
             f"{'▸' if number == chosen else ' '} {up.name[:NAME_COLUMNS]:<{NAME_COLUMNS}}"
             f" {up.norad_id:>6}  alt {up.alt_deg:4.1f} az {up.az_deg:5.1f}"
-            f"  {left:>9}  {'' if up.is_lit else 'in shadow'}"
+            f"  up {left:>6}  {'' if up.is_lit else 'in shadow'}"
         )
         lines.append(clipped([(text.ljust(width), "here" if number == chosen else ink)], width))
     return lines[: max(height, 1)]

@@ -18,6 +18,7 @@ from rsoconsole.engine.objects import (
     taken_of,
 )
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.engine.track_figures import TracksOnRecord, orbit_figures, tracks_figures
 from rsoconsole.foreign_text import json_of
 from rsoconsole.records import (
     Closeup,
@@ -86,6 +87,7 @@ class _Tally:
         self.timings: list[CycleTiming] = []
         self.orbit: OrbitEstimate | None = None
         self.identified: Identified | None = None
+        self.known = TracksOnRecord()
         self.detections = 0
         self.missed: Counter[int] = Counter()
         self.locked_after: int | None = None
@@ -150,6 +152,7 @@ class _Tally:
             self.frames[record.frame_id].refused_nis.append((record.measurement, record.nis))
 
     def _miss(self, record: Miss) -> None:
+        self.known.miss(record)
         if record.track_id in (None, self._lead_id):
             self.missed[record.frame_id] += 1
 
@@ -168,10 +171,12 @@ class _Tally:
             self.locked_after = record.frame_id
 
     def _orbit_estimate(self, record: OrbitEstimate) -> None:
+        self.known.orbits[record.track_id] = record
         if record.track_id == self._lead_id:
             self.orbit = record
 
     def _identified(self, record: Identified) -> None:
+        self.known.names[record.track_id] = record
         if record.track_id == self._lead_id:
             self.identified = record
         step = self.frames[record.frame_id].steps.get(record.track_id)
@@ -204,17 +209,12 @@ def summarise(
         "states": dict(Counter(frame.state for frame in tally.frames.values())),
         "locked_after_frames": tally.locked_after,
         **_against_truth(tally.frames, truth),
-        "orbit": None if tally.orbit is None else _orbit_figures(tally.orbit),
+        "orbit": None if tally.orbit is None else orbit_figures(tally.orbit),
         "identified": None if tally.identified is None else _name_figures(tally.identified),
+        "tracks": tracks_figures(tally.frames, tally.known),
         "objects": objects_figures(_with_exposures(tally.frames, truth), targets or {}),
         "latency_ms": _latency(tally.timings),
     }
-
-
-def _orbit_figures(orbit: OrbitEstimate) -> dict[str, Any]:
-    """The last one."""
-    names = ("label", "prior", "a_km", "sigma_a_km", "e", "i_deg", "observations", "arc_s")
-    return {name: getattr(orbit, name) for name in names}
 
 
 def _name_figures(found: Identified) -> dict[str, Any]:

@@ -13,6 +13,9 @@ from rsoconsole.records import FrameTaken, LoopState, Miss, Record, StateChange,
 from rsoconsole.tracking.consistency import mean_band
 from rsoconsole.tracking.following import three_sigma_deg
 
+CURVE_FRAMES = 40
+"""Of the curve of what a setting changes."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackFigures:
@@ -54,6 +57,9 @@ class TrackFigures:
     log_likelihood_mean: float | None = None
     """Of an update's innovation in arcsec under its own sigmas; the larger, the likelier. The
     correlation of the two axes counts in the NIS alone."""
+
+    nis_curve: tuple[float | None, ...] = ()
+    """NIS of the lead in each of the last ``CURVE_FRAMES`` frames; None: not measured there."""
 
     @property
     def is_nis_sound(self) -> bool | None:
@@ -123,6 +129,7 @@ def figures_of(frames: Iterable[FollowedFrame], last: int | None = None) -> Trac
         state=chosen[-1].state if chosen else "",
         states=dict(Counter(each.state for each in chosen)),
         log_likelihood_mean=_log_likelihood(updates),
+        nis_curve=tuple(_nis_of_lead(each.records) for each in chosen[-CURVE_FRAMES:]),
     )
 
 
@@ -153,6 +160,13 @@ def _seconds_between(first: FollowedFrame, later: FollowedFrame) -> float | None
 def _share_in_track(frames: Sequence[FollowedFrame]) -> float | None:
     in_track = sum(each.state == "TRACK" for each in frames)
     return in_track / len(frames) if frames else None
+
+
+def _nis_of_lead(records: Sequence[Record]) -> float | None:
+    found = (
+        r.nis for r in records if isinstance(r, TrackState) and r.is_lead and r.nis is not None
+    )
+    return next(found, None)
 
 
 def _log_likelihood(updates: Sequence[TrackState]) -> float | None:
