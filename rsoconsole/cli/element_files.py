@@ -38,4 +38,4 @@ def _of_session(path: Path) -> tuple[tuple[Path, ...], bool]:
         is_simulated = reader.about().get("is_simulated") is True
         return reader.config().catalogue.tle_files, is_simulated
     except SessionError:
-        return (), False  # whoever reads its directions says what is wrong with it
+        return (), False  # reading its directions says what is wrong with it
