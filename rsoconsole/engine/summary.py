@@ -17,8 +17,8 @@ from rsoconsole.engine.objects import (
     offset_of,
     taken_of,
 )
-from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.engine.track_figures import TracksOnRecord, orbit_figures, tracks_figures
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.foreign_text import json_of
 from rsoconsole.records import (
     Closeup,
