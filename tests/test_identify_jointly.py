@@ -90,6 +90,19 @@ def test_the_best_assignments_are_those_of_a_search_through_all(seed: int) -> No
     assert len(set(found)) == len(found)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_so_are_those_of_rows_that_were_all_seen_at_once(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    scores = random.normal(0.0, 2.0, (4, 5))
+    scores[random.random(scores.shape) < 0.3] = -np.inf
+    scores[:, -1] = random.normal(-4.0, 1.0, 4)
+    rivals = np.ones((4, 4), bool)
+    found = best_assignments(scores, rivals, 15)
+    sums = [float(sum(scores[t, n] for t, n in enumerate(each))) for each in found]
+    assert sums == pytest.approx(by_hand(scores, rivals, 15))
+    assert len(set(found)) == len(found)
+
+
 def test_many_alike_still_have_an_answer_and_it_is_the_best() -> None:
     """Twelve rows that differ by next to nothing: a search through all would be of 10^8 steps."""
     scores = np.random.default_rng(1).normal(0.0, 1e-3, (12, 13))

@@ -12,6 +12,7 @@ Assignment = tuple[int, ...]
 """For each row the column that it takes; the last column of all means none."""
 _MOST_STEPS = 4000
 """Of the search, after which what was found by then is the answer."""
+_NO_CHOICE = -1e9
 
 
 def best_assignments(
@@ -21,31 +22,51 @@ def best_assignments(
 
     ``scores`` (T, N + 1): logarithms; minus infinity is no choice, the last column is "none" and
     may be taken by any number of rows. ``rivals`` (T, T): rows that cannot take the same column.
-    Exact, but where many thousand are nearly alike: then the best are among what is returned.
+    Exact where every two rows are rivals (Murty 1968, Operations Research 16, 682); else but where
+    many thousand are nearly alike: then the best of those found are returned.
     """
-    first = _by_linear_assignment(scores)
-    found = _searched(scores, rivals, most)
-    if first not in found and not found:
-        return [first]
-    return found if first in found or len(found) >= most else _sorted({*found, first}, scores)
+    others = rivals | np.eye(len(rivals), dtype=bool)
+    if np.all(others):
+        return _by_murty(scores, most)
+    return _searched(scores, rivals, most) or _by_murty(scores, 1)
 
 
-def _sorted(found: set[Assignment], scores: FloatArray) -> list[Assignment]:
-    rows = np.arange(len(scores))
-    return sorted(found, key=lambda each: -float(np.sum(scores[rows, list(each)])))
+def _by_murty(scores: FloatArray, most: int) -> list[Assignment]:
+    """Each answer parts the others into those that agree with it in so many first rows."""
+    count, none = len(scores), scores.shape[1] - 1
+    whole = np.full((count, none + count), _NO_CHOICE)
+    whole[:, :none] = np.maximum(scores[:, :none], _NO_CHOICE)
+    whole[np.arange(count), none + np.arange(count)] = scores[:, none]
+    first = _solved(whole)
+    waiting = [] if first is None else [(-first[0], first[1], whole)]
+    found: list[Assignment] = []
+    while waiting and len(found) < most:
+        _, columns, allowed = heapq.heappop(waiting)
+        found.append(tuple(min(column, none) for column in columns))
+        if len(found) == most:
+            break
+        fixed = allowed.copy()
+        for row, column in enumerate(columns):
+            part = fixed.copy()
+            part[row, column] = _NO_CHOICE
+            solved = _solved(part)
+            if solved is not None:
+                heapq.heappush(waiting, (-solved[0], solved[1], part))
+            kept = fixed[row, column]
+            fixed[row] = _NO_CHOICE
+            fixed[row, column] = kept
+    return found
 
 
-def _by_linear_assignment(scores: FloatArray) -> Assignment:
-    """The best where every two rows are rivals."""
+def _solved(whole: FloatArray) -> tuple[float, tuple[int, ...]] | None:
+    """Sum and columns of the best; None where a row is left without a choice."""
     from scipy.optimize import linear_sum_assignment
 
-    count, none = len(scores), scores.shape[1] - 1
-    lowest = -1e9
-    own_none = np.full((count, count), lowest)
-    np.fill_diagonal(own_none, scores[:, none])
-    whole = np.concatenate([np.maximum(scores[:, :none], lowest), own_none], axis=1)
-    _, columns = linear_sum_assignment(whole, maximize=True)
-    return tuple(min(int(column), none) for column in columns)
+    rows, columns = linear_sum_assignment(whole, maximize=True)
+    values = whole[rows, columns]
+    if np.min(values) <= _NO_CHOICE / 2.0:
+        return None
+    return float(np.sum(values)), tuple(map(int, columns))
 
 
 def _searched(scores: FloatArray, rivals: npt.NDArray[np.bool_], most: int) -> list[Assignment]:
