@@ -55,6 +55,11 @@ class FrameFacts:
     measurements: tuple[Measurement, ...] = ()
     predicted: TrackState | None = None
 
+    def streak_at(self, measured: Measurement) -> Detection | None:
+        """The streak that a measurement is of; None where no detection is, as by hand."""
+        found = () if self.detections is None else self.detections.detections
+        return next((each for each in found if _is_same(each, measured)), None)
+
     def take(self, record: Record) -> None:
         """One record of the frame, in the order of the log."""
         match record:

@@ -1,9 +1,10 @@
 """A frame's small picture with what was found in it, and a streak at full resolution."""
 
 import base64
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,10 @@ from rsoconsole.records import Detection, FloatArray, PixelArray
 
 SHOWN_PX = 560
 _ROOM_PX = 60
+_FLATTEST = 0.5
+"""Of a picture with several streaks: its shorter side over its longer one."""
+_MOST_IN_WORDS = 3
+"""Tracks of which a picture has room for more than numbers."""
 _LOW, _HIGH = -2.0, 10.0
 """Of the noise, about the median: what a cut-out shows as black and as white."""
 
@@ -87,6 +92,72 @@ def draw_streak(figure: Any, pixels: PixelArray, detection: Detection, title: st
         lower.axvline(end, color="#e5484d", linewidth=0.9, linestyle=(0, (4, 2.5)))
     lower.set_xlabel("Along the streak, from its midpoint (px)")
     lower.set_ylabel("Light (σ of the sky)")
+
+
+def _widened(low: float, high: float, least: float, most: int) -> tuple[int, int]:
+    """At least so wide about its middle, within 0 and ``most``."""
+    more = max(least - (high - low), 0.0) / 2.0
+    return max(int(low - more), 0), min(int(high + more) + 1, most)
+
+
+class TrackStreak(NamedTuple):
+    """What one track took of a frame."""
+
+    number: int
+    is_lead: bool
+    streak: Detection
+
+
+def draw_tracks(
+    figure: Any, pixels: PixelArray, streaks: Sequence[TrackStreak], title: str
+) -> None:
+    """The piece of a frame with all these streaks, each with its track's number and confidence.
+
+    ``pixels``: the whole frame, (height, width) ADU.
+    """
+    ends = [(s.x_a_px, s.y_a_px) for *_, s in streaks] + [(s.x_b_px, s.y_b_px) for *_, s in streaks]
+    x, y = zip(*ends, strict=True)
+    x_0, x_1 = min(x) - _ROOM_PX, max(x) + _ROOM_PX
+    y_0, y_1 = min(y) - _ROOM_PX, max(y) + _ROOM_PX
+    across, down = _FLATTEST * (y_1 - y_0), _FLATTEST * (x_1 - x_0)
+    x_0, x_1 = _widened(x_0, x_1, across, pixels.shape[1])
+    y_0, y_1 = _widened(y_0, y_1, down, pixels.shape[0])
+    piece = np.asarray(pixels[y_0:y_1, x_0:x_1], float)
+    sky = float(np.median(piece))
+    noise = 1.4826 * float(np.median(np.abs(piece - sky))) or 1.0
+    axes = figure.subplots()
+    axes.imshow(
+        (piece - sky) / noise,
+        origin="upper",
+        cmap="gray",
+        vmin=_LOW,
+        vmax=_HIGH,
+        extent=(x_0 - 0.5, x_0 + piece.shape[1] - 0.5, y_0 + piece.shape[0] - 0.5, y_0 - 0.5),
+    )
+    for number, is_lead, streak in sorted(streaks, key=lambda each: each.number):
+        lead = "*" if is_lead else ""
+        axes.plot(
+            (streak.x_a_px, streak.x_b_px),
+            (streak.y_a_px, streak.y_b_px),
+            "|",
+            color="#e5484d",
+            markersize=14,
+        )
+        axes.annotate(
+            f"track {number}{lead} · confidence {streak.confidence:.2f}"
+            if len(streaks) <= _MOST_IN_WORDS
+            else f"{number}{lead}",
+            (streak.x_px, min(streak.y_a_px, streak.y_b_px)),
+            xytext=(0, 9),
+            textcoords="offset points",
+            ha="center",
+            color="#ffd479",
+            fontsize=9,
+        )
+    axes.set_title(title, loc="left")
+    axes.set_xlabel("x (px)")
+    axes.set_ylabel("y (px)")
+    axes.grid(visible=False)
 
 
 def _profile(pixels: PixelArray, detection: Detection) -> tuple[FloatArray, FloatArray]:

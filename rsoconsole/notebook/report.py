@@ -27,7 +27,9 @@ from rsoconsole.notebook.report_facts import (
 )
 from rsoconsole.notebook.report_figures import inline_figures
 from rsoconsole.notebook.report_pictures import shown_frames
+from rsoconsole.notebook.tracks import tracks_of
 from rsoconsole.pipeline.what_if import TrackFigures
+from rsoconsole.session.reader import SessionReader
 from rsoconsole.sky.angles import format_dec, format_ra
 from rsoconsole.sky.times import utc_ns_to_iso
 
@@ -67,9 +69,10 @@ def write_report(session: Path, out: Path) -> Path:
 def render_report(session: Path) -> Report:
     """The report of a session or a branch. Raises SessionError as ``write_report`` does."""
     night, exported = read_night(session), read_rows(session)
-    course = read_course(session, night)
+    known = tracks_of(record for _, _, record in SessionReader(session).records())
+    course = read_course(session, night, known)
     figures = figures_on_record(session, night, course.last_state)
-    tracks = track_facts(exported.rows)
+    tracks = track_facts(exported.rows, known)
     said = filter_words(night)
     shown = shown_frames(session, night, exported.rows)
     rows = exported.rows

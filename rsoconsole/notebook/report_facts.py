@@ -2,7 +2,7 @@
 
 import math
 import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import assert_never
@@ -12,6 +12,7 @@ from rsoconsole.errors import ConfigError
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.notebook.night import Night, NightFrame
+from rsoconsole.notebook.tracks import NightTrack
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.what_if import TrackFigures, figures_of
 from rsoconsole.reason_text import text
@@ -83,6 +84,8 @@ class TrackFacts:
     rms_arcsec: float | None
     rate_arcsec_s: tuple[float, float] | None
     """On the sky at its end."""
+    known: NightTrack | None = None
+    """Its orbit, its name and how it ended; None where the record has nothing of that number."""
 
     @property
     def minutes(self) -> float:
@@ -145,10 +148,15 @@ def filter_words(night: Night) -> str:
     return words[verdict.verdict]
 
 
-def track_facts(rows: Sequence[MeasuredRow]) -> tuple[TrackFacts, ...]:
-    """Every track that took something, in order."""
+def track_facts(
+    rows: Sequence[MeasuredRow], known: Mapping[int, NightTrack]
+) -> tuple[TrackFacts, ...]:
+    """Every track that took something, in order; ``known``: what the record has of each."""
     numbers = sorted({row.track for row in rows if row.track is not None})
-    return tuple(_track(number, [r for r in rows if r.track == number]) for number in numbers)
+    return tuple(
+        replace(_track(number, [r for r in rows if r.track == number]), known=known.get(number))
+        for number in numbers
+    )
 
 
 def _track(number: int, rows: list[MeasuredRow]) -> TrackFacts:
@@ -173,8 +181,8 @@ def _track(number: int, rows: list[MeasuredRow]) -> TrackFacts:
     )
 
 
-def read_course(session: Path, night: Night) -> Course:
-    """States, events, misses, orders and changed settings. Raises SessionError."""
+def read_course(session: Path, night: Night, tracks: Mapping[int, NightTrack]) -> Course:
+    """States, events, misses of all tracks, orders and changed settings. Raises SessionError."""
     kinds = (StateChange, Event, OperatorAction, ParameterChange, Ruling)
     told: list[tuple[int, Entry]] = []
     actions: list[Entry] = []
@@ -204,6 +212,7 @@ def read_course(session: Path, night: Night) -> Course:
                 refused = len(record.refused)
                 words = "one streak taken" if record.taken is not None else "nothing taken"
                 words += f", {refused} refused" if refused else ""
+                words += _of_tracks(record)
                 actions.append(_entry(t_utc_ns, record.frame_id, record.by, f"ruling: {words}"))
             case (
                 FrameTaken()
@@ -227,8 +236,8 @@ def read_course(session: Path, night: Night) -> Course:
             case _:
                 assert_never(record)
     for frame in night.frames:
-        if frame.missed is not None:
-            entry = _entry(frame.t_mid_utc_ns, frame.frame_id, "missed", frame.missed)
+        for words in _missed(frame, tracks):
+            entry = _entry(frame.t_mid_utc_ns, frame.frame_id, "missed", words)
             told.append((frame.t_mid_utc_ns, entry))
     told.sort(key=lambda pair: pair[0])
     return Course(
@@ -239,6 +248,28 @@ def read_course(session: Path, night: Night) -> Course:
         last_state=state,
         alarms=alarms,
     )
+
+
+def _of_tracks(ruling: Ruling) -> str:
+    """What a ruling says of whole tracks."""
+    said = (("dropped", ruling.dropped), ("kept", ruling.kept), ("released", ruling.released))
+    return "".join(f", track {n} {what}" for what, numbers in said for n in numbers)
+
+
+def _missed(frame: NightFrame, tracks: Mapping[int, NightTrack]) -> list[str]:
+    """Why a frame did not show what was followed: once for tracks with the same reason."""
+    if len(tracks) < 2:
+        return [] if frame.missed is None else [frame.missed]
+    numbers: dict[str, list[int]] = {}
+    for each in tracks.values():
+        if frame.frame_id in each.missed:
+            numbers.setdefault(each.missed[frame.frame_id], []).append(each.number)
+    if not numbers:
+        return [] if frame.missed is None else [frame.missed]
+    return [
+        f"track{'s' if len(of) > 1 else ''} {' '.join(map(str, of))}: {why}"
+        for why, of in numbers.items()
+    ]
 
 
 def _entry(t_utc_ns: int, frame_id: int | None, kind: str, text: str) -> Entry:

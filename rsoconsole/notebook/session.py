@@ -15,6 +15,7 @@ from rsoconsole.notebook.plots import NightPlots
 from rsoconsole.notebook.rows import Logged, Row, rows_of
 from rsoconsole.notebook.session_pictures import SessionPictures
 from rsoconsole.notebook.summary import Summary, spells_of, summary_of
+from rsoconsole.notebook.tracks import NightTrack, tracks_of
 from rsoconsole.record_columns import TABLES, Column
 from rsoconsole.records import StateChange
 from rsoconsole.session import schema
@@ -136,6 +137,14 @@ class Session(SessionPictures, NightPlots):
     def summary(self) -> Summary:
         """The night in a handful of figures."""
         return summary_of(self._fold.night(), self._changes())
+
+    @property
+    def tracks(self) -> dict[int, NightTrack]:
+        """Every track by its number, with its orbit and its name.
+
+        >>> night.tracks[2].orbit.a_km, night.tracks[2].name
+        """
+        return tracks_of(record for _, _, record in self._log)
 
     @property
     def records(self) -> tuple[Logged, ...]:

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 from rsoconsole.errors import SessionError
 from rsoconsole.notebook.night import NightFold
 from rsoconsole.notebook.overlay import FrameFacts, overlay_svg, words_of
-from rsoconsole.notebook.pictures import Picture, draw_streak
+from rsoconsole.notebook.pictures import Picture, TrackStreak, draw_streak, draw_tracks
 from rsoconsole.notebook.rows import Logged
+from rsoconsole.notebook.tracks import tracks_of
 from rsoconsole.records import Detections, PixelArray
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.upkeep import pruned_on, read_notes
@@ -76,6 +77,29 @@ class SessionPictures:
         figure = NightFigure(6.6, 5.0) if figure is None else figure
         with styled():
             draw_streak(figure, pixels, detection, title)
+        return figure  # type: ignore[no-any-return]
+
+    def plot_tracks(self, frame_id: int, figure: Any = None) -> "Figure":
+        """The streaks of all tracks in one kept frame, each with its track's number and confidence.
+
+        Raises SessionError where the frame was not kept or no track took anything of it.
+        """
+        from rsoconsole.notebook.inline import NightFigure, styled
+
+        facts, streaks = self._facts(frame_id), []
+        for track in tracks_of(record for _, _, record in self._log).values():
+            for state in track.states:
+                taken = state.measurement_id if state.frame_id == frame_id else None
+                measured = next((m for m in track.measurements if m.measurement_id == taken), None)
+                streak = None if measured is None else facts.streak_at(measured)
+                if streak is not None:
+                    streaks.append(TrackStreak(track.number, state.is_lead, streak))
+        if not streaks:
+            raise SessionError(f"no track took a streak of frame {frame_id}")
+        pixels = self.pixels(frame_id)
+        figure = NightFigure(6.6, 4.4) if figure is None else figure
+        with styled():
+            draw_tracks(figure, pixels, streaks, f"Frame {frame_id}")
         return figure  # type: ignore[no-any-return]
 
     def _picture(self, frame_id: int, path: Path) -> Picture:
