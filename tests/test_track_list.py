@@ -12,7 +12,7 @@ from rsoconsole.console.second_press import REPEAT_S
 from rsoconsole.console.track_fold import MOST_ROWS
 from rsoconsole.console.track_lines import track_list_lines
 from rsoconsole.reasons import Cause, Missed, TrackLost
-from rsoconsole.records import FollowedAgain, Miss, Ruling, StateChange, TrackState
+from rsoconsole.records import FollowedAgain, LedgerName, Miss, Ruling, StateChange, TrackState
 from rsoconsole.session.writer import SessionWriter
 from tests import eight_tracks as eight
 from tests import made_up_night
@@ -254,6 +254,18 @@ def test_what_is_dropped_leaves_the_list_at_once_and_comes_back_as_it_was(tmp_pa
 
     play(wire, scene, frames=FRAMES)
     writer.close()
+
+
+def test_what_only_the_ledger_knows_has_its_name_there():
+    night = eight.night_of_eight()
+    seen_before = LedgerName(
+        number=7, name="UCT 7", t_last_utc_ns=t_of(1), probability=0.9, separation_arcsec=5.0
+    )
+    for sure, said in ((True, " UCT 7 "), (False, " UCT 7?")):
+        unknown = replace(eight.name_of(FRAMES, 6, "no such name"), verdict="unknown")
+        known = replace(unknown, ledger=replace(seen_before, is_sure=sure))
+        night.take(t_of(FRAMES), known)
+        assert said in words(night, AT_80_X_24)[7]
 
 
 def test_a_kept_track_says_so_in_the_list():

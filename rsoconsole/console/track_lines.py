@@ -115,7 +115,7 @@ def state_words(track: FollowedTrack) -> str:
 
 
 def name_words(night: NightView, track_id: int) -> str:
-    """Its name in the catalogue; a sign stands for doubt."""
+    """Its name in the catalogue, else in the ledger; a sign stands for doubt."""
     found = night.identifications.get(track_id)
     if found is not None and found.verdict == "unknown":
         past = found.ledger

@@ -50,10 +50,12 @@ class NightTrack:
 
     @property
     def object_words(self) -> str:
-        """What the catalogue says of it: a name, a name in doubt, or that none fits."""
+        """What catalogue or ledger say of it: a name, a name in doubt, or that none fits."""
         found = self.identified
         if found is None:
             return "not asked"
+        if found.verdict == "unknown" and found.ledger is not None:
+            return one_line(found.ledger.name) + ("" if found.ledger.is_sure else "?")
         if self.name is not None or not found.matches:
             return self.name or found.verdict
         best = found.matches[0]
