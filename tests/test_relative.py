@@ -8,7 +8,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.field_records import PairMotion, PairMotions
-from rsoconsole.pipeline.pairs import Pairs
+from rsoconsole.pipeline.pairs import MOST_PAIRS, Pairs
 from rsoconsole.reasons import Missed, TrackLost
 from rsoconsole.records import Event, FollowedAgain, Miss
 from rsoconsole.session.reader import SessionReader
@@ -235,6 +235,24 @@ def test_a_frame_that_is_followed_again_counts_as_it_was_followed_last():
         for record in frames[n - 1][1:]:
             ruled.hear(record)
     assert ruled.refine() == right.refine()
+
+
+def test_of_many_pairs_the_near_ones_are_looked_at_in_each_frame_and_the_others_in_turn():
+    """Twelve tracks on a line, 180 arcsec apart: 66 pairs."""
+    pairs, told = Pairs(NO_WARNING), []
+    for n in range(1, 16):
+        t = BEGIN_UTC_NS + n * 30 * NS
+        pairs.hear(frame_taken(n, t))
+        for track in range(1, 13):
+            place = (100.0 + 0.125 * n + 0.05 * track, 0.0)
+            for record in track_records(n, track, t, place, (15.04 / 3600, 0.0), np.eye(2)):
+                pairs.hear(record)
+        told += [each for each in pairs.refine() if isinstance(each, PairMotions)]
+    assert max(len(each.pairs) for each in told) == MOST_PAIRS
+    assert len(pairs.last) == 66
+    for each in told[-3:]:
+        looked = {(m.track_id, m.other_track_id) for m in each.pairs}
+        assert all({(n - 1, n), (n, n + 1)} & looked for n in range(2, 12))
 
 
 def test_pairs_go_on_record_and_back_and_older_sessions_have_none(tmp_path: Path):

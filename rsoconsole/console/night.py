@@ -13,6 +13,7 @@ from rsoconsole.console.track_fold import (
     FollowedTrack,
     FrameTrack,
     TracksNow,
+    pairs_after,
     predicted_sigma_arcsec,
     tracks_after,
     with_track,
@@ -426,7 +427,7 @@ class Night:
             case Identified():
                 self._identified(record, t_utc_ns)
             case PairMotions():
-                self._now.pairs = record.pairs
+                self._now.pairs = pairs_after(self._now.pairs, record)
             case ExpectedMembers():
                 self._now.expected = record
             case Miss():

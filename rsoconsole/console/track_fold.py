@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from rsoconsole.field_records import PairMotion, PairMotions
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Missed
 from rsoconsole.records import (
@@ -23,6 +24,8 @@ from rsoconsole.tracking.company import ON_TRIAL
 MOST_ROWS = 400
 """Of a track so many of its last frames are kept for its plots."""
 SAME_PLACE_PX = 1.0
+PAIRS_KEPT_NS = 3_600_000_000_000
+"""A pair that was not looked at for longer is of tracks that have ended."""
 TAKEN_BACK_FRAMES = 12
 """Frames within which the engine takes a word back (``pipeline.rulings``)."""
 _FOLLOWED = {"TRACK", "COAST"}
@@ -182,6 +185,13 @@ def _with_word(now: TracksNow, record: Ruling) -> TracksNow:
         dropped={**dropped, **gone},
         dropped_in={**before, **dict.fromkeys(record.dropped, record.frame_id)},
     )
+
+
+def pairs_after(before: tuple[PairMotion, ...], record: PairMotions) -> tuple[PairMotion, ...]:
+    """The last of each pair: of many some are looked at in each frame."""
+    newest = max((each.t_utc_ns for each in record.pairs), default=0)
+    found = {(p.track_id, p.other_track_id): p for p in (*before, *record.pairs)}
+    return tuple(each for each in found.values() if newest - each.t_utc_ns < PAIRS_KEPT_NS)
 
 
 def _settled(now: TracksNow) -> TracksNow:

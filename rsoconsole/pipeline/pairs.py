@@ -29,6 +29,8 @@ from rsoconsole.tracking.relative import RelativePath, Sights, relative_path, wa
 
 MOST_FRAMES = 400
 """Of a track so many of its last measurements are compared."""
+MOST_PAIRS = 16
+"""In each frame so many pairs are looked at: each costs 2 ms, and twelve tracks are 66."""
 _RECENT_FRAMES = 40
 """Of so many frames measurements are kept by their ids: a track begins with one of before."""
 
@@ -88,8 +90,10 @@ class Pairs:
         self._paths: dict[tuple[int, int], tuple[int, RelativePath]] = {}
         """With the last frame that showed both."""
         self._approaches = Approaches()
+        self._known: dict[tuple[int, int], PairMotion] = {}
+        """As each was looked at last."""
         self.last: tuple[PairMotion, ...] = ()
-        """Of the last frame; never changed, other threads look in."""
+        """The same; never changed, other threads look in."""
 
     def configure(self, config: Config) -> None:
         """Take new tunables."""
@@ -97,7 +101,8 @@ class Pairs:
 
     def forget(self) -> None:
         """The clock was wrong until now."""
-        self._tracks, self._measured, self._paths, self.last = {}, {}, {}, ()
+        self._tracks, self._measured, self._paths, self._known = {}, {}, {}, {}
+        self.last = ()
         self._alive, self._t_utc_ns = [], None
         self._approaches = Approaches()
 
@@ -148,30 +153,30 @@ class Pairs:
 
     def refine(self) -> tuple[Record, ...]:
         """What belongs on record behind a frame: PairMotions, and words on approaches."""
-        pairs, t_utc_ns = self._pairs(), self._t_utc_ns
+        alive = set(self._alive)
+        self._tracks = {n: each for n, each in self._tracks.items() if n in alive}
+        self._paths = {pair: each for pair, each in self._paths.items() if alive.issuperset(pair)}
+        known = {pair: each for pair, each in self._known.items() if alive.issuperset(pair)}
+        pairs, t_utc_ns = self._looked_at(known), self._t_utc_ns
         limit = self._config.alert.separation_arcsec
         close, words = self._approaches.after(pairs, self._alive, t_utc_ns, limit)
-        self.last = tuple(
-            replace(each, is_close=(each.track_id, each.other_track_id) in close) for each in pairs
-        )
-        self._tracks = {n: each for n, each in self._tracks.items() if n in self._alive}
-        alive = set(self._alive)
-        self._paths = {pair: each for pair, each in self._paths.items() if alive.issuperset(pair)}
+        told = tuple(replace(each, is_close=_ids(each) in close) for each in pairs)
+        self._known = known | {_ids(each): each for each in told}
+        self.last = tuple(self._known[pair] for pair in sorted(self._known))
         frame_id = self._frame_id
         events = tuple(
             Event(level=level, text=text, frame_id=frame_id, topic="approach")
             for level, text in words
         )
-        if not self.last or t_utc_ns is None:
-            return events
-        return (PairMotions(frame_id=frame_id, pairs=self.last), *events)
+        return (PairMotions(frame_id=frame_id, pairs=told), *events) if told else events
 
-    def _pairs(self) -> Sequence[PairMotion]:
-        found: list[PairMotion] = []
+    def _looked_at(self, known: Mapping[tuple[int, int], PairMotion]) -> Sequence[PairMotion]:
+        """Of many pairs the near ones in each frame, the others in turn."""
         if self._t_utc_ns is None:
-            return found
+            return ()
         alert = self._config.alert
-        for one, other in combinations(sorted(self._alive), 2):
+        found: list[PairMotion] = []
+        for one, other in self._in_turn(known):
             path = self._path(one, other, self._tracks)
             if path is None or self._t_utc_ns - path.t_utc_ns > path.horizon_s * 0.5e9:
                 continue  # nothing that showed both is recent enough
@@ -184,7 +189,23 @@ class Pairs:
                     warned_ahead_s=60.0 * alert.ahead_min,
                 )
             )
-        return found
+            if len(found) == MOST_PAIRS:
+                break
+        return sorted(found, key=_ids)
+
+    def _in_turn(self, known: Mapping[tuple[int, int], PairMotion]) -> list[tuple[int, int]]:
+        """All pairs: those of a warning, each one's nearest, then the one looked at longest ago."""
+        first = {pair for pair, each in known.items() if each.is_close}
+        for number in self._alive:
+            own = (each for pair, each in known.items() if number in pair)
+            nearest = min(own, key=lambda each: each.separation_arcsec, default=None)
+            first |= set() if nearest is None else {_ids(nearest)}
+
+        def due(pair: tuple[int, int]) -> tuple[bool, int, tuple[int, int]]:
+            seen = known.get(pair)
+            return pair not in first, 0 if seen is None else seen.t_utc_ns, pair
+
+        return sorted(combinations(sorted(self._alive), 2), key=due)
 
     def _path(self, one: int, other: int, tracks: Mapping[int, _Seen]) -> RelativePath | None:
         if one not in tracks or other not in tracks:
@@ -199,6 +220,10 @@ class Pairs:
         path = relative_path(ways)
         self._paths[one, other] = (last, path)
         return path
+
+
+def _ids(pair: PairMotion) -> tuple[int, int]:
+    return pair.track_id, pair.other_track_id
 
 
 def _is_lost(record: Miss) -> bool:

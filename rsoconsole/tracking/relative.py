@@ -86,12 +86,12 @@ class RelativePath:
     def at(self, since_s: FloatArray) -> FloatArray:
         """(S, M, 2) ways, east and north, so long after the reference."""
         terms = _terms(self.frequency_rad_s * np.atleast_1d(since_s))
-        return np.asarray(np.einsum("sak,mk,ai->smi", self.samples, terms, self.axes))
+        return np.asarray(np.swapaxes(self.samples @ terms.T, 1, 2) @ self.axes)
 
     def rate_at(self, since_s: FloatArray) -> FloatArray:
         """(S, M, 2) arcsec/s."""
         slopes = _slopes(self.frequency_rad_s * np.atleast_1d(since_s))
-        rates = np.einsum("sak,mk,ai->smi", self.samples, slopes, self.axes)
+        rates = np.swapaxes(self.samples @ slopes.T, 1, 2) @ self.axes
         return np.asarray(rates * self.frequency_rad_s)
 
 
