@@ -2,6 +2,7 @@
 
 import asyncio
 import base64
+import threading
 from typing import Any
 
 import pytest
@@ -20,10 +21,11 @@ from rsoconsole.control import Command, Outcome
 from rsoconsole.control.commands import Arm, Hold, MarkByHand, Seek, Shutdown
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Event, OperatorAction
+from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
 from tests.makers import NS
-from tests.seat_rig import FRAMES, FakeWire, can_answer, pane, play, until
+from tests.seat_rig import FRAMES, PATIENCE_S, FakeWire, can_answer, pane, play, screen_text, until
 
 LARGE = (120, 40)
 A_MARK = MarkByHand(x_a_px=10.0, y_a_px=10.0, x_b_px=50.0, y_b_px=10.0)
@@ -146,6 +148,33 @@ def test_an_engine_that_dies_before_the_mount_stood_is_gone_though_it_was_asked_
         assert alerts_between(before, now) == [("fault", "the engine is gone")]
 
     play(wire, scene)
+
+
+def test_a_console_that_still_reads_the_past_does_not_say_that_nothing_happened(
+    wire: FakeWire, monkeypatch: pytest.MonkeyPatch
+):
+    """Over a slow line or card the past of a night takes seconds."""
+    read = threading.Event()
+    plain = SessionReader.records
+
+    def records(self: SessionReader, **named: Any) -> Any:
+        assert read.wait(PATIENCE_S)
+        return plain(self, **named)
+
+    monkeypatch.setattr(SessionReader, "records", records)
+
+    async def scene() -> None:
+        app = ConsoleApp(lambda: wire)
+        async with app.run_test(size=LARGE) as pilot:
+            await until(pilot, lambda: app.live.engine.is_attached)
+            await until(pilot, lambda: "reading the night so far" in screen_text(app))
+            assert "nothing has happened yet" not in screen_text(app)
+            assert "no frame yet" not in screen_text(app)
+            read.set()
+            await until(pilot, lambda: "armed by operator" in screen_text(app))
+            await until(pilot, lambda: "reading" not in screen_text(app))
+
+    asyncio.run(scene())
 
 
 def test_an_engine_that_dies_is_an_alarm_as_ever():

@@ -80,6 +80,8 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
     def show_engine(self) -> None:
         """The engine's word, and what both together say."""
         self.on_known(self.night, self.engine)
+        if not self.night.is_read:
+            self.show_log()
         super().show_engine()
         self.show_stop_words()
 

@@ -37,6 +37,7 @@ class LogPane(ScrollView):
         self.can_focus = False
         self._lines: tuple[LogLine, ...] = ()
         self._wanted = ""
+        self._is_reading = False
         self._rows: list[tuple[LogLine, str, bool]] = []
         """A line, one row of its words, and whether it goes on in the next; newest first."""
 
@@ -45,10 +46,14 @@ class LogPane(ScrollView):
         """What is shown, oldest first."""
         return self._lines
 
-    def show(self, lines: tuple[LogLine, ...]) -> None:
-        """Show these; one who has scrolled back keeps the place."""
-        if lines == self._lines:
+    def show(self, lines: tuple[LogLine, ...], *, is_reading: bool = False) -> None:
+        """Show these; one who has scrolled back keeps the place.
+
+        ``is_reading``: there may be more, which has not been read yet.
+        """
+        if lines == self._lines and is_reading == self._is_reading:
             return
+        self._is_reading = is_reading
         self._lines = lines
         before = len(self._rows)
         self._lay_out()
@@ -98,7 +103,8 @@ class LogPane(ScrollView):
             words = ""
             if not self._rows and y == 0:
                 wanted = f" no line has {self._wanted!r}"
-                words = wanted if self._wanted else " nothing has happened yet"
+                empty = " reading …" if self._is_reading else " nothing has happened yet"
+                words = wanted if self._wanted else empty
             return Strip([Segment(words.ljust(width)[:width], self.rich_style)])
         line, text, goes_on = self._rows[index]
         if goes_on and y == self.size.height - 1:

@@ -151,7 +151,8 @@ class NightScreen(ReadingActions):
 
     def show_log(self) -> None:
         """The lines of the log."""
-        self.query_one("#log", LogPane).show(self.night.log)
+        is_reading = words.is_past_unread(self.night, self.engine)
+        self.query_one("#log", LogPane).show(self.night.log, is_reading=is_reading)
 
     def show_picture(self) -> None:
         """The sight chosen in the large pane; in the small one the other."""
@@ -189,7 +190,9 @@ class NightScreen(ReadingActions):
         """What stands over and under a picture."""
         stretch = STRETCHES[self._stretch]
         if sight == "field":
-            title, caption = words.frame_title(self.night, picture), words.frame_caption(picture)
+            is_reading = words.is_past_unread(self.night, self.engine)
+            title = words.frame_title(self.night, picture, is_reading=is_reading)
+            caption = words.frame_caption(picture)
         else:
             title = words.closeup_title(picture, drawing)
             if picture is not None and drawing is not None and self._sight_now:

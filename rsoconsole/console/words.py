@@ -201,10 +201,22 @@ def fitted(parts: Sequence[str], width: int, gap: str = " · ") -> str:
     return kept[: max(width, 0)]
 
 
-def frame_title(night: NightView, picture: Picture | None) -> list[str]:
-    """What is in the picture: which frame, how long, whether it was solved."""
+def is_past_unread(night: NightView, engine: EngineView) -> bool:
+    """Whether there is a session whose past has not been read to its end yet."""
+    return not night.is_read and (night.folder is not None or engine.session is not None)
+
+
+def frame_title(
+    night: NightView, picture: Picture | None, *, is_reading: bool = False
+) -> list[str]:
+    """What is in the picture: which frame, how long, whether it was solved.
+
+    ``is_reading``: no frame has been read yet, though there may be some.
+    """
     if picture is None:
         frame = night.frame
+        if frame is None and is_reading:
+            return ["reading the night so far …"]
         return ["no frame yet" if frame is None else f"frame {frame.frame_id:04d}, picture to come"]
     parts = [f"frame {picture.frame_id:04d}"]
     taken = picture.detail.taken
