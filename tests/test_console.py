@@ -501,7 +501,7 @@ def test_stop_ends_every_notice_and_what_was_asked_before_it_is_not_reported_aft
         assert "arm …" not in pane(app, "keys")
         wire.hangs["arm"].set()
         await pilot.pause(0.3)
-        assert "armed" not in screen_text(app)
+        assert "armed from" not in screen_text(app)
         assert "motion ended" in stop_text(app)
         assert pane(app, "keys").split() == screen_text(app).splitlines()[-1].split()
         assert "F1 Help" in pane(app, "keys")
