@@ -115,6 +115,14 @@ async def until(pilot: Pilot[str], is_so: Callable[[], bool]) -> None:
     await pilot.pause()
 
 
+def has_outlook(app: ConsoleApp) -> bool:
+    """Whether the next hours are told of where the telescope looks, and of what is followed."""
+    outlook = app.live.outlook
+    if outlook is None or not outlook.margins_deg:
+        return False
+    return app.live.night.track is None or outlook.target_limit is not None
+
+
 async def can_answer(app: ConsoleApp, pilot: Pilot[str]) -> None:
     """Wait for a dialog, and until it takes an answer."""
     await until(pilot, lambda: isinstance(app.screen, Dialog) and not app.screen.is_deaf)

@@ -54,6 +54,7 @@ from tests.seat_rig import (
     FULL,
     FakeWire,
     can_answer,
+    has_outlook,
     pane,
     play,
     screen_text,
@@ -75,7 +76,7 @@ def test_the_screen_reads_as_it_was_agreed(wire: FakeWire, size: tuple[int, int]
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         nonlocal seen
         await until(pilot, lambda: "TRACK 3m37" in pane(app, "top"))
-        await until(pilot, lambda: app.live.outlook is not None)
+        await until(pilot, lambda: has_outlook(app))
         if app.live.query_one("#tune").display:
             await until(pilot, lambda: "…" not in pane(app, "tune"))
         seen = screen_text(app)

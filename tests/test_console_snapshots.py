@@ -19,7 +19,7 @@ from rsoconsole.reasons import Told
 from rsoconsole.records import StateChange
 from tests import made_up_night as night
 from tests import orbit_night
-from tests.seat_rig import FakeWire, play, until
+from tests.seat_rig import FakeWire, has_outlook, play, until
 
 SNAPSHOTS = Path(__file__).parent / "snapshots"
 SIZES = ((80, 24), (120, 40), (200, 60))
@@ -105,9 +105,7 @@ def test_the_screen_looks_as_it_was_agreed(
         nonlocal seen
         # The first outlook may be that of the log alone, before the engine has answered.
         now = wire.status["now_utc_ns"]
-        await until(
-            pilot, lambda: app.live.outlook is not None and app.live.outlook.t_utc_ns == now
-        )
+        await until(pilot, lambda: has_outlook(app) and app.live.outlook.t_utc_ns == now)
         if has_tune_of_its_own(*size):
             await until(pilot, lambda: app.live._figures[0] is not None)
         if state == "engine-dead":

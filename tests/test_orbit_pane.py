@@ -306,6 +306,22 @@ def test_an_orbit_that_leads_nowhere_is_shown_all_the_same(
     assert "cannot be reckoned" in caplog.text
 
 
+def test_the_limits_are_told_as_soon_as_it_is_known_where_the_telescope_looks() -> None:
+    skies: list[Any] = []
+    watch = OutlookWatch(skies.append, lambda _: None)
+    told = folded().view()
+    for mount_deg in (None, None, 150.0, 151.0):
+        engine = EngineView(
+            reach="attached",
+            now_utc_ns=night.t_of(5),
+            mount_ra_icrs_deg=mount_deg,
+            mount_dec_icrs_deg=None if mount_deg is None else -5.0,
+        )
+        watch.tell(told, engine)
+        watch._look()
+    assert [bool(sky.margins_deg) for sky in skies] == [False, True]
+
+
 def test_it_is_reckoned_again_for_another_orbit_and_not_for_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -23,7 +23,7 @@ MINUTE_NS = 60 * 10**9
 
 
 class OutlookWatch(Looker):
-    """Reckons anew every half minute, and when another thing is followed, or by another orbit."""
+    """Computes it every half minute, and when the state or what is followed is another."""
 
     def __init__(
         self, on_seen: Callable[["Outlook"], None], on_orbit: Callable[[OrbitAhead], None]
@@ -52,14 +52,16 @@ class OutlookWatch(Looker):
 
     def _reckon(self, night: NightView, engine: EngineView, now: int) -> None:
         assert night.config is not None
-        of = (night.folder, night.state, night.track is None, _minute(engine, now))
+        direction = _direction(night, engine)
+        is_known = night.track is not None, direction is not None
+        of = (night.folder, night.state, is_known, _minute(engine, now))
         if of == self._reckoned_of and time.monotonic() - self._reckoned_s < EVERY_S:
             return
         self._reckoned_of, self._reckoned_s = of, time.monotonic()
         # Late: the sky's reckoning loads slowly, and the first paint does not wait for it.
         from rsoconsole.pipeline.outlook import outlook
 
-        seen = outlook(night.config, now, _direction(night, engine), night.track)
+        seen = outlook(night.config, now, direction, night.track)
         if not self._is_closing:
             self._on_seen(seen)
 
