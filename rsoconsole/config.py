@@ -292,6 +292,12 @@ class FilterConfig(_Section):
         le=24,
         description="satellites followed at a time, by preset adaptive; 1: the lead alone",
     )
+    initiation: Literal["chains", "pairs"] = Field(
+        "chains",
+        description="what begins a track, by preset adaptive; chains: two frames that agree, points"
+        " without a direction by a line through five, and what a frame between has hidden; pairs:"
+        " two successive frames alone",
+    )
     max_coast_s: float = Field(7200.0, gt=0, le=86400, description="coasted longer, it is lost")
     max_3sigma_arcmin: float = Field(
         600.0, gt=0, le=600, description="less sure, it is lost; never beyond half the field"

@@ -356,7 +356,9 @@ class TrackState:
     measurement_id: str | None = None
     """The measurement that the track took; None after a mere prediction."""
     begun_with: tuple[str, str] | None = None
-    """The two measurements that a track began with, the earlier one first; None later on."""
+    """The first and the last measurement that a track began with; None later on."""
+    begun_through: tuple[str, ...] = ()
+    """Those between the two, in order of time, where it began with a chain of them."""
     is_lead: bool = True
     """Whether the telescope follows this one of the frame's tracks."""
     mixture: Mixture | None = None

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rsoconsole.orbit.join import alone, join_probabilities, log_odds
-from rsoconsole.orbit.link import Motion, best_disjoint, link_points
 from rsoconsole.records import FloatArray
+from rsoconsole.tracking.link import Motion, best_disjoint, link_points
 from tests.seen_satellites import SHARED, geostationary, instants, seen
 
 SPOTGEO = SHARED / "linking" / "spotgeo_truth_1_640.json"

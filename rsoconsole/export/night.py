@@ -269,10 +269,11 @@ def _reason(
 
 
 def _firsts(stories: Mapping[int, _FrameStory]) -> dict[str, int]:
-    """By id: the measurements with which tracks began a frame before, and those tracks."""
+    """By id: the measurements of earlier frames with which tracks began, and those tracks."""
     return {
-        state.begun_with[0]: state.track_id
+        each: state.track_id
         for story in stories.values()
         for state in story.last.corrected.values()
         if state.begun_with is not None
+        for each in (state.begun_with[0], *state.begun_through)
     }

@@ -186,8 +186,8 @@ class TracksTaken:
         if not taken:
             return  # its record has been lost
         if track_id not in found:
-            first = (corrected.begun_with or ())[:1]
-            found[track_id] = Track(self._named(first), corrected)
+            earlier = (*(corrected.begun_with or ())[:1], *corrected.begun_through)
+            found[track_id] = Track(self._named(earlier), corrected)
         track = found[track_id]
         track.measurements += taken
         track.last, track.predicted = corrected, predicted

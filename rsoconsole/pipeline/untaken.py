@@ -53,7 +53,7 @@ class Untaken:
         elif isinstance(record, FollowedAgain):
             self._settled.pop(record.frame_id, None)
         elif isinstance(record, TrackState) and record.kind != "predicted":
-            ids = (record.measurement_id, *(record.begun_with or ()))
+            ids = (record.measurement_id, *(record.begun_with or ()), *record.begun_through)
             self._settle(record.frame_id, ids)
         elif isinstance(record, NotFollowed) and record.reason == REFUSED:
             self._settle(record.frame_id, (record.measurement.measurement_id,))

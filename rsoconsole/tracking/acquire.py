@@ -1,4 +1,4 @@
-"""How two successive frames that agree on one motion begin a track. Pure."""
+"""How frames that agree on one motion begin a track: two of streaks, more of points. Pure."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from rsoconsole.records import (
     NotFollowed,
     TrackState,
 )
-from rsoconsole.tracking import estimator
+from rsoconsole.tracking import chains, estimator
 from rsoconsole.tracking import pattern as patterns
 from rsoconsole.tracking.adaptive import Bend
 from rsoconsole.tracking.association import (
@@ -20,6 +20,7 @@ from rsoconsole.tracking.association import (
     pair_disagreement,
     pair_misfit_arcsec,
 )
+from rsoconsole.tracking.chains import Chain
 from rsoconsole.tracking.following import (
     MAY_BE_FOLLOWED,
     Following,
@@ -34,7 +35,6 @@ from rsoconsole.tracking.neighbours import (
     Neighbour,
     remembered,
 )
-from rsoconsole.tracking.pairing import paired
 from rsoconsole.tracking.pattern import NO_PATTERN, Pattern, Place, learnt_error_arcsec
 from rsoconsole.tracking.streak_length import along_error_arcsec, remembered_with
 
@@ -48,7 +48,7 @@ REFUSED, NOT_CHOSEN = NotTaken(kind="refused"), NotTaken(kind="not chosen")
 def acquire(
     before: Following, seen: Seen, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """Two successive frames whose measurements agree on one motion start a track.
+    """Frames whose measurements agree on one motion start a track: ``chains`` has which.
 
     The most confident one that has a partner leads; of those as good as certain, the one whose
     place is known best, which is the brightest as a rule. What the frame cuts, and what is surely
@@ -75,52 +75,58 @@ def acquire(
     )
     aside += told_of_choice
     refused = tuple(not_followed(m, REFUSED) for m in seen.refused)
-    pairs: dict[Measurement, Measurement] = {}
+    agreed: dict[Measurement, Chain] = {}
     if settings.filter.preset == "adaptive":
-        pairs = paired(before.candidates, usable, seen.exposure_s)
+        agreed = chains.begun(before, usable, seen, settings)
     for second in usable:
         if settings.filter.preset == "adaptive":
-            partners = [pairs[second]] if second in pairs else []
+            earlier = agreed.get(second, ())
         else:
-            partners = [
-                first
-                for first in before.candidates
-                if pair_disagreement(first, second, seen.exposure_s) is None
-            ]
-        if partners:
-            first = min(partners, key=lambda m: pair_misfit_arcsec(m, second, seen.exposure_s))
-            return _begun(
-                (first, second), pairs, before, usable, (*aside, *refused), seen, settings
-            )
+            earlier = _partner(before.candidates, second, seen)
+        if earlier:
+            lead = (*earlier, second)
+            return _begun(lead, agreed, before, usable, (*aside, *refused), seen, settings)
     alone = tuple(not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
-    return before.without_track(state, usable), (*alone, *aside, *refused)
+    waiting = chains.kept(before, ()) if chains.is_wide(settings) else ()
+    return before.without_track(state, usable, waiting), (*alone, *aside, *refused)
+
+
+def _partner(candidates: Chain, second: Measurement, seen: Seen) -> Chain:
+    """The one of the frame before that agrees best, if any does."""
+    partners = [
+        first for first in candidates if pair_disagreement(first, second, seen.exposure_s) is None
+    ]
+    if not partners:
+        return ()
+    return (min(partners, key=lambda m: pair_misfit_arcsec(m, second, seen.exposure_s)),)
 
 
 def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
-    lead: tuple[Measurement, Measurement],
-    pairs: dict[Measurement, Measurement],
+    lead: Chain,
+    agreed: dict[Measurement, Chain],
     before: Following,
     usable: tuple[Measurement, ...],
     told: tuple[NotFollowed, ...],
     seen: Seen,
     settings: FollowSettings,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """The lead, and beside it a track of every other pair as far as there is room."""
+    """The lead, and beside it a track of every other chain as far as there is room."""
     is_alone = seen.chosen is not None or settings.filter.preset != "adaptive"
     room = 1 if is_alone else settings.filter.most_tracks
-    others = [(pairs[m], m) for m in usable if m in pairs and m is not lead[1]]
+    others = [(*agreed[m], m) for m in usable if m in agreed and m is not lead[-1]]
     begun_with = [lead, *others[: room - 1]]
     tracks = tuple(
-        first_state(*pair, before.last_track_id + number, seen, settings, is_lead=pair is lead)
-        for number, pair in enumerate(begun_with, 1)
+        first_state(chain, before.last_track_id + number, seen, settings, is_lead=chain is lead)
+        for number, chain in enumerate(begun_with, 1)
     )
-    used = {m for pair in begun_with for m in pair}
+    used = {m for chain in begun_with for m in chain}
     left = tuple(m for m in (*before.candidates, *usable) if m not in used)
     refused = (not_followed(m, NotTaken(kind="another leads")) for m in left)
     after = Following(
         state="TRACK",
         candidates=tuple(m for m in usable if m not in used) if room > 1 else (),
+        earlier=chains.kept(before, used) if room > 1 and chains.is_wide(settings) else (),
         tracks=tracks,
         pattern=_pattern_of(tracks, begun_with, seen),
         last_track_id=before.last_track_id + len(tracks),
@@ -130,39 +136,52 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
     return after, (*states, *of_track((*refused, *told), states[0].track_id))
 
 
-def _pattern_of(
-    tracks: tuple[Tracked, ...], begun_with: list[tuple[Measurement, Measurement]], seen: Seen
-) -> Pattern:
-    """Where tracks that begin together stand to each other, from the two frames."""
+def _pattern_of(tracks: tuple[Tracked, ...], begun_with: list[Chain], seen: Seen) -> Pattern:
+    """Where tracks that begin together stand to each other, from their frames."""
     found = NO_PATTERN
     alive = [each.track.track_id for each in tracks]
-    for number in (0, 1):
-        shown = {}
-        for each, pair in zip(tracks, begun_with, strict=True):
-            m, expected = pair[number], expected_motion(each.track, seen.exposure_s)
+    frames: dict[int, dict[int, Place]] = {}
+    times: dict[int, int] = {}
+    for each, chain in zip(tracks, begun_with, strict=True):
+        expected = expected_motion(each.track, seen.exposure_s)
+        for m in chain:
             along = along_error_arcsec(m, expected)
+            shown = frames.setdefault(m.frame_id, {})
             shown[each.track.track_id] = Place.of(m, each.track, along)
-        found = patterns.after(found, alive, shown, begun_with[0][number].t_mid_utc_ns)
+            times.setdefault(m.frame_id, m.t_mid_utc_ns)
+    for frame_id in sorted(frames, key=lambda frame_id: times[frame_id]):
+        found = patterns.after(found, alive, frames[frame_id], times[frame_id])
     return found
 
 
 def first_state(
-    first: Measurement,
-    second: Measurement,
-    track_id: int,
-    seen: Seen,
-    settings: FollowSettings,
-    *,
-    is_lead: bool,
+    chain: Chain, track_id: int, seen: Seen, settings: FollowSettings, *, is_lead: bool
 ) -> Tracked:
-    """What is followed from two measurements on."""
-    track = replace(initiated(first, second, track_id, seen, settings), is_lead=is_lead)
+    """What is followed from two measurements on, or more of them."""
+    track = initiated(chain[0], chain[1], track_id, seen, settings)
+    excesses = excesses_with((), track, chain[1], seen)
+    for m in chain[2:]:
+        at = estimator.predict(track, m.t_mid_utc_ns, settings.filter, m.frame_id)
+        along = along_error_arcsec(m, expected_motion(at, seen.exposure_s), excesses)
+        track = estimator.update(at, m, settings.filter, along)
+        excesses = excesses_with(excesses, track, m, seen)
+    if len(chain) > 2:
+        track = replace(
+            track,
+            kind="initial",
+            nis=None,
+            innovation_arcsec=None,
+            sigma_innovation_arcsec=None,
+            begun_with=(chain[0].measurement_id, chain[-1].measurement_id),
+            begun_through=tuple(m.measurement_id for m in chain[1:-1]),
+        )
+    track = replace(track, is_lead=is_lead)
     return Tracked(
         track=track,
-        taken=second,
-        neighbours=beside((), track, second, seen),
-        excesses_arcsec=excesses_with((), track, second, seen),
-        since_utc_ns=second.t_mid_utc_ns,
+        taken=chain[-1],
+        neighbours=beside((), track, chain[-1], seen),
+        excesses_arcsec=excesses,
+        since_utc_ns=chain[-1].t_mid_utc_ns,
     )
 
 

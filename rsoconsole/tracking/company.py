@@ -1,7 +1,7 @@
 """Every satellite in the field: what no track has taken may begin another one. Pure.
 
-Two successive frames that agree on one motion begin it, as they do the first; until it has been
-measured once more it is on trial and ends with its first miss, so that two false streaks cost one
+Frames that agree on one motion begin it, as they do the first; until it has been measured once
+more it is on trial and ends with its first miss, so that two false streaks cost one
 frame. One that has left the field ends too: the lead alone is looked for.
 """
 
@@ -11,19 +11,19 @@ import numpy as np
 
 from rsoconsole.reasons import Missed, NotTaken, TrackLost
 from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, TrackState
-from rsoconsole.tracking import lqe
+from rsoconsole.tracking import chains, lqe
 from rsoconsole.tracking.acquire import first_state
-from rsoconsole.tracking.association import motion_between
+from rsoconsole.tracking.association import disagreement, motion_between, streak_motion
 from rsoconsole.tracking.following import (
     MAY_BE_FOLLOWED,
     Following,
     FollowSettings,
     Seen,
     Tracked,
+    expected_motion,
     three_sigma_deg,
 )
-from rsoconsole.tracking.pairing import paired
-from rsoconsole.tracking.takeover import Step
+from rsoconsole.tracking.takeover import Step, is_neighbour
 
 ON_TRIAL = 1
 """Measurements after its second that a track needs to outlive a miss."""
@@ -56,7 +56,11 @@ def ended(step: Step, before: Tracked, seen: Seen) -> Step:
     if step.after is None or step.is_measured:
         return step
     lost: TrackLost | None = None
-    if step.after.track.innovations < ON_TRIAL and not before.is_kept:
+    track = step.after.track
+    # What chance would hardly have made of points is no chance because one frame hides it.
+    is_chain = before.taken is not None and streak_motion(before.taken) is None
+    outlives = before.is_kept or (is_chain and track.misses == 1)
+    if track.innovations < ON_TRIAL and not outlives:
         lost = TrackLost(kind="not confirmed")
     elif _has_left(step.after, seen):
         lost = TrackLost(kind="left the field")
@@ -82,45 +86,48 @@ def _has_left(coasted: Tracked, seen: Seen) -> bool:
 
 
 def begun(  # noqa: PLR0917 -- one call, each argument a different thing
-    candidates: tuple[Measurement, ...],
+    before: Following,
     usable: tuple[Measurement, ...],
+    alive: tuple[Tracked, ...],
     last_track_id: int,
-    room: int,
     seen: Seen,
     settings: FollowSettings,
-) -> tuple[Tracked, ...]:
-    """Tracks through what two frames agree on, the surest first; ``room``: for so many."""
-    if room <= 0 or not candidates or not usable:
-        return ()
-    pairs = paired(candidates, usable, seen.exposure_s)
-    each = [(pairs[second], second) for second in usable if second in pairs][:room]
-    return tuple(
-        first_state(first, second, last_track_id + number, seen, settings, is_lead=False)
-        for number, (first, second) in enumerate(each, 1)
+) -> tuple[tuple[Tracked, ...], set[Measurement]]:
+    """Tracks through what frames agree on, the surest first, and all that they began with.
+
+    ``alive``: the tracks that there are; together there are as many as the settings allow.
+    """
+    room = settings.filter.most_tracks - len(alive)
+    if room <= 0 or not usable or not (before.candidates or before.earlier):
+        return (), set()
+    agreed = chains.begun(before, usable, seen, settings, alive)
+    each = [(*agreed[last], last) for last in usable if last in agreed][:room]
+    tracks = tuple(
+        first_state(chain, last_track_id + number, seen, settings, is_lead=False)
+        for number, chain in enumerate(each, 1)
     )
+    return tracks, {m for chain in each for m in chain}
 
 
-def left_over(steps: list[Step], seen: Seen) -> tuple[Measurement, ...]:
+def left_over(steps: list[Step], seen: Seen, settings: FollowSettings) -> tuple[Measurement, ...]:
     """What may begin a track: nobody has taken it, and nobody waits for it.
 
     What a track that is missed may yet turn out to be (``takeover``) and what may be one of two
     tracks' is not free.
     """
     taken = [s.after.taken for s in steps if s.is_measured and s.after is not None]
-    claimed = {
-        m
-        for step in steps
-        if step.after is not None and step.after.unexplained
-        for rival in step.after.rivals
-        for m in rival.measurements
-    }
+    is_wide = chains.is_wide(settings)
+    claimed = {m for step in steps for m in _waited_for(step, is_wide)}
     claimed |= {
         r.measurement
         for step in steps
         for r in step.records
         if isinstance(r, NotFollowed)
         and isinstance(r.reason, NotTaken)
-        and r.reason.kind in {"cannot be told apart", "another taken"}
+        and (
+            r.reason.kind == "cannot be told apart"
+            or (r.reason.kind == "another taken" and not (is_wide and _is_whole(r, step, seen)))
+        )
     }
     return tuple(
         m
@@ -130,6 +137,32 @@ def left_over(steps: list[Step], seen: Seen) -> tuple[Measurement, ...]:
         and m not in claimed
         and not any(t is not None and _is_same(m, t) for t in taken)
     )
+
+
+def _waited_for(step: Step, is_wide: bool) -> tuple[Measurement, ...]:
+    """What a track that is missed may yet turn out to be.
+
+    A neighbour that was seen beside a track never is. Where more frames are asked the lead alone
+    waits: beside others what stands elsewhere is rather another satellite than one that has left
+    its path.
+    """
+    after = step.after
+    if after is None or not after.unexplained or (is_wide and not after.track.is_lead):
+        return ()
+    return tuple(
+        m
+        for rival in after.rivals
+        if not (is_wide and is_neighbour(rival.measurements[-1], after))
+        for m in rival.measurements
+    )
+
+
+def _is_whole(refused: NotFollowed, step: Step, seen: Seen) -> bool:
+    """Whether a streak beside the one that a track took is as long: no part of the same."""
+    if step.after is None:
+        return False
+    expected = expected_motion(step.after.track, seen.exposure_s)
+    return disagreement(refused.measurement, expected) is None
 
 
 def _is_same(m: Measurement, taken: Measurement) -> bool:
@@ -156,14 +189,13 @@ def joined_by_new(  # noqa: PLR0917 -- one call, each argument a different thing
     settings: FollowSettings,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """With the tracks that begin beside those that there are."""
-    free = left_over(steps, seen)
-    room = settings.filter.most_tracks - len(after.tracks)
-    found = begun(before.candidates, free, after.last_track_id, room, seen, settings)
-    taken = {each.taken for each in found}
+    free = left_over(steps, seen, settings)
+    found, used = begun(before, free, after.tracks, after.last_track_id, seen, settings)
     told = without_verdicts_on(records, found)
     return replace(
         after,
-        candidates=tuple(m for m in free if m not in taken),
+        candidates=tuple(m for m in free if m not in used),
+        earlier=chains.kept(before, used) if chains.is_wide(settings) else (),
         tracks=(*after.tracks, *found),
         last_track_id=after.last_track_id + len(found),
     ), (*told, *(each.track for each in found))

@@ -352,9 +352,8 @@ def _initiated_again(
     """A new track takes the place of one that had gone astray."""
     found = step.reacquired
     assert found is not None
-    fresh = first_state(
-        found.first, found.second, track_id, seen, settings, is_lead=before.track.is_lead
-    )
+    pair = (found.first, found.second)
+    fresh = first_state(pair, track_id, seen, settings, is_lead=before.track.is_lead)
     track = replace(fresh.track, replaces=before.track.track_id)
     fresh = replace(fresh, track=track, is_kept=before.is_kept)
     return Step(records=(*step.records, fresh.track), after=fresh, is_measured=True)

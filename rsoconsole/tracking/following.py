@@ -115,6 +115,8 @@ class Following:
     state: LoopState = "SEARCH"
     candidates: tuple[Measurement, ...] = ()
     """Measurements of the last frame, each of which may start a track."""
+    earlier: tuple[Measurement, ...] = ()
+    """Those of the frames before it that may still start one, with later frames that agree."""
     tracks: tuple[Tracked, ...] = ()
     """The lead first; empty where nothing is followed."""
     pattern: Pattern = NO_PATTERN
@@ -145,12 +147,16 @@ class Following:
         return self.tracks[0].track.track_id if self.tracks else None
 
     def without_track(
-        self, state: LoopState, candidates: tuple[Measurement, ...] = ()
+        self,
+        state: LoopState,
+        candidates: tuple[Measurement, ...] = (),
+        earlier: tuple[Measurement, ...] = (),
     ) -> "Following":
         """Nothing is followed any more; the next track is another one."""
         return Following(
             state=state,
             candidates=candidates,
+            earlier=earlier,
             last_track_id=self.last_track_id,
             dropped=self.dropped,
         )

@@ -34,6 +34,10 @@ COMMON_ARCSEC, COMMON_SHARE = 10.0, 0.05
 """Sigma of the way from frame to frame that satellites of one field share."""
 ALONE_COST = 12.0
 """Of one that goes a way of its own."""
+UNSURE_COST = 8.0
+"""Of what a pair that goes a way of its own may be off by in all: its streaks' two directions and
+lengths by two sigmas each or so. One that is off by more is rather two objects, each seen once."""
+UNPAIRED_COST = ALONE_COST + UNSURE_COST
 _NOBODY = 1e6
 """Of one that is left without a partner: as many as can be have one."""
 _FREEDOM = 4.0
@@ -67,18 +71,30 @@ class _Pairs:
 
 
 def paired(
-    firsts: Sequence[Measurement], seconds: Sequence[Measurement], exposure_s: float
+    firsts: Sequence[Measurement],
+    seconds: Sequence[Measurement],
+    exposure_s: float,
+    rates_arcsec_s: Sequence[tuple[float, float]] = (),
+    *,
+    unpaired: float | None = None,
 ) -> dict[Measurement, Measurement]:
     """The first of each second one, where two frames agree; each is in one pair at most.
 
     Of all ways to pair them the likeliest: of two neighbours that were not both seen in the first
-    frame the one that was finds itself.
+    frame the one that was finds itself. ``rates_arcsec_s``: how what is followed beside them moves
+    (east, north); ``unpaired``: cost of one without, where that may be likelier than a pair; None:
+    as many as can be have one.
     """
     pairs = _pairs(firsts, seconds, exposure_s)
     is_one = np.isfinite(pairs.cost)
     if not is_one.any():
         return {}
-    rows, columns = _assigned(pairs) if is_one.sum() > 1 else is_one.nonzero()
+    if unpaired is not None:
+        dt_s = (seconds[0].t_mid_utc_ns - firsts[0].t_mid_utc_ns) / 1e9
+        known = [np.array(rate) * dt_s for rate in rates_arcsec_s]
+        rows, columns = _assigned(pairs, known, unpaired)
+    else:
+        rows, columns = _assigned(pairs) if is_one.sum() > 1 else is_one.nonzero()
     return {
         seconds[row]: firsts[column]
         for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
@@ -111,24 +127,34 @@ def _pairs(
     return _Pairs(cost=cost, bends_deg=bends, sigmas_deg=sigmas, ways_arcsec=ways)
 
 
-def _assigned(pairs: _Pairs) -> tuple[IntArray, IntArray]:
-    """The likeliest assignment: second and first of each pair."""
+def _assigned(
+    pairs: _Pairs, known_ways: Sequence[FloatArray] = (), unpaired: float = _NOBODY
+) -> tuple[IntArray, IntArray]:
+    """The likeliest assignment: second and first of each pair.
+
+    ``known_ways``: from frame to frame, of what is followed; ``unpaired``: cost of one without.
+    """
     # scipy weighs half a second: only who has a choice to make pays for it.
     from scipy.optimize import linear_sum_assignment
 
     is_one = np.isfinite(pairs.cost)
+    anchors = [
+        (pairs.ways_arcsec[row, column], pairs.bends_deg[row, column])
+        for row, column in np.argwhere(is_one)
+    ]
+    anchors += [(way, np.zeros(2)) for way in known_ways]
     best = (math.inf, np.empty(0, np.int64), np.empty(0, np.int64))
-    for row, column in np.argwhere(is_one):
-        way, bend = pairs.ways_arcsec[row, column], pairs.bends_deg[row, column]
+    for way, bend in anchors:
         away2 = np.sum((pairs.ways_arcsec - way) ** 2, axis=-1)
         sigma = COMMON_ARCSEC + COMMON_SHARE * math.hypot(*way)
         bent = _student((pairs.bends_deg - bend) / pairs.sigmas_deg).sum(axis=-1)
         cost = pairs.cost + bent + np.minimum(away2 / sigma**2, ALONE_COST)
-        cost = np.where(is_one, cost, _NOBODY)
+        cost = np.where(is_one & (cost < unpaired), cost, unpaired)
         rows, columns = linear_sum_assignment(cost)
         total = float(cost[rows, columns].sum() + _student(bend / BEND_DEG).sum())
         if total < best[0]:
-            best = (total, rows, columns)
+            is_pair = cost[rows, columns] < unpaired
+            best = (total, rows[is_pair], columns[is_pair])
     return best[1], best[2]
 
 

@@ -30,7 +30,6 @@ from rsoconsole.tracking.following import (
 from rsoconsole.tracking.gates import nis_of
 from rsoconsole.tracking.neighbours import (
     Field,
-    Neighbour,
 )
 from rsoconsole.tracking.pairing import agree
 from rsoconsole.tracking.rivals import SURE_ODDS, RivalFilter, after_miss, odds
@@ -97,7 +96,7 @@ def with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
         # Two streaks alone may be of two objects: what stood beside them then says nothing.
         and not (
             before.track.innovations
-            and _is_neighbour(rival.measurements[-1], predicted, before.neighbours)
+            and is_neighbour(rival.measurements[-1], replace(before, track=predicted))
         )
     ]
     if likely:
@@ -149,15 +148,18 @@ def is_in_field(predicted: TrackState, field: Field | None) -> bool:
     return bool(field.holds(np.array([ra_deg]), np.array([dec_deg]), inside_arcsec)[0])
 
 
-def _is_neighbour(m: Measurement, predicted: TrackState, neighbours: tuple[Neighbour, ...]) -> bool:
-    """Whether a measurement stands where a known neighbour of what is followed should."""
-    to = (m.ra_icrs_deg, m.dec_icrs_deg)
+def is_neighbour(m: Measurement, tracked: Tracked) -> bool:
+    """Whether a measurement stands where a known neighbour of what is followed should.
+
+    ``tracked`` as it was predicted to the measurement's frame.
+    """
+    predicted, to = tracked.track, (m.ra_icrs_deg, m.dec_icrs_deg)
     away = motion_between(*lqe.direction_icrs_deg(predicted), *to)
     spread_arcsec = 3600.0 * three_sigma_deg(predicted)
     return any(
         math.hypot(away.east_arcsec - n.east_arcsec, away.north_arcsec - n.north_arcsec)
         < 3.0 * n.sigma_arcsec(predicted.t_utc_ns) + spread_arcsec
-        for n in neighbours
+        for n in tracked.neighbours
     )
 
 

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from rsoconsole.orbit.join import Alone, alone, join_probabilities
-from rsoconsole.orbit.link import link_points
+from rsoconsole.tracking.link import link_points
 from tests.seen_satellites import geostationary, instants, seen
 from tests.test_link import FRAMES, KNOWN, annotated, spoilt, true_links
 
