@@ -18,11 +18,11 @@ needs_elements = pytest.mark.skipif(not ELEMENTS.exists(), reason=f"{ELEMENTS} i
 def test_gospa_of_sets_that_are_one_can_work_out_by_hand() -> None:
     two = np.array([[0.0, 0.0], [100.0, 0.0]])
     assert gospa(two, two) == 0.0
-    assert gospa(two + [3.0, 4.0], two) == pytest.approx(math.sqrt(50.0))
+    assert gospa(two + np.array([3.0, 4.0]), two) == pytest.approx(math.sqrt(50.0))
     # One missed, one false: half of the squared cut each.
     assert gospa(two[:1], two) == pytest.approx(CUT_ARCSEC / math.sqrt(2.0))
     assert gospa(np.empty((0, 2)), two) == pytest.approx(CUT_ARCSEC)
-    assert gospa(two + [60.0, 0.0], two[:1]) == pytest.approx(math.sqrt(1.5) * CUT_ARCSEC)
+    assert gospa(two + np.array([60.0, 0.0]), two[:1]) == pytest.approx(math.sqrt(1.5) * CUT_ARCSEC)
 
 
 def test_gospa_is_as_stone_soup_has_it() -> None:

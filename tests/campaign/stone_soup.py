@@ -171,7 +171,7 @@ class _Tracker:
     def _associated(self, found: Sequence[Any], time: datetime.datetime) -> Any:
         try:
             return self.associator.associate(set(self.tracks), set(found), time)
-        except ValueError:
+        except (ValueError, RuntimeError):
             # Of MFA's mixtures too much was cut off: no choice of histories is left that gives no
             # streak to two tracks. The likeliest of each goes on, without its history.
             for track in self.tracks:
