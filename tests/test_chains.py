@@ -111,6 +111,23 @@ def test_a_neighbour_that_was_seen_beside_the_lead_begins_while_the_lead_is_miss
     assert night(by_pairs()) == [2]
 
 
+def test_two_false_streaks_that_led_lead_no_longer_once_another_track_is_confirmed():
+    """Surer than what is there, seen in two frames and never again."""
+
+    def night(settings: FollowSettings) -> list[int | None]:
+        following, leads = Following(), []
+        for n in range(1, 6):
+            shown = [replace(geo_measurement(n), confidence=0.6)]
+            if n <= 2:
+                shown.insert(0, geo_measurement(n, dec_deg=-5.3))
+            following, _ = follow(following, seen(n, *shown), settings)
+            leads.append(following.track_id)
+        return leads
+
+    assert night(by_pairs()) == [None, 1, 1, 1, 1]
+    assert night(SETTINGS) == [None, 1, 2, 2, 2]
+
+
 def test_one_right_pair_is_worth_more_than_two_wrong_ones():
     """What is followed says how a slot moves; without it as many as can be have a partner."""
     a, b = geo_measurement(1), geo_measurement(2)

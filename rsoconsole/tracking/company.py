@@ -5,6 +5,7 @@ more it is on trial and ends with its first miss, so that two false streaks cost
 frame. One that has left the field ends too: the lead alone is looked for.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -49,6 +50,21 @@ def within_reach(
         if motion_between(*here, m.ra_icrs_deg, m.dec_icrs_deg).length_arcsec
         <= reach_arcsec + 3.0 * float(np.sqrt(max(m.cov_sky_arcsec2[0], m.cov_sky_arcsec2[2])))
     )
+
+
+def without_ghost(steps: list[Step], tracks: Sequence[Tracked], seen: Seen) -> list[Step]:
+    """Steps without a lead on trial that is missed where another track is confirmed: that leads.
+
+    Alone it goes on: nobody knows better than its two streaks where to look.
+    """
+    confirmed = (
+        step.is_measured and step.after is not None and step.after.track.innovations >= ON_TRIAL
+        for step in steps[1:]
+    )
+    is_lead = bool(steps) and tracks[0].track.is_lead and steps[0].reacquired is None
+    if not is_lead or not any(confirmed):
+        return steps
+    return [ended(steps[0], tracks[0], seen), *steps[1:]]
 
 
 def ended(step: Step, before: Tracked, seen: Seen) -> Step:

@@ -19,7 +19,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking import adaptive, company, estimator, track_words
+from rsoconsole.tracking import adaptive, chains, company, estimator, track_words
 from rsoconsole.tracking import pattern as patterns
 from rsoconsole.tracking.acquire import (
     NOT_CHOSEN,
@@ -239,7 +239,7 @@ def _steps_of_all(before: Following, seen: Seen, settings: FollowSettings) -> li
             own = replace(own, reasons={**own.reasons, **unclear})
         step = _stepped(own, taken, track, replace(seen, measurements=left), settings)
         steps.append(step if track.track.is_lead else company.ended(step, track, seen))
-    return steps
+    return company.without_ghost(steps, all_tracks, seen) if chains.is_wide(settings) else steps
 
 
 def _steps_of_dropped(before: Following, seen: Seen, settings: FollowSettings) -> list[Step]:
