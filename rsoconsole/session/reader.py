@@ -431,12 +431,7 @@ def _is_busy(error: sqlite3.OperationalError) -> bool:
     return error.sqlite_errorcode & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
 
 
-_OLD_FILTER = {
-    "preset": "tuned",
-    "max_coast_s": 3600.0,
-    "most_tracks": 1,
-    "initiation": "pairs",
-}
+_OLD_FILTER = {"preset": "tuned", "max_coast_s": 3600.0, "most_tracks": 1, "initiation": "pairs"}
 """Defaults that have changed since: a session that does not name them was recorded with these."""
 
 
