@@ -154,7 +154,10 @@ class TelescopeActions(CarefulSeat):
         elif self.engine.kept is not None:
             self._follow_again()
         else:
-            self.say("nothing is kept that could be followed again", "warn")
+            arm = first_key("arm_or_disarm", self.keymap)
+            is_at_rest = self.engine.holder != "autonomy"
+            then = f": {arm} arms, and it searches" if is_at_rest else ""
+            self.say(f"nothing is kept that could be followed again{then}", "warn")
 
     def _follow_again(self) -> None:
         """The kept track; after a STOP or a fault the checklist comes first, as with arming."""
