@@ -259,6 +259,7 @@ scatter_low_s=mixture.scatter_low_s real lower end of its interval of 90 %
 scatter_high_s=mixture.scatter_high_s real upper end of it
 variance_scale=mixture.variance_scale real of the variances that measurements claim
 along_arcsec=mixture.along_arcsec real sigma along the motion that the length of the streak adds
+shared_with integer the track that took the same streak, which the frame could not show apart
 """
 _OF_SLEW = """
 ra_icrs_deg real where to look

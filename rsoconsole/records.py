@@ -368,6 +368,8 @@ class TrackState:
     replaces: int | None = field(default=None, compare=False)
     """Of a track that began as what another one had lost: that other track's number, which ended
     with it. Sessions from before it was on record come out the same without it."""
+    shared_with: int | None = None
+    """The track that took the same streak: the frame could not show both apart."""
     memory: object | None = field(
         default=None, repr=False, compare=False, metadata={OFF_RECORD: True}
     )

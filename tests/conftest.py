@@ -4,10 +4,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from rsoconsole.console import watch
 from rsoconsole.session.writer import SessionWriter
 from tests.seat_rig import FakeWire, written
+
+# How fast this machine was while it did something else says nothing of the program.
+settings.register_profile("any machine", deadline=None)
+settings.load_profile("any machine")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -210,6 +210,25 @@ def test_every_track_is_judged_by_what_it_began_with():
     assert (alpha["longest_wrong"], beta["longest_wrong"]) == (0, 0)
 
 
+@pytest.mark.parametrize(("shares", "swapped"), [(1, 0), (None, 1)])
+def test_a_streak_of_both_is_each_ones_where_its_track_says_so(shares, swapped):
+    """BETA's track takes the streak between both, a pixel nearer to ALPHA's middle."""
+    views = []
+    for k in range(4):
+        alpha_px, beta_px = (500.0, 503.0) if k == 3 else (500.0, 560.0)
+        frame = FakeFrame([measured(500.0), measured(560.0)], [detected(500.0), detected(560.0)])
+        kind = "initial" if k == 0 else "updated"
+        taken = state(kind, 500.0 if k == 3 else 560.0)
+        frame.beside[2] = TrackStep(
+            False,
+            None if k == 0 else state("predicted", beta_px),
+            replace(taken, track_id=2, shared_with=shares if k == 3 else None),
+        )
+        views.append((frame, exposure(satellite(ALPHA, alpha_px), satellite(BETA, beta_px))))
+    _, beta = objects_figures(views, {ALPHA: "ALPHA"})
+    assert (beta["swapped_frames"], beta["track_frames"]) == (swapped, 4 - swapped)
+
+
 @pytest.mark.parametrize(("sigma_arcsec", "inside"), [(1.0, 0.0), (1.5, 1.0)])
 def test_a_prediction_four_arcsec_off_is_inside_three_sigmas_or_not(sigma_arcsec, inside):
     views = followed_for(3)

@@ -21,6 +21,8 @@ VISIBLE_SNR = 20.0
 """Integrated SNR from which a satellite in the field counts as visible."""
 BESIDE_FWHM = 4.0
 """How far beside a true streak something may lie and be of it, in widths of the frame's stars."""
+BETWEEN = 2.0
+"""Not so many times as far from one middle as from another, a streak is of both."""
 
 
 @dataclass(slots=True)
@@ -118,6 +120,8 @@ class _Judge:
             taken = _taken(frame, step)
             if taken is not None:
                 number = _object_at(taken.x_px, taken.y_px, there, width_px)
+                if _is_of_both(step, taken, there, (on, number), width_px):
+                    number = on
                 taken_by[track_id] = number
                 self._judge_taken(track_id, step, number, there)
         for number in before & seen:
@@ -271,6 +275,8 @@ def _judge_prediction(
         return
     if true["snr_integrated"] >= VISIBLE_SNR:
         _judge_bounds(tally, predicted, true, always_late_ns)
+    if updated is not None and updated.shared_with is not None:
+        updated = None  # half of what it says of the error is what nobody knows
     if updated is not None and updated.nis is not None and updated.sigma_innovation_arcsec:
         tally.nis.append(updated.nis)
         east, north = updated.innovation_arcsec or (0.0, 0.0)
@@ -320,6 +326,32 @@ def taken_of(frame: JudgedFrame) -> Measurement | None:
 def lead_of(steps: Mapping[int, TrackStep]) -> int | None:
     """Track id of the lead of a frame; where one takes over from another, of the later one."""
     return next((n for n in reversed(list(steps)) if steps[n].is_lead), None)
+
+
+def _is_of_both(
+    step: TrackStep,
+    taken: Measurement,
+    there: Mapping[int, Mapping[str, Any]],
+    pair: tuple[int | None, int | None],
+    width_px: float,
+) -> bool:
+    """Whether what a track took is its own object's as well as the one's whose middle is nearer.
+
+    One streak of two lies between both; or the track says that it shares it with another.
+    """
+    own, nearer = (there.get(number or 0) for number in pair)
+    if (
+        own is None
+        or nearer is None
+        or _object_at(taken.x_px, taken.y_px, {0: own}, width_px) is None
+    ):
+        return False
+    if step.updated is not None and step.updated.shared_with is not None:
+        return True
+    to_own, to_other = (
+        math.hypot(taken.x_px - each["x_px"], taken.y_px - each["y_px"]) for each in (own, nearer)
+    )
+    return to_own <= BETWEEN * to_other
 
 
 def _taken(frame: JudgedFrame, step: TrackStep) -> Measurement | None:

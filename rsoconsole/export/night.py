@@ -106,6 +106,8 @@ class _Followed:
     """By track id."""
     corrected: dict[str, TrackState] = field(default_factory=dict)
     """By the id of the measurement that the track took."""
+    shared: dict[str, list[int]] = field(default_factory=dict)
+    """By the id of a streak of more than one satellite, the tracks that share it."""
     lead_id: int | None = None
     refusals: dict[int, NotFollowed] = field(default_factory=dict)
     """By the measurement's place in ``measured``; the lead's, which come first."""
@@ -215,6 +217,8 @@ def _hear(story: _FrameStory, record: OfFrame) -> None:
                 story.last.lead_id = record.track_id
             if record.kind == "predicted":
                 story.last.predicted[record.track_id] = record
+            elif record.measurement_id is not None and record.shared_with is not None:
+                story.last.shared.setdefault(record.measurement_id, []).append(record.track_id)
             elif record.measurement_id is not None:
                 story.last.corrected[record.measurement_id] = record
         case _:
@@ -265,6 +269,8 @@ def _reason(
         return None
     if story.ruling is not None and measurement in story.ruling.refused:
         return f"refused by {story.ruling.by}"
+    if (of := story.last.shared.get(measurement.measurement_id)) is not None:
+        return f"one streak of tracks {' and '.join(map(str, sorted(of)))}"
     return None if refusal is None else text(refusal.reason)
 
 

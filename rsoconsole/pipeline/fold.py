@@ -95,6 +95,7 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         measurements=measurements,
         absence=absence,
         field=_field_of(shown),
+        star_width_arcsec=_star_width_arcsec(shown),
         chosen=chosen,
         refused=refused,
         dropped=ruling.dropped,
@@ -106,6 +107,14 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
     return Folded(
         following=after, stars=counted(stars_before, stars, shown.solution), records=records
     )
+
+
+def _star_width_arcsec(shown: Shown) -> float | None:
+    """Of the frame's stars, where they and its scale are known."""
+    width_px = None if shown.detections is None else shown.detections.star_fwhm_px
+    if width_px is None or not isinstance(shown.solution, Solution):
+        return None
+    return width_px * shown.solution.scale_arcsec_px
 
 
 def _asks_orbit(

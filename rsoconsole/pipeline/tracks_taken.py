@@ -185,6 +185,8 @@ class TracksTaken:
         taken = self._named((corrected.measurement_id,))
         if not taken:
             return  # its record has been lost
+        if corrected.shared_with is not None:
+            taken = []  # lies between two satellites: no direction of either
         if track_id not in found:
             earlier = (*(corrected.begun_with or ())[:1], *corrected.begun_through)
             found[track_id] = Track(self._named(earlier), corrected)

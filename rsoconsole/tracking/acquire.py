@@ -245,6 +245,8 @@ def beside(
     others = {
         m: learnt_error_arcsec(m, track)
         for m in seen.measurements
-        if m != taken and not m.is_clipped and disagreement(m, expected) is None
+        if m.measurement_id != taken.measurement_id
+        and not m.is_clipped
+        and disagreement(m, expected) is None
     }
     return remembered(before, taken, others, learnt_error_arcsec(taken, track))

@@ -151,7 +151,10 @@ def left_over(steps: list[Step], seen: Seen, settings: FollowSettings) -> tuple[
         if not m.is_clipped
         and m.object_class in MAY_BE_FOLLOWED
         and m not in claimed
-        and not any(t is not None and _is_same(m, t) for t in taken)
+        and not any(
+            t is not None and (m.measurement_id == t.measurement_id or _is_same(m, t))
+            for t in taken
+        )
     )
 
 

@@ -8,8 +8,6 @@ from outside.
 
 from dataclasses import replace
 
-import numpy as np
-
 from rsoconsole.reasons import Cause, Missed, NotTaken, TrackLost
 from rsoconsole.records import (
     FoldRecord,
@@ -19,7 +17,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking import adaptive, chains, company, estimator, track_words
+from rsoconsole.tracking import blended, chains, company, estimator, track_words
 from rsoconsole.tracking import pattern as patterns
 from rsoconsole.tracking.acquire import (
     NOT_CHOSEN,
@@ -29,6 +27,7 @@ from rsoconsole.tracking.acquire import (
     excesses_with,
     first_state,
 )
+from rsoconsole.tracking.blended import Shared
 from rsoconsole.tracking.following import (
     CROSSED,
     NOTHING_SEEN,
@@ -41,7 +40,14 @@ from rsoconsole.tracking.following import (
     of_track,
     three_sigma_deg,
 )
-from rsoconsole.tracking.gates import CANNOT_TELL, nis_of, refusals, updated_with, verdicts
+from rsoconsole.tracking.gates import (
+    CANNOT_TELL,
+    nis_of,
+    off_nis,
+    refusals,
+    updated_with,
+    verdicts,
+)
 from rsoconsole.tracking.joint import Weighed, assigned
 from rsoconsole.tracking.pattern import Pattern, Place
 from rsoconsole.tracking.takeover import Step, cause_of, is_in_field, with_rivals
@@ -191,6 +197,8 @@ def _pattern(before: Following, after: Following, seen: Seen) -> Pattern:
         and each.taken.frame_id == seen.frame_id
         # Where what the frame cuts was taken is not where it is.
         and not each.taken.is_clipped
+        # What no frame shows apart says nothing of the way between.
+        and each.track.shared_with is None
     }
     alive = [each.track.track_id for each in tracks]
     return patterns.after(before.pattern, alive, shown, seen.t_mid_utc_ns)
@@ -223,11 +231,16 @@ def _steps_of_all(before: Following, seen: Seen, settings: FollowSettings) -> li
     tracks = [each if alone else replace(each, neighbours=()) for each in all_tracks]
     weighed = [_weighed(each, seen, settings) for each in tracks]
     given = assigned(weighed, before.pattern)
+    of_two = blended.shared(weighed, given, before.pattern, seen, settings)
     steps = []
-    for each, taken, unsure, track in zip(
-        weighed, given.taken, given.is_ambiguous, all_tracks, strict=True
+    for number, (each, taken, unsure, track) in enumerate(
+        zip(weighed, given.taken, given.is_ambiguous, all_tracks, strict=True)
     ):
+        if number in of_two:
+            steps.append(_shared(each, of_two[number], track, seen))
+            continue
         of_others = {m for m in given.taken if m is not None and m is not taken}
+        of_others |= {one.streak for one in of_two.values()}
         left = tuple(m for m in seen.measurements if m not in of_others)
         own = Weighed(
             predicted=each.predicted,
@@ -346,6 +359,18 @@ def _stepped(
     return with_rivals(step, before, predicted, reasons, is_absent, seen, settings)
 
 
+def _shared(weighed: Weighed, own: Shared, before: Tracked, seen: Seen) -> Step:
+    """A track after a frame that could not show it apart from another."""
+    reasons = {m: why for m, why in weighed.reasons.items() if m is not own.streak}
+    others = {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not own.streak}
+    told: tuple[FoldRecord, ...] = (
+        weighed.predicted,
+        own.updated,
+        *verdicts({**reasons, **others}, weighed.updated),
+    )
+    return _measured(own.updated, before, own.taken, seen, told)
+
+
 def _initiated_again(
     step: Step, before: Tracked, track_id: int, seen: Seen, settings: FollowSettings
 ) -> Step:
@@ -403,17 +428,9 @@ def _follow_chosen(
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
     updated = updated_with(predicted, chosen, before, seen, settings)
-    if _off_nis(updated, settings) > ANOTHER_OBJECT_NIS:
+    if off_nis(updated, settings) > ANOTHER_OBJECT_NIS:
         return Step(records=(predicted, *others), after=None, begins_with=chosen)
     return _measured(updated, before, chosen, seen, (predicted, updated, *others))
-
-
-def _off_nis(updated: TrackState, settings: FollowSettings) -> float:
-    """How far an innovation is off by the moments: a mixture allows for more."""
-    if settings.filter.preset != "adaptive" or updated.innovation_arcsec is None:
-        return nis_of(updated)
-    off = np.array(updated.innovation_arcsec)
-    return float(off @ np.linalg.solve(adaptive.innovation_covariance(updated), off))
 
 
 def _coast(  # noqa: PLR0917 -- one call, each argument a different thing

@@ -53,6 +53,8 @@ class Seen:
     """What a miss of this frame is put down to; a function is asked only where there is one."""
     field: Field | None = None
     """What the frame could show; None where that is not known."""
+    star_width_arcsec: float | None = None
+    """Full width of its stars at half maximum; None where nobody measured it."""
     chosen: Measurement | None = None
     """The one that the operator wants followed; one of ``measurements``."""
     refused: tuple[Measurement, ...] = ()

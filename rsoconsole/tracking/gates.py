@@ -1,12 +1,14 @@
 """Which measurements may belong to a track, and why the others do not. Pure."""
 
+import numpy as np
+
 from rsoconsole.reasons import NotTaken
 from rsoconsole.records import (
     Measurement,
     NotFollowed,
     TrackState,
 )
-from rsoconsole.tracking import estimator, lqe
+from rsoconsole.tracking import adaptive, estimator, lqe
 from rsoconsole.tracking.association import (
     LENGTH_TOLERANCE,
     LONGER_TOLERANCE,
@@ -128,3 +130,11 @@ def verdicts(
 
 def nis_of(state: TrackState) -> float:
     return state.nis or 0.0
+
+
+def off_nis(updated: TrackState, settings: FollowSettings) -> float:
+    """How far an innovation is off by the moments: a mixture allows for more."""
+    if settings.filter.preset != "adaptive" or updated.innovation_arcsec is None:
+        return nis_of(updated)
+    off = np.array(updated.innovation_arcsec)
+    return float(off @ np.linalg.solve(adaptive.innovation_covariance(updated), off))

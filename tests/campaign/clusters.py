@@ -40,14 +40,14 @@ FIELDS = {
     "hispasat-30W": Field(
         norad_ids=(37264, 43228),
         site="10,20,200",
-        at="2023-06-23T19:00:00Z",
+        at="2023-06-23T18:40:00Z",
         long_at="2023-06-23T18:35:00Z",
     ),
     # Within 30 arcsec for 1.75 hours, below 10 arcsec at the least.
     "arabsat-30.5E": Field(
         norad_ids=(44186, 36745),
         site="45,30,200",
-        at="2023-06-22T22:00:00Z",
+        at="2023-06-22T21:45:00Z",
         long_at="2023-06-22T20:40:00Z",
     ),
 }

@@ -1,0 +1,132 @@
+"""Two satellites in one streak: what both tracks may take of it. Pure.
+
+Where two of a slot pass each other closer than a camera can show, a frame has one streak of both:
+across them it lies somewhere between, by their light; along them it is as long as both together
+and its middle is that of the pair. The way from one to the other is known from the frames before
+(``pattern``), so that streak still measures both: each takes it with half of the way taken off,
+and with what nobody knows of the light as its error (the merged measurements of Blair-Bar-Shalom;
+Bar-Shalom & Li 1995, 6.4, without a second amplitude). Nothing is learnt of the way itself.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsoconsole.records import FloatArray, Measurement, TrackState
+from rsoconsole.tracking import estimator, lqe
+from rsoconsole.tracking.association import streak_motion
+from rsoconsole.tracking.following import FollowSettings, Seen, expected_motion
+from rsoconsole.tracking.joint import Assignment, Weighed
+from rsoconsole.tracking.pattern import Pattern
+from rsoconsole.tracking.sky_path import Plane
+
+WIDTHS = 2.5
+"""Beside each other closer than so many widths of a star, two streaks are found as one."""
+USUAL_WIDTH_ARCSEC = 3.5
+"""Of a star, where nobody measured it."""
+_LIGHT_SIGMA = 0.5
+"""Of where across the pair the streak lies, in its distance: the same in every frame, so that a
+uniform law's 0.29 would be believed too much after some."""
+_TELLING_ARCSEC = 12.0
+"""Along each other further apart than that a streak's length says whether it is of both."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shared:
+    """What one track takes of a streak of two."""
+
+    streak: Measurement
+    """As the frame shows it."""
+    taken: Measurement
+    """Where the track's own middle is by it."""
+    updated: TrackState
+
+
+def shared(
+    weighed: Sequence[Weighed],
+    given: Assignment,
+    pattern: Pattern,
+    seen: Seen,
+    settings: FollowSettings,
+) -> dict[int, Shared]:
+    """By a track's place among ``weighed``, what it takes of a streak that is another's as well.
+
+    Only where no frame could show both apart, one of the two is left without a streak, and the
+    streak fits both as one of both.
+    """
+    found: dict[int, Shared] = {}
+    for i, j in itertools.combinations(range(len(weighed)), 2):
+        if i in found or j in found or (given.taken[i] is not None and given.taken[j] is not None):
+            continue
+        one, other = weighed[i].predicted, weighed[j].predicted
+        known = pattern.way(one.track_id, other.track_id, seen.t_mid_utc_ns)
+        if known is None or not _is_one_streak(one, *known, seen):
+            continue
+        of_others = {m for n, m in enumerate(given.taken) if m is not None and n not in {i, j}}
+        pairs = [
+            pair
+            for m in seen.measurements
+            if m not in of_others
+            and m.ends_icrs_deg is not None
+            and not m.is_clipped
+            and (pair := _of_both(m, (one, other), known, seen, settings)) is not None
+        ]
+        if pairs:
+            best = min(pairs, key=lambda pair: sum(each.updated.nis or 0.0 for each in pair))
+            found[i], found[j] = best
+    return found
+
+
+def _axes(state: TrackState) -> tuple[FloatArray, FloatArray]:
+    rate = np.array(lqe.sky_rate_arcsec_s(state))
+    along = rate / max(float(np.hypot(*rate)), 1e-6)
+    return along, np.array([-along[1], along[0]])
+
+
+def _is_one_streak(one: TrackState, way: FloatArray, covariance: FloatArray, seen: Seen) -> bool:
+    """Whether two so far from each other are found as one streak."""
+    along, across = _axes(one)
+    width = WIDTHS * (seen.star_width_arcsec or USUAL_WIDTH_ARCSEC)
+    unsure = float(np.sqrt(across @ covariance @ across))
+    length = expected_motion(one, seen.exposure_s).length_arcsec
+    return abs(float(way @ across)) < width + unsure and abs(float(way @ along)) < length
+
+
+def _of_both(
+    m: Measurement,
+    states: tuple[TrackState, TrackState],
+    known: tuple[FloatArray, FloatArray],
+    seen: Seen,
+    settings: FollowSettings,
+) -> tuple[Shared, Shared] | None:
+    """What each of the two takes of a streak; None where it is not of both."""
+    way, covariance = known
+    along, across = _axes(states[0])
+    apart_along, apart_across = abs(float(way @ along)), float(way @ across)
+    streak = streak_motion(m)
+    length = expected_motion(states[0], seen.exposure_s).length_arcsec
+    if streak is None or streak.length_arcsec > 1.5 * (length + apart_along):
+        return None
+    if apart_along > _TELLING_ARCSEC and streak.length_arcsec - length < apart_along / 2.0:
+        return None  # as long as one of them
+    ee, en, nn = m.cov_sky_arcsec2
+    spread = np.array([[ee, en], [en, nn]]) + covariance / 4.0
+    spread += (_LIGHT_SIGMA * apart_across) ** 2 * np.outer(across, across)
+    plane, told = Plane.at(m.ra_icrs_deg, m.dec_icrs_deg), []
+    for number, state in enumerate(states):
+        ra_deg, dec_deg = plane.direction_of(*(way * (number - 0.5)))
+        taken = replace(
+            m,
+            ra_icrs_deg=ra_deg,
+            dec_icrs_deg=dec_deg,
+            cov_sky_arcsec2=(float(spread[0, 0]), float(spread[0, 1]), float(spread[1, 1])),
+            ends_icrs_deg=None,
+        )
+        updated = estimator.update(state, taken, settings.filter)
+        if lqe.is_gated_out(updated.nis or 0.0, settings.filter):
+            return None
+        with_ = states[1 - number].track_id
+        told.append(Shared(streak=m, taken=taken, updated=replace(updated, shared_with=with_)))
+    return told[0], told[1]
