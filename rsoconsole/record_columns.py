@@ -249,7 +249,7 @@ foretold_by?filter text filter or orbit: whose prediction it is
 track_id integer the track, from 1 in the order in which they began
 measurement_id text the measurement that it took
 first_measurement_id=begun_with.0 text the earlier of the two that it began with
-begun_through json the measurements between the two, where a chain of them began it
+begun_through?[] json the measurements between the two, where a chain of them began it
 is_lead truth the telescope follows this one
 is_kept?0 truth the operator keeps it: no miss ends it in the field
 replaces integer the track that ended where this one took it up again; empty: it took up none

@@ -133,7 +133,8 @@ def _value(table: Table, column: Column) -> str:
     if column.name in _BEFORE:
         beside = place.rpartition(".")[0]
         return f"coalesce({value}, {_BEFORE[column.name].format(body=body, beside=beside)})"
-    default = f"'{column.default}'" if column.type == "text" else column.default
+    is_word = column.type in {"text", "json"}
+    default = f"'{column.default}'" if is_word else column.default
     return f"coalesce({value}, {default})" if column.default else value
 
 
