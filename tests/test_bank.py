@@ -24,7 +24,7 @@ from rsoconsole.session.codec import decode, encode
 from rsoconsole.sky.angles import direction_to_unit, separation_deg
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S
-from rsoconsole.tracking import adaptive, bank, estimator, lqe
+from rsoconsole.tracking import adaptive, bank, bank_update, estimator, lqe
 from tests.seen_satellites import DAYTONA, T0_UTC_NS
 
 ADAPTIVE = FilterConfig()
@@ -249,7 +249,7 @@ def test_wherever_it_runs_numbers_stay_numbers(
             dec_icrs_deg=at[1],
             covariance=0.25 * np.eye(2),
         )
-        said = bank.update(held, told)
+        said = bank_update.update(held, told)
         assert 0.0 <= said.nis < math.inf
         held = said.after
     assert held.weights.sum() == pytest.approx(1.0)

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.reasons import NotTaken
-from rsoconsole.records import Measurement, TrackState
+from rsoconsole.records import Measurement
 from rsoconsole.tracking import estimator
 from rsoconsole.tracking.acquire import initiated
+from rsoconsole.tracking.estimator import Update
 from rsoconsole.tracking.follow import follow
 from rsoconsole.tracking.following import Following, Tracked
 from rsoconsole.tracking.gates import updated_with
@@ -99,7 +100,7 @@ def weighed_of(names: tuple[str, ...], spacing_arcsec: float, shown: dict[str, f
         track = initiated(*pairs[name], 1, sight, settings)
         before = Tracked(track=track, taken=pairs[name][1])
         predicted = estimator.predict(track, sight.t_mid_utc_ns, settings.filter, 2)
-        updated: dict[Measurement, TrackState] = {
+        updated: dict[Measurement, Update] = {
             m: updated_with(predicted, m, before, sight, settings) for m in sight.measurements
         }
         reasons = {m: NotTaken.by_gate(s.nis, 11.83) for m, s in updated.items() if s.nis > 11.83}

@@ -13,8 +13,10 @@ import numpy as np
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import FloatArray, Measurement, Mixture, TrackState
 from rsoconsole.tracking import bank as banks
-from rsoconsole.tracking import lqe
+from rsoconsole.tracking import bank_update, lqe
 from rsoconsole.tracking.bank import Bank, Position
+from rsoconsole.tracking.bank_update import Innovation
+from rsoconsole.tracking.scatter import scatter_interval_s
 from rsoconsole.tracking.sky_path import ACCELERATION, TURN, VX, VY, Plane
 
 _WORTH_TELLING = 1.5
@@ -50,7 +52,7 @@ def initialise(
     way = Plane.at(one.ra_icrs_deg, one.dec_icrs_deg).place_of(two.ra_icrs_deg, two.dec_icrs_deg)
     rate = (float(way[0]) / dt_s, float(way[1]) / dt_s)
     bank = banks.initiate(one, rate, bend)
-    bank = banks.update(banks.predict(bank, two.t_utc_ns, _roots(settings)), two).after
+    bank = bank_update.update(banks.predict(bank, two.t_utc_ns, _roots(settings)), two).after
     return _state(
         bank,
         along_arcsec[1],
@@ -64,8 +66,13 @@ def initialise(
 
 def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
     """The track carried to another instant, for the frame ``frame_id``."""
+    known = None
+    if isinstance(state.memory, _Memory) and state.memory.x == state.x and state.mixture:
+        said = state.mixture  # no prediction changes what is believed of scatter
+        known = (said.scatter_s, said.scatter_low_s, said.scatter_high_s)
     return _state(
         banks.predict(_bank_of(state), t_utc_ns, _roots(settings)),
+        scatter_s=known,
         kind="predicted",
         frame_id=frame_id,
         track_id=state.track_id,
@@ -75,20 +82,37 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
     )
 
 
-def update(
+def innovation(
     predicted: TrackState,
     measurement: Measurement,
     settings: FilterConfig,
     along_arcsec: float = 0.0,
-) -> TrackState:
-    """The track after a measurement at the predicted instant, with what the innovation says.
+) -> Innovation:
+    """How far a measurement at the predicted instant is off the track: what ``taken`` begins with.
 
     ``along_arcsec``: sigma along the motion that the length of its streak adds. Raises ValueError
     when the measurement belongs to another instant: predict to it first.
     """
     if measurement.t_mid_utc_ns != predicted.t_utc_ns:
         raise ValueError("the measurement and the prediction are of different instants")
-    said = banks.update(_bank_of(predicted), _position(measurement, settings, along_arcsec))
+    return innovations(predicted, ((measurement, along_arcsec),), settings)[0]
+
+
+def innovations(
+    predicted: TrackState,
+    measured: Sequence[tuple[Measurement, float]],
+    settings: FilterConfig,
+) -> list[Innovation]:
+    """``innovation`` of several measurements, each with its ``along_arcsec``, for less."""
+    positions = [_position(m, settings, along_arcsec) for m, along_arcsec in measured]
+    return bank_update.innovations_of(_bank_of(predicted), positions)
+
+
+def taken(
+    predicted: TrackState, measurement: Measurement, found: Innovation, along_arcsec: float = 0.0
+) -> TrackState:
+    """The track after a measurement, with what the innovation says."""
+    said = bank_update.taken(found)
     east, north = said.innovation.tolist()
     sigma = np.sqrt(np.diag(said.covariance)).tolist()
     return _state(
@@ -106,6 +130,20 @@ def update(
         innovations=predicted.innovations + 1,
         foretold_by=predicted.foretold_by,
     )
+
+
+def update(
+    predicted: TrackState,
+    measurement: Measurement,
+    settings: FilterConfig,
+    along_arcsec: float = 0.0,
+) -> TrackState:
+    """The track after a measurement at the predicted instant, with what the innovation says.
+
+    Arguments and errors as of ``innovation``.
+    """
+    found = innovation(predicted, measurement, settings, along_arcsec)
+    return taken(predicted, measurement, found, along_arcsec)
 
 
 def begun_from(
@@ -139,8 +177,8 @@ def log_det_innovation(
     predicted: TrackState, measurement: Measurement, settings: FilterConfig
 ) -> float:
     """Logarithm of the determinant of the mixture's innovation covariance, arcsec^2 squared."""
-    said = banks.update(_bank_of(predicted), _position(measurement, settings))
-    return float(np.linalg.slogdet(said.covariance)[1])
+    found = bank_update.innovation(_bank_of(predicted), _position(measurement, settings))
+    return float(np.linalg.slogdet(bank_update.covariance_of(found))[1])
 
 
 def _position(
@@ -235,6 +273,7 @@ def _state(
     bank: Bank,
     along_arcsec: float = 0.0,
     innovation_covariance: FloatArray | None = None,
+    scatter_s: tuple[float, float, float] | None = None,
     **told: object,
 ) -> TrackState:
     mean, covariance = bank.moments()
@@ -246,7 +285,7 @@ def _state(
     on_sky[0, 0] += COMMON_ARCSEC**2
     on_sky[1, 1] += COMMON_ARCSEC**2
     P = on_sky[order] * np.outer(to_deg, to_deg)
-    median, low, high = banks.scatter_interval_s(bank)
+    median, low, high = scatter_s or scatter_interval_s(bank)
     x = (ra, float(mean[VX] * to_deg[0]), dec, float(mean[VY] * to_deg[2]))
     return TrackState(
         t_utc_ns=bank.t_utc_ns,
@@ -345,11 +384,14 @@ __all__ = [
     "Bend",
     "begun_from",
     "initialise",
+    "innovation",
     "innovation_covariance",
+    "innovations",
     "log_det_innovation",
     "predict",
     "scatter_words",
     "summary_words",
+    "taken",
     "update",
     "with_learned_errors",
 ]

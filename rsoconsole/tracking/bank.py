@@ -13,6 +13,7 @@ What the shutter is late by moves a streak along itself. How much it scatters is
 in advance: the innovations give each scatter its probability, and the interval is on record.
 """
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,13 +21,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.tracking.filter_update import Answer, answer, log_sum, merged
 from rsoconsole.tracking.sky_path import (
     ACCELERATION,
     ARCSEC_RAD,
     TURN,
     Plane,
-    moved,
     parallel_of,
     plane_after,
     with_slopes,
@@ -47,17 +46,7 @@ _SCATTER_FALLS = 0.1
 """Before anything is measured a scatter is as likely as it is small, to this power."""
 MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
 _VARIANCE_SCALE_PRIORS = (0.04, 0.24, 0.2, 0.18, 0.16, 0.12, 0.06)
-_LEAST_WEIGHT = 1e-12
-RARE, _RARE_SCATTER_S = 0.01, 0.8
-"""One measurement in a hundred is late or wrong by far more than the night's scatter: what a filter
-has learnt must neither shut it out for ever nor be upset by it (a mixture of two noises)."""
-_LENGTH_SAYS_TOO_MUCH = 0.15
-"""Of the error that a length tells, where both ends err alike (haze, a drift that changes)."""
-_MOST_LOG_ODDS = 3.0
-"""So that a night that changes is believed again soon."""
-_TEMPERED = 0.65
-"""The likelihood is too sharp, as no motion is quite what is followed: power that makes intervals
-hold as often as they say (measured on SGP4's orbits)."""
+LEAST_WEIGHT = 1e-12
 _CALM_Q, _OPEN_Q = 3e-9, 1e-8
 """White acceleration, arcsec^2/s^3, at 15 arcsec/s; with the third power of the rate elsewhere."""
 _CALM_RATE_ARCSEC_S = 15.0
@@ -73,7 +62,7 @@ _OF_RATE = 0.5
 """Sigma of the first rate, in units of it: the places alone are to tell it."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Bank:
     """All filters at one instant: by motion, variance_scale, scatter, the last of them quickest."""
 
@@ -90,7 +79,7 @@ class Bank:
     length_log_odds: float = 0.0
     """That the length of a streak tells its error, against that it says too much."""
 
-    @property
+    @functools.cached_property
     def weights(self) -> FloatArray:
         """(N,) probabilities."""
         each = np.exp(self.log_weights - self.log_weights.max())
@@ -133,20 +122,6 @@ class Position:
     """Sigma along the motion beyond that, from the length of its streak."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Update:
-    """What a measurement says to a bank, before it is taken."""
-
-    after: Bank
-    nis: float
-    """Minus twice the logarithm of the probability that a sound mixture shows more: with one
-    filter alone its normalised innovation squared."""
-    innovation: FloatArray
-    """(2,) arcsec, measured minus the mixture's mean."""
-    covariance: FloatArray
-    """(2, 2) of the mixture's innovation."""
-
-
 def initiate(
     first: Position,
     rate_arcsec_s: tuple[float, float],
@@ -179,7 +154,7 @@ def initiate(
         t_utc_ns=first.t_utc_ns,
         means=np.repeat(means, PER_MOTION, axis=0),
         covariances=covariances.reshape(-1, 6, 6),
-        log_weights=np.log(np.maximum(weights.ravel(), _LEAST_WEIGHT)),
+        log_weights=np.log(np.maximum(weights.ravel(), LEAST_WEIGHT)),
         path_since_update_rad=np.zeros(len(MOTIONS) * PER_MOTION),
     )
 
@@ -242,77 +217,6 @@ def _noise(
     return noise
 
 
-def update(bank: Bank, seen: Position) -> Update:
-    """What a measurement at the bank's instant says, and the bank that has taken it."""
-    place = bank.plane.place_of(seen.ra_icrs_deg, seen.dec_icrs_deg)
-    off = place - bank.means[:, :2]
-    weights, log_weights = bank.weights, np.log(np.maximum(bank.weights, _LEAST_WEIGHT))
-    plain, length_log_odds = _plain(bank, log_weights, off, seen)
-    rare = answer(bank.covariances, off, _rare_noise(bank, seen))
-    both = merged(plain, rare, RARE)
-    total = log_weights + both.log_likelihoods
-    log_likelihood = log_sum(total)
-    mean = weights @ bank.means[:, :2]
-    apart = bank.means[:, :2] - mean
-    covariance = np.einsum("n,nij->ij", weights, plain.s) + (apart * weights[:, None]).T @ apart
-    taken = replace(
-        bank,
-        means=bank.means + both.steps,
-        covariances=both.covariances,
-        log_weights=np.maximum(total - log_likelihood, math.log(_LEAST_WEIGHT)),
-        path_since_update_rad=np.zeros(len(weights)),
-        length_log_odds=length_log_odds,
-    )
-    calm = slice(0, ANY_ORBIT * PER_MOTION)
-    taken.covariances[calm, ACCELERATION:, :] = taken.covariances[calm, :, ACCELERATION:] = 0.0
-    taken.means[GREAT_CIRCLE * PER_MOTION : ANY_ORBIT * PER_MOTION, ACCELERATION:] = 0.0
-    return Update(
-        after=_centred(taken),
-        nis=-2.0 * min(log_sum(log_weights - 0.5 * both.nis), 0.0),
-        innovation=place - mean,
-        covariance=covariance,
-    )
-
-
-def _plain(
-    bank: Bank, log_weights: FloatArray, off: FloatArray, seen: Position
-) -> tuple[Answer, float]:
-    """What the filters make of it by what its length tells of its error, and what that is worth."""
-    told = answer(bank.covariances, off, _measured_noise(bank, seen))
-    if seen.along_arcsec == 0.0:
-        return told, bank.length_log_odds
-    less = replace(seen, along_arcsec=_LENGTH_SAYS_TOO_MUCH * seen.along_arcsec)
-    untold = answer(bank.covariances, off, _measured_noise(bank, less))
-    odds = log_sum(log_weights + told.log_likelihoods)
-    odds -= log_sum(log_weights + untold.log_likelihoods)
-    after = min(max(bank.length_log_odds + odds, -_MOST_LOG_ODDS), _MOST_LOG_ODDS)
-    return merged(told, untold, 1.0 / (1.0 + math.exp(bank.length_log_odds))), after
-
-
-def _centred(bank: Bank) -> Bank:
-    """The same bank on the plane that touches the sky where its mixture is."""
-    mean = bank.weights @ bank.means
-    onto = plane_after(bank.plane, mean, 0.0)
-    return replace(bank, plane=onto, means=moved(bank.plane, bank.means, 0.0, onto))
-
-
-def _measured_noise(bank: Bank, seen: Position) -> FloatArray:
-    """(N, 2, 2): the measurement's own, as much wider as each filter has it, and its scatter."""
-    late_s = np.tile(SCATTERS_S, len(bank.means) // SCATTERS)
-    widened = np.tile(np.repeat(VARIANCE_SCALES, SCATTERS), len(MOTIONS))
-    speed = np.maximum(np.hypot(bank.means[:, 2], bank.means[:, 3]), 1e-3)
-    shift = bank.means[:, 2:4] * np.hypot(late_s, seen.along_arcsec / speed)[:, None]
-    own = widened[:, None, None] * seen.covariance
-    return np.asarray(own + shift[:, :, None] * shift[:, None, :])
-
-
-def _rare_noise(bank: Bank, seen: Position) -> FloatArray:
-    """(N, 2, 2) of a measurement that has gone wrong."""
-    speed = np.maximum(np.hypot(bank.means[:, 2], bank.means[:, 3]), 1e-3)
-    shift = bank.means[:, 2:4] * np.hypot(_RARE_SCATTER_S, seen.along_arcsec / speed)[:, None]
-    return np.asarray(VARIANCE_SCALES[-1] * seen.covariance + shift[:, :, None] * shift[:, None, :])
-
-
 def unknown_bend(speed_arcsec_s: float) -> tuple[FloatArray, FloatArray]:
     """Where no orbit passes, or none is asked for."""
     gain = speed_arcsec_s**2 * ARCSEC_RAD
@@ -362,8 +266,8 @@ def of_single(  # noqa: PLR0917 -- all that one filter says
     every = len(MOTIONS) * PER_MOTION
     nearest = int(np.argmin(np.abs(np.log(SCATTERS_S / max(scatter_s, _LEAST_SCATTER_S)))))
     widest = int(np.argmin(np.abs(np.log(VARIANCE_SCALES / variance_scale))))
-    weights = np.full((len(MOTIONS), len(VARIANCE_SCALES), SCATTERS), _LEAST_WEIGHT)
-    weights[:, widest, nearest] = np.maximum(motion_probabilities, _LEAST_WEIGHT)
+    weights = np.full((len(MOTIONS), len(VARIANCE_SCALES), SCATTERS), LEAST_WEIGHT)
+    weights[:, widest, nearest] = np.maximum(motion_probabilities, LEAST_WEIGHT)
     means, covariances = np.tile(motion, (every, 1)), np.tile(covariance, (every, 1, 1))
     calm = slice(0, ANY_ORBIT * PER_MOTION)
     means[calm, ACCELERATION:] = covariances[calm, ACCELERATION:, :] = covariances[
@@ -377,25 +281,3 @@ def of_single(  # noqa: PLR0917 -- all that one filter says
         log_weights=np.log(weights.ravel()),
         path_since_update_rad=np.zeros(every),
     )
-
-
-def scatter_interval_s(bank: Bank, share: float = 0.9) -> tuple[float, float, float]:
-    """Median and both ends of the interval that holds so much of what is believed of the scatter.
-
-    The weights are densities on a logarithmic scale: a parabola through the three likeliest,
-    straight lines where the likeliest is at an end.
-    """
-    log_s, each = np.log(SCATTERS_S), bank.scatter_probabilities
-    fine = np.linspace(log_s[0], log_s[-1], 40 * (SCATTERS - 1) + 1)
-    logs, best = np.log(np.maximum(each, 1e-30)), int(np.argmax(each))
-    told = np.interp(fine, log_s, logs)
-    if 0 < best < SCATTERS - 1:
-        near = slice(best - 1, best + 2)
-        told = np.polyval(np.polyfit(log_s[near] - log_s[best], logs[near], 2), fine - log_s[best])
-    density = np.exp(_TEMPERED * (told - told.max()))
-    summed = np.cumsum(density)
-    summed = summed / summed[-1]
-    cuts = [0.5, 0.5 - share / 2.0, 0.5 + share / 2.0]
-    median, low, high = np.exp(np.interp(cuts, summed, fine))
-    # At the known scatter the likelihood is flat towards none.
-    return float(median), 0.0 if each[0] > 0.05 else float(low), float(high)

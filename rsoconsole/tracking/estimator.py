@@ -4,7 +4,9 @@ Nights are replayed by the preset that they were recorded with, so no preset eve
 makes of given measurements.
 """
 
-from dataclasses import replace
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import FloatArray, Measurement, TrackState
@@ -41,22 +43,75 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
     return lqe.predict(state, t_utc_ns, settings, frame_id)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Update:
+    """A measurement that a track may take: how far it is off, and the track after it once asked.
+
+    Of most pairs of a crowded field only the first is wanted; the second takes most of the time.
+    """
+
+    nis: float | None
+    make: Callable[[], TrackState]
+
+    @functools.cached_property
+    def state(self) -> TrackState:
+        """The track after the measurement."""
+        return self.make()
+
+
+def weighed(
+    predicted: TrackState,
+    measurement: Measurement,
+    settings: FilterConfig,
+    along_arcsec: float = 0.0,
+) -> Update:
+    """A measurement against the track.
+
+    ``along_arcsec``: sigma that the length of its streak adds, for the preset that asks. With a
+    rolling shutter the measurement may be of a little later than the frame: the prediction is
+    carried there.
+    """
+    there = _at(predicted, measurement, settings)
+    return _weighed_there(there, ((measurement, along_arcsec),), settings)[measurement]
+
+
+def all_weighed(
+    predicted: TrackState,
+    measured: Sequence[tuple[Measurement, float]],
+    settings: FilterConfig,
+) -> dict[Measurement, Update]:
+    """``weighed`` of several measurements, each with its ``along_arcsec``, for less."""
+    if all(m.t_mid_utc_ns == predicted.t_utc_ns for m, _ in measured):
+        return _weighed_there(predicted, measured, settings)
+    return {m: weighed(predicted, m, settings, along) for m, along in measured}
+
+
+def _weighed_there(
+    there: TrackState, measured: Sequence[tuple[Measurement, float]], settings: FilterConfig
+) -> dict[Measurement, Update]:
+    if not measured:
+        return {}
+    if settings.preset != "adaptive":
+        return {m: _made(lqe.update(there, m, settings)) for m, _ in measured}
+    innovations = adaptive.innovations(there, measured, settings)
+    return {
+        m: Update(nis=found.nis, make=functools.partial(adaptive.taken, there, m, found, along))
+        for (m, along), found in zip(measured, innovations, strict=True)
+    }
+
+
+def _made(state: TrackState) -> Update:
+    return Update(nis=state.nis, make=lambda: state)
+
+
 def update(
     predicted: TrackState,
     measurement: Measurement,
     settings: FilterConfig,
     along_arcsec: float = 0.0,
 ) -> TrackState:
-    """The track after a measurement.
-
-    ``along_arcsec``: sigma that the length of its streak adds, for the preset that asks. With a
-    rolling shutter the measurement may be of a little later than the frame: the prediction is
-    carried there.
-    """
-    predicted = _at(predicted, measurement, settings)
-    if settings.preset == "adaptive":
-        return adaptive.update(predicted, measurement, settings, along_arcsec)
-    return lqe.update(predicted, measurement, settings)
+    """The track after a measurement; arguments as of ``weighed``."""
+    return weighed(predicted, measurement, settings, along_arcsec).state
 
 
 def _at(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:

@@ -5,11 +5,27 @@ moments of a mixture).
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from rsoconsole.records import FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Innovations:
+    """How far each of N filters is off a measurement with a given noise, before any takes it."""
+
+    off: FloatArray
+    """(N, 2) innovations."""
+    noise: FloatArray
+    """(N, 2, 2)"""
+    s: FloatArray
+    """(N, 2, 2) covariance of the innovation."""
+    inverse: FloatArray
+    """(N, 2, 2) of ``s``."""
+    nis: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,11 +52,17 @@ def merged(usual: Answer, other: Answer, share: float) -> Answer:
     covariances = (1.0 - each) * usual.covariances + each * other.covariances
     return Answer(
         s=(1.0 - share) * usual.s + share * other.s,
-        nis=-2.0
-        * np.logaddexp(math.log(1.0 - share) - 0.5 * usual.nis, math.log(share) - 0.5 * other.nis),
+        nis=merged_nis(usual.nis, other.nis, share),
         log_likelihoods=log_likelihoods,
         steps=(1.0 - of_other) * usual.steps + of_other * other.steps,
         covariances=covariances + apart[:, :, None] * apart[:, None, :],
+    )
+
+
+def merged_nis(usual: FloatArray, other: FloatArray, share: float) -> FloatArray:
+    """(N,) of two, of which the other is right with probability ``share``."""
+    return np.asarray(
+        -2.0 * np.logaddexp(math.log(1.0 - share) - 0.5 * usual, math.log(share) - 0.5 * other)
     )
 
 
@@ -52,20 +74,34 @@ def log_sum(logs: FloatArray) -> float:
     return most + math.log(float(np.exp(logs - most).sum()))
 
 
-def answer(predicted: FloatArray, off: FloatArray, noise: FloatArray) -> Answer:
-    """Of filters with covariances (N, 6, 6) to innovations (N, 2) with noise (N, 2, 2)."""
-    s = predicted[:, :2, :2] + noise
-    inverse = np.linalg.inv(s)
-    nis = np.einsum("ni,nij,nj->n", off, inverse, off)
-    gain = predicted[:, :, :2] @ inverse
+def innovations(
+    predicted: FloatArray, off: Sequence[FloatArray], noise: Sequence[FloatArray]
+) -> list[Innovations]:
+    """Of filters with covariances (N, 6, 6), for each innovation (N, 2) and its noise (N, 2, 2)."""
+    every, number = np.concatenate(noise), len(predicted)
+    s = np.tile(predicted[:, :2, :2], (len(noise), 1, 1)) + every
+    inverse = np.asarray(np.linalg.inv(s), float)
+    away = np.concatenate(off)
+    nis = np.einsum("ni,nij,nj->n", away, inverse, away)
+    parts = [slice(k * number, (k + 1) * number) for k in range(len(noise))]
+    return [
+        Innovations(off=o, noise=each, s=s[at], inverse=inverse[at], nis=nis[at])
+        for o, each, at in zip(off, noise, parts, strict=True)
+    ]
+
+
+def answer(predicted: FloatArray, found: Innovations) -> Answer:
+    """Of the filters with covariances (N, 6, 6) whose innovations those are."""
+    gain = predicted[:, :, :2] @ found.inverse
     # Joseph's form keeps it positive.
     left = np.eye(6) - np.concatenate([gain, np.zeros((len(gain), 6, 4))], axis=2)
     covariances = left @ predicted @ np.swapaxes(left, -1, -2)
-    covariances += gain @ noise @ np.swapaxes(gain, -1, -2)
+    covariances += gain @ found.noise @ np.swapaxes(gain, -1, -2)
     return Answer(
-        s=s,
-        nis=nis,
-        log_likelihoods=-0.5 * (nis + np.log(np.linalg.det(s))) - math.log(2.0 * math.pi),
-        steps=np.einsum("nij,nj->ni", gain, off),
+        s=found.s,
+        nis=found.nis,
+        log_likelihoods=-0.5 * (found.nis + np.log(np.linalg.det(found.s)))
+        - math.log(2.0 * math.pi),
+        steps=np.einsum("nij,nj->ni", gain, found.off),
         covariances=covariances,
     )

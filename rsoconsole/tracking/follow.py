@@ -42,6 +42,7 @@ from rsoconsole.tracking.following import (
 )
 from rsoconsole.tracking.gates import (
     CANNOT_TELL,
+    all_updated_with,
     nis_of,
     off_nis,
     refusals,
@@ -312,7 +313,7 @@ def _weighed_by(
     asked = seen.measurements
     if not predicted.is_lead and settings.filter.preset == "adaptive":
         asked = company.within_reach(asked, predicted)
-    updated = {m: updated_with(predicted, m, before, seen, settings) for m in asked}
+    updated = all_updated_with(predicted, asked, before, seen, settings)
     reasons: dict[Measurement, NotTaken] = {}
     if settings.choice == "nearest":  # the paper's rule asks for nothing but confidence
         reasons = refusals(predicted, expected, updated, before.neighbours, seen, settings)
@@ -338,12 +339,13 @@ def _stepped(
     predicted, updated, reasons = weighed.predicted, weighed.updated, weighed.reasons
     if chosen is not None:
         others = {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not chosen}
+        state = updated[chosen].state
         told: tuple[FoldRecord, ...] = (
             predicted,
-            updated[chosen],
+            state,
             *verdicts({**reasons, **others}, updated),
         )
-        return _measured(updated[chosen], before, chosen, seen, told)
+        return _measured(state, before, chosen, seen, told)
     reason = seen.why_absent
     if seen.measurements and reason == NOTHING_SEEN:
         reason = Missed(kind="nothing fits")
@@ -427,7 +429,7 @@ def _follow_chosen(
     """What the operator wants followed is taken whatever the gates say, or begins a new track."""
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
-    updated = updated_with(predicted, chosen, before, seen, settings)
+    updated = updated_with(predicted, chosen, before, seen, settings).state
     if off_nis(updated, settings) > ANOTHER_OBJECT_NIS:
         return Step(records=(predicted, *others), after=None, begins_with=chosen)
     return _measured(updated, before, chosen, seen, (predicted, updated, *others))

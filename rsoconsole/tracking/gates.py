@@ -17,6 +17,7 @@ from rsoconsole.tracking.association import (
     disagreement,
     motion_between,
 )
+from rsoconsole.tracking.estimator import Update
 from rsoconsole.tracking.following import (
     FollowSettings,
     Seen,
@@ -38,17 +39,31 @@ CANNOT_TELL = NotTaken(kind="cannot be told apart")
 
 def updated_with(
     predicted: TrackState, m: Measurement, before: Tracked, seen: Seen, settings: FollowSettings
-) -> TrackState:
-    """A track after a measurement, whose error its streak's length tells too."""
+) -> Update:
+    """A measurement that a track may take, whose error its streak's length tells too."""
     expected = expected_motion(predicted, seen.exposure_s)
     along = along_error_arcsec(m, expected, before.excesses_arcsec)
-    return estimator.update(predicted, m, settings.filter, along)
+    return estimator.weighed(predicted, m, settings.filter, along)
+
+
+def all_updated_with(
+    predicted: TrackState,
+    measured: tuple[Measurement, ...],
+    before: Tracked,
+    seen: Seen,
+    settings: FollowSettings,
+) -> dict[Measurement, Update]:
+    """``updated_with`` of several measurements."""
+    expected = expected_motion(predicted, seen.exposure_s)
+    along = [along_error_arcsec(m, expected, before.excesses_arcsec) for m in measured]
+    pairs = list(zip(measured, along, strict=True))
+    return estimator.all_weighed(predicted, pairs, settings.filter)
 
 
 def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     predicted: TrackState,
     expected: Motion,
-    updated: dict[Measurement, TrackState],
+    updated: dict[Measurement, Update],
     neighbours: tuple[Neighbour, ...],
     seen: Seen,
     settings: FollowSettings,
@@ -67,13 +82,13 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
         if reason is not None:
             reasons[measurement] = reason
     alike = tuple(m for m in updated if m not in reasons and not m.is_clipped)
-    errors = tuple(learnt_error_arcsec(m, updated[m]) for m in alike) if neighbours else ()
+    errors = tuple(learnt_error_arcsec(m, updated[m].state) for m in alike) if neighbours else ()
     strangers = _strangers(alike, errors, predicted, expected, neighbours, seen, settings)
-    for measurement, state in updated.items():
+    for measurement, update in updated.items():
         if measurement in reasons:
             continue
-        if lqe.is_gated_out(nis_of(state), settings.filter):
-            reasons[measurement] = NotTaken.by_gate(nis_of(state), settings.filter.gate_nis)
+        if lqe.is_gated_out(nis_of(update), settings.filter):
+            reasons[measurement] = NotTaken.by_gate(nis_of(update), settings.filter.gate_nis)
         elif measurement in strangers:
             reasons[measurement] = strangers[measurement]
     return reasons
@@ -123,13 +138,13 @@ def _too_far_for_clipped(
 
 
 def verdicts(
-    reasons: dict[Measurement, NotTaken], updated: dict[Measurement, TrackState]
+    reasons: dict[Measurement, NotTaken], updated: dict[Measurement, Update]
 ) -> tuple[NotFollowed, ...]:
     return tuple(not_followed(m, reason, updated[m].nis) for m, reason in reasons.items())
 
 
-def nis_of(state: TrackState) -> float:
-    return state.nis or 0.0
+def nis_of(update: TrackState | Update) -> float:
+    return update.nis or 0.0
 
 
 def off_nis(updated: TrackState, settings: FollowSettings) -> float:

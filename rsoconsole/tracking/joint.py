@@ -21,6 +21,7 @@ from rsoconsole.reasons import NotTaken
 from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.tracking import adaptive, lqe
 from rsoconsole.tracking.association import motion_between
+from rsoconsole.tracking.estimator import Update
 from rsoconsole.tracking.gates import nis_of
 from rsoconsole.tracking.neighbours import NEAREST_ARCSEC, BoolArray
 from rsoconsole.tracking.pattern import (
@@ -51,8 +52,8 @@ class Weighed:
     """What a frame may mean for one track."""
 
     predicted: TrackState
-    updated: dict[Measurement, TrackState]
-    """The track after each of the frame's measurements."""
+    updated: dict[Measurement, Update]
+    """Each of the frame's measurements that it was asked about."""
     reasons: dict[Measurement, NotTaken]
     """Why some of them do not belong to it."""
 
@@ -134,7 +135,7 @@ def _pairs(tracks: Sequence[Weighed], pattern: Pattern) -> _Pairs:
     own = np.zeros((*alone.shape, 2, 2))
     for row, each in enumerate(tracks):
         for m in each.fitting:
-            column, updated = columns.index(m), each.updated[m]
+            column, updated = columns.index(m), each.updated[m].state
             S = adaptive.innovation_covariance(updated)
             alone[row, column] = nis_of(updated) + math.log(float(np.linalg.det(S)))
             own[row, column] = own_covariance(m, updated)

@@ -135,8 +135,8 @@ def _rival_updated(
     expected = expected_motion(predicted, seen.exposure_s)
     if disagreement(m, expected, SHORTER_TOLERANCE) is not None:
         return None
-    updated = estimator.update(predicted, m, settings.filter, along_error_arcsec(m, expected))
-    return None if lqe.is_gated_out(nis_of(updated), settings.filter) else updated
+    update = estimator.weighed(predicted, m, settings.filter, along_error_arcsec(m, expected))
+    return None if lqe.is_gated_out(nis_of(update), settings.filter) else update.state
 
 
 def is_in_field(predicted: TrackState, field: Field | None) -> bool:
