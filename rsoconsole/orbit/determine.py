@@ -29,7 +29,7 @@ from rsoconsole.orbit.passes import is_foretold, passes, starts_towards
 from rsoconsole.orbit.regimes import AUTOMATIC, REGIMES, PriorName, Regime
 from rsoconsole.orbit.seeds import INWARD, State, is_plausible, seeds
 from rsoconsole.orbit.sightings import Sightings
-from rsoconsole.orbit.two_body import elements_of
+from rsoconsole.orbit.two_body import axis_and_inclination
 
 LEAST_SIGHTINGS = 3
 POINT_MASS_S = 900.0
@@ -62,6 +62,8 @@ class Orbit(KnownOrbit):
     fit: Fit
     rivals: int
     """Other orbits that fit as well."""
+    is_astray: bool = False
+    """Its directions lie so far off it that no start leads to an orbit through them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,13 +98,15 @@ def determine(
     start: State | None = None,
     forces: Motion | None = None,
     regimes: Mapping[str, Regime] = REGIMES,
+    tries_seeds: bool = True,
 ) -> Orbit | None:
     """The best orbit through ``seen``; None where too few directions, or no orbit, tell one.
 
     ``start``: a state at the epoch of ``seen`` of an earlier orbit of the same object
     (`Orbit.states`), from which refining is quick; without one (or where it leads nowhere) every
-    seed is tried. ``auto`` takes no prior where none is needed, else that of the regime in which
-    the orbit lies. ``forces``: `Forces` unless told otherwise.
+    seed is tried, which takes a hundred times as long, unless ``tries_seeds`` is False: what the
+    start leads to is then all there is. ``auto`` takes no prior where none is needed, else that of
+    the regime in which the orbit lies. ``forces``: `Forces` unless told otherwise.
     """
     if len(seen) < LEAST_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return None
@@ -111,8 +115,7 @@ def determine(
     found = None
     if start is not None:
         found = _settled(seen, (start,), asked)
-        found = None if found is None or _is_astray(found) else found
-    if found is None:
+    if tries_seeds and (found is None or _is_astray(found)):
         found = _from_nothing(seen, asked)
     return None if found is None else _labelled(seen, found, asked)
 
@@ -186,7 +189,7 @@ def _settled(seen: Sightings, starts: tuple[State, ...], asked: _Asked) -> _Foun
 
 
 def _is_near(regime: Regime, starts: tuple[State, ...]) -> bool:
-    axes_km = [elements_of(*state).a_km for state in starts]
+    axes_km = [axis_and_inclination(*state)[0] for state in starts]
     low, high = regime.lowest_a_km / _NEAR_A_REGIME, regime.highest_a_km * _NEAR_A_REGIME
     return any(low <= each <= high for each in axes_km)
 
@@ -243,5 +246,6 @@ def _labelled(seen: Sightings, found: _Found, asked: _Asked) -> Orbit:
         outliers=len(seen) - int(np.sum(best.is_used)),
         fit=best,
         rivals=found.rivals,
+        is_astray=_is_astray(found),
         forces=asked.forces,
     )

@@ -9,7 +9,7 @@ from rsoconsole.orbit.fit import Fit
 from rsoconsole.orbit.regimes import PriorName, Regime
 from rsoconsole.orbit.seeds import State
 from rsoconsole.orbit.sightings import Sightings
-from rsoconsole.orbit.two_body import eccentricity_vector, elements_of, semi_major_axis
+from rsoconsole.orbit.two_body import axis_and_inclination, eccentricity_vector, semi_major_axis
 from rsoconsole.records import FloatArray
 
 Label = Literal["free", "constrained by prior", "weak geometry", "not observable"]
@@ -66,7 +66,7 @@ def _doubt(
     sigma_a_km = sigma_of_a_km(state, covariance)
     enough_km = FREE_SIGMA_A_KM
     if prior != "none":
-        enough_km = CONSTRAINED_SIGMA_A * elements_of(*state).a_km
+        enough_km = CONSTRAINED_SIGMA_A * axis_and_inclination(*state)[0]
     doubt: tuple[Label, str] | None = None
     if not _relative_sigma_of_range(seen, found, covariance) < WIDEST_RANGE:
         doubt = "not observable", f"{len(seen)} directions over {minutes:.1f} min tell no range"

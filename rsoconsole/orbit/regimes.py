@@ -15,7 +15,7 @@ from typing import Literal
 
 from rsoconsole.orbit.fit import Prior
 from rsoconsole.orbit.seeds import State
-from rsoconsole.orbit.two_body import elements_of
+from rsoconsole.orbit.two_body import axis_and_inclination
 
 PriorName = Literal["auto", "none", "slot", "geo", "meo"]
 AUTOMATIC: tuple[PriorName, ...] = ("slot", "geo", "meo")
@@ -41,9 +41,8 @@ class Regime:
 
     def holds(self, state: State) -> bool:
         """Whether an orbit is of this kind."""
-        elements = elements_of(*state)
-        is_high = self.lowest_a_km <= elements.a_km <= self.highest_a_km
-        return is_high and elements.i_deg <= self.highest_i_deg
+        a_km, i_deg = axis_and_inclination(*state)
+        return self.lowest_a_km <= a_km <= self.highest_a_km and i_deg <= self.highest_i_deg
 
 
 REGIMES: Mapping[str, Regime] = {

@@ -1,4 +1,4 @@
-"""The orbits of all tracks, each refined with every measurement that the track takes.
+"""The orbits of all tracks, refined with the measurements that the track takes.
 
 Fed with the records of the log and nothing else: the same log gives the same orbits. Tracks that
 follow one another are of one object where one orbit through both is likely enough, so that a lost
@@ -19,6 +19,7 @@ from rsoconsole.orbit.seeds import State
 from rsoconsole.orbit.sightings import Sightings
 from rsoconsole.orbit.two_body import elements_of
 from rsoconsole.pipeline.foretelling import Foretold, Rivals, may_guide
+from rsoconsole.pipeline.orbit_turns import in_turn
 from rsoconsole.pipeline.sightings_of import sightings_of
 from rsoconsole.pipeline.tracks_taken import Track, TracksTaken
 from rsoconsole.pipeline.untaken import Untaken
@@ -32,6 +33,9 @@ orbit whether it knows what no track took."""
 JOINED_FROM, PARTED_BELOW = 0.99, 0.5
 """Probabilities: a wrong join makes an orbit of two objects, and what leads the telescope."""
 _MOST_EARLIER = 4
+_MORE_TO_SEEK = 1.2
+"""Where no start led to an orbit, all are tried again with so many times as many directions: that
+takes most of a second with some hundreds of them, and one more changes nothing."""
 _LEARNT = 0.2
 """Share by which they must have changed before all is computed again."""
 
@@ -62,6 +66,8 @@ class _Target:
     before: tuple[Sightings, ...] = ()
     """Of earlier tracks."""
     orbit: Orbit | None = None
+    sought_from: int = 0
+    """The number of directions with which every start is tried again; 0: none has failed."""
     asked: set[int] = field(default_factory=set)
     rivals: Rivals = field(default_factory=Rivals)
     label: str = ""
@@ -145,8 +151,9 @@ class OnlineOrbit:
     def refine(self) -> tuple[Refined, ...]:
         """The orbit of each track through all that it took, where it took something new.
 
-        None of a track of which nothing new was heard, or which tells no orbit. Each is on record
-        as of the last frame that the track took. Nothing is raised for what cannot be fitted.
+        None of a track of which nothing new was heard, or which tells no orbit, or whose turn has
+        not come (``orbit_turns``). Each is on record as of the last frame that the track took.
+        Nothing is raised for what cannot be fitted.
         """
         if not self._config.orbit.online:
             return ()
@@ -155,7 +162,9 @@ class OnlineOrbit:
             return ()
         self._is_begun = False
         targets = self._aimed_at(tracks)
-        found = [self._refined(*each) for each in zip(targets, tracks, strict=True)]
+        known = [target.taken for target in targets]
+        now = in_turn(tracks, known, self._tracks.newest_frame_id)
+        found = [self._refined(targets[n], tracks[n]) for n in now]
         return tuple(each for each in found if each is not None)
 
     def _refined(self, target: _Target, track: Track) -> Refined | None:
@@ -168,7 +177,7 @@ class OnlineOrbit:
             last = adaptive.with_learned_errors(target.taken[-2:], *learnt)[-1]
             predicted = self._foretold(target.orbit, last)
         self._ask_earlier(target)
-        self._ask_untaken(target)
+        self._ask_untaken(target, count)
         seen, _ = together(target.parts)
         orbit = target.orbit = self._determined(target, seen)
         if orbit is None:
@@ -235,9 +244,13 @@ class OnlineOrbit:
         parts = [each for each in (target.own, more) if each is not None]
         target.seen = together(parts)[0] if parts else None
 
-    def _ask_untaken(self, target: _Target) -> None:
-        """Whether what no track took is its own, now that its orbit is known better."""
-        if target.orbit is None or len(target.taken) not in ASKED_AT:
+    def _ask_untaken(self, target: _Target, before: int) -> None:
+        """Whether what no track took is its own, now that its orbit is known better.
+
+        ``before``: the number of measurements that the track had taken when it was refined last.
+        """
+        now = len(target.taken)
+        if target.orbit is None or not any(n == now or before < n < now for n in ASKED_AT):
             return
         # By the orbit of the frame before: all that it claims is asked for again each time.
         frames = {m.frame_id for m in target.taken}
@@ -273,6 +286,7 @@ class OnlineOrbit:
             if self._same(target.joined, now) < PARTED_BELOW:
                 self._earlier.append(target.joined)
                 target.before, target.joined, target.orbit = (), None, None
+                target.sought_from = 0
                 target.words.append("it is not what was followed before, after all")
             return
         for earlier in reversed(self._earlier):
@@ -280,6 +294,7 @@ class OnlineOrbit:
             if probability >= JOINED_FROM:
                 self._earlier.remove(earlier)
                 target.joined, target.before, target.orbit = earlier, earlier.parts, earlier.orbit
+                target.sought_from = 0
                 share = "more than 99.9" if probability > 0.999 else f"{100.0 * probability:.1f}"
                 target.words.append(f"it is what was followed before: probability {share} %")
                 return
@@ -298,8 +313,17 @@ class OnlineOrbit:
         if target.orbit is not None:
             r, v = target.orbit.states(np.array([seen.epoch_utc_ns]))
             start = (r[0], v[0]) if np.all(np.isfinite(r)) else None
+        is_sought = len(seen) >= target.sought_from
+        if start is None and not is_sought:
+            return None
         with np.errstate(all="ignore"):
-            found = determine(seen, prior=self._config.orbit.prior, start=start)
+            found = determine(
+                seen, prior=self._config.orbit.prior, start=start, tries_seeds=is_sought
+            )
+        if found is not None and not found.is_astray:
+            target.sought_from = 0
+        elif is_sought:
+            target.sought_from = math.ceil(_MORE_TO_SEEK * len(seen))
         if found is None:
             return None
         numbers = (found.r_km, found.v_km_s, found.covariance, found.sigma_a_km, found.rms_arcsec)

@@ -153,6 +153,11 @@ class TracksTaken:
             if old.corrected is not None:
                 old.corrected = replace(old.corrected, P=(), mixture=None, memory=None)
 
+    @property
+    def newest_frame_id(self) -> int:
+        """Of the newest frame that any track was predicted to; -1 before the first."""
+        return max(self._frames, default=-1)
+
     def live(self) -> list[Track]:
         """Those of the newest frame that any track was predicted to, the lead first."""
         if not self._frames:
