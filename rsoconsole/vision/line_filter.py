@@ -335,10 +335,19 @@ def _maxima(
 def _what_is_left(cells: Float32Array, seed: _Seed) -> float:
     """The sum along a seed over its noise, as the map is now."""
     count = max(abs(seed.x_b - seed.x_a), abs(seed.y_b - seed.y_a)) + 1
-    column = np.rint(np.linspace(seed.x_a, seed.x_b, count)).astype(np.intp)
-    row = np.rint(np.linspace(seed.y_a, seed.y_b, count)).astype(np.intp)
+    column = _cells_between(seed.x_a, seed.x_b, count)
+    row = _cells_between(seed.y_a, seed.y_b, count)
     is_in = (column >= 0) & (column < cells.shape[1]) & (row >= 0) & (row < cells.shape[0])
     return float(cells[row[is_in], column[is_in]].sum()) / math.sqrt(count)
+
+
+def _cells_between(first: int, last: int, count: int) -> npt.NDArray[np.intp]:
+    """(count,) nearest to an even division, as by ``linspace``, which takes four times as long."""
+    if count == 1:
+        return np.array([first], np.intp)
+    places = np.arange(count, dtype=np.float64) * ((last - first) / (count - 1)) + first
+    places[-1] = last
+    return np.rint(places).astype(np.intp)
 
 
 def _traced(cells: Float32Array, seed: _Seed) -> CellLine | None:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from rsoconsole.records import Detection, FloatArray, PixelArray
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.few_points import best_pair
+from rsoconsole.vision.median import median_of
 from rsoconsole.vision.star_image import StarImage, disc, star_image
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
 
@@ -213,8 +214,8 @@ def _box(
 
 def _scatter_below(light: Float32Array) -> float:
     """Of the pixels darker than most: a colour camera's grid scatters more than noise does."""
-    off = float(np.median(light)) - light
-    return _SIGMA_PER_MAD * float(np.median(off[off >= 0.0]))
+    off = median_of(light) - light
+    return _SIGMA_PER_MAD * median_of(off[off >= 0.0])
 
 
 class _Comparison:

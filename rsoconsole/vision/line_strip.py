@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
+from rsoconsole.vision.median import median_of
 from rsoconsole.vision.stars import StarList, lit_radius_px
 from rsoconsole.vision.streak_search import Box
 
@@ -113,7 +114,7 @@ def strip_about(
     x, y = x0 + u * dx - v * dy, y0 + u * dy + v * dx
     is_there = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
     strip = LineStrip(values, is_there, x0, y0, dx, dy, reach, (low > wanted[0], high < wanted[1]))
-    _mask_stars(strip, stars, float(np.median(noise)), -low, length - low)
+    _mask_stars(strip, stars, median_of(noise), -low, length - low)
     return strip
 
 

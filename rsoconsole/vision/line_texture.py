@@ -8,6 +8,7 @@ import numpy as np
 
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.line_strip import BoolArray, Course, LineProfile, LineStrip, profile_of
+from rsoconsole.vision.median import median_of
 from rsoconsole.vision.stars import FWHM_PER_SIGMA
 
 _MOST_PARTS = 48
@@ -39,7 +40,7 @@ def confusion(strip: LineStrip, known: BoolArray, course: Course, sigma: float) 
     if len(found) < _ENOUGH:
         return 1.0
     each = np.array(found)
-    return max(1.0, _MAD_TO_SIGMA * float(np.median(np.abs(each - np.median(each)))))
+    return max(1.0, _MAD_TO_SIGMA * median_of(np.abs(each - np.median(each))))
 
 
 def texture(profile: LineProfile, ends: tuple[float, float], scatter: float) -> tuple[float, float]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from rsoconsole.records import PixelArray
 from rsoconsole.vision.background import Background
+from rsoconsole.vision.median import median_of
 from rsoconsole.vision.stars import FWHM_PER_SIGMA
 from rsoconsole.vision.streak_search import Box
 from rsoconsole.vision.streak_strip import length_of, ridge_of
@@ -62,7 +63,7 @@ def goes_on_beyond(pixels: PixelArray, sky: Background, ends: Box, psf_sigma: fl
     beyond = ridge_of(pixels, sky, further, psf_sigma)
     if beyond.size < _BEYOND_PX[0] - 2 or not inside.size:
         return False
-    typical, level = float(np.median(beyond)), float(np.median(inside))
+    typical, level = median_of(beyond), median_of(inside)
     # Of a median of smoothed places: 1.25 / sqrt(n), n as many as stand alone.
     error = 1.25 / math.sqrt(beyond.size / (2.0 * math.sqrt(math.pi) * psf_sigma))
     return typical > _LIKE * level and typical > _SURE * error

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from rsoconsole.records import PixelArray
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.line_strip import INTERPOLATED_VARIANCE, OFF_PX
+from rsoconsole.vision.median import median_of
 from rsoconsole.vision.stars import FWHM_PER_SIGMA
 from rsoconsole.vision.streak_search import Box
 from rsoconsole.vision.streak_strip import LONGEST_PX, length_of, smoothed_strip
@@ -128,5 +129,5 @@ def width_at_a_glance(
         smooth /= float(np.sqrt((kernel**2).sum()))
         # Followed along: a proposal may be turned by a little. Hot pixels are not most of it.
         best = smooth[2:-2].max(axis=0)
-        found.append(float(np.median(best)))
+        found.append(median_of(best))
     return found[0], found[1]

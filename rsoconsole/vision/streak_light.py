@@ -11,6 +11,7 @@ import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
+from rsoconsole.vision.median import median_of
 from rsoconsole.vision.stars import FWHM_PER_SIGMA
 from rsoconsole.vision.streak_search import Box
 from rsoconsole.vision.streak_strip import length_of
@@ -213,7 +214,7 @@ def modulation_of(told: StreakLight) -> Modulation | None:
     # Clouds and stars put more into the slow ones: neighbours within an octave are compared.
     is_other = (np.abs(asked - at) > 1.5 * _OVERSAMPLED) & (asked > 0.5 * at) & (asked < 2.0 * at)
     others = power[asked[is_other]]
-    typical = float(np.median(others)) if others.size > 2 * _OVERSAMPLED else 0.0
+    typical = median_of(others) if others.size > 2 * _OVERSAMPLED else 0.0
     if false_alarm > _FALSE_ALARM or float(power[at]) < _ABOVE_OTHERS * typical:
         return None
     sigma = told.fwhm_px / FWHM_PER_SIGMA

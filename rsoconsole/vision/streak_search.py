@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
+from rsoconsole.vision.median import median_of
 from rsoconsole.vision.stars import StarList, lit_radius_px
 
 BoolArray = npt.NDArray[np.bool_]
@@ -82,7 +83,7 @@ def cut_out(
         y0 // sky.cell_px : y1 // sky.cell_px + 1, x0 // sky.cell_px : x1 // sky.cell_px + 1
     ]
     is_good = np.ones(values.shape, dtype=bool)
-    noise = float(np.median(cells))
+    noise = median_of(cells)
     if stars is not None:
         _mask_stars(is_good, x0, y0, stars, noise)
     return Cutout(
@@ -167,7 +168,7 @@ def find_line(cutout: Cutout, box: Box, psf_sigma: float, ends: Box | None = Non
         return None
     for spacing in (0.5, 0.125):
         # A bright streak is flat where it is clipped: look again with its own level as limit.
-        level = float(np.median(_along(smooth, centre, *best, 0.5 * length)))
+        level = median_of(_along(smooth, centre, *best, 0.5 * length))
         limited = np.clip(smooth, _CLIP[0], max(_CLIP[1], 1.5 * level))
         near = spacing * np.arange(-4.0, 5.0)
         found = _best_line(limited, centre, near * step + best[0], near + best[1], 0.5 * length)
@@ -269,7 +270,7 @@ def find_ends(cutout: Cutout, guess: Guess, psf_sigma: float) -> Ends | None:
     return Ends(
         u_a=float(first + a) - 0.5,
         u_b=float(first + b) + 0.5,
-        amplitudes=tuple(max(float(np.median(part)), 0.05 * level) for part in parts),
+        amplitudes=tuple(max(median_of(part), 0.05 * level) for part in parts),
         matched_snr=float(np.sqrt(inside.size) * np.mean(inside) / noise),
         lit_share=float(np.mean(inside > 0.25 * level)),
         dark_u=_gaps(np.where(is_known, profile, level)[a : b + 1], noise, first + a),
@@ -304,7 +305,7 @@ def _gaps(profile: FloatArray, noise: float, first: int) -> tuple[float | None, 
 
 def _gap(calm: FloatArray, noise: float) -> int | None:
     """The darkest bin of those near the start that have light on both sides."""
-    inner = float(np.median(calm[_ISLAND : 3 * _ISLAND]))
+    inner = median_of(calm[_ISLAND : 3 * _ISLAND])
     dark = []
     for at in range(3, _ISLAND):
         side = min(float(calm[1:at].max()), inner)
@@ -370,7 +371,7 @@ def _typical_level(profile: FloatArray, is_known: BoolArray, noise: float) -> fl
         if gain[a, b] < (4.0 * noise) ** 2:
             return None
         values = profile[a:b][is_known[a:b]]
-        level = float(np.median(values)) if values.size else None
+        level = median_of(values) if values.size else None
         if level is None or level <= 0:
             return None
     return level

@@ -31,6 +31,7 @@ from rsoconsole.vision.line_strip import (
     weights_of,
 )
 from rsoconsole.vision.line_texture import confusion, texture
+from rsoconsole.vision.median import median_of
 from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
 from rsoconsole.vision.streak_search import Box
 from rsoconsole.vision.trailed_stars import Trail
@@ -155,7 +156,7 @@ def _mask_bright(strip: LineStrip, inside: BoolArray, sigma: float, off_px: floa
     known = known[np.isfinite(known)]
     if known.size < _ENOUGH_COLUMNS // 2:
         return
-    typical = float(np.median(known))
+    typical = median_of(known)
     is_bright = (ridge > max(_TIMES_LEVEL * typical, typical + _BRIGHT_SIGMA)) & strip.is_good
     side = 2 * round(FWHM_PER_SIGMA * sigma) + 1
     about = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
@@ -169,11 +170,11 @@ def _mask_what_stands_out(strip: LineStrip, profile: LineProfile, lit: tuple[flo
     inside = profile.between(*lit)
     if np.count_nonzero(inside) < _ENOUGH_COLUMNS:
         return
-    typical = max(float(np.median(profile.light[inside])), 0.0)
+    typical = max(median_of(profile.light[inside]), 0.0)
     window = max(round(FWHM_PER_SIGMA * profile.sigma), 1)
     kernel = np.full(window, 1.0 / window)
     calm = np.convolve(profile.light, kernel, mode="same")
-    noise = float(np.median(profile.error[inside])) / math.sqrt(window)
+    noise = median_of(profile.error[inside]) / math.sqrt(window)
     bright = calm > max(_TIMES_LEVEL * typical, typical + _OUT_SIGMA * noise)
     bright = np.convolve(bright, np.ones(2 * window + 1), mode="same") > 0.5
     if np.count_nonzero(bright & inside) < _MOST_OUT * np.count_nonzero(inside):
@@ -201,7 +202,7 @@ def _course(
         places.append(float(part.mean()))
     light, place = np.array(lights), np.array(places)
     # Of a bright line all that is near it would be alike: most of its parts tell how bright it is.
-    typical = float(np.median(light.max(axis=1)))
+    typical = median_of(light.max(axis=1))
     light = np.clip(light, -2.0, max(_CLIP, _TIMES_TYPICAL * typical))
     half = max(0.5 * float(inside.sum()), 1.0)
     offsets = np.arange(-off_px, off_px + 0.25, 0.5)
@@ -224,7 +225,7 @@ def _lit_stretch(profile: LineProfile, middle: float, half: float) -> tuple[floa
         inside = profile.between(*span)
         if np.count_nonzero(inside) < 4:
             return None
-        noise = float(np.median(profile.error[inside]))
+        noise = median_of(profile.error[inside])
         limit = 6.0 * noise if typical is None else max(2.5 * typical, _NOT_NOISE * noise)
         typical = float(np.mean(np.minimum(profile.light[inside], limit)))
         if typical <= 0.0:
@@ -251,6 +252,8 @@ def _better(
     )
     v = np.arange(-strip.reach, strip.reach + 1)[:, None]
     chosen = columns[inside]
+    parts = np.array_split(np.arange(chosen.size), min(_PARTS, max(chosen.size // 6, 1)))
+    centres = [float(chosen[part].mean()) - middle for part in parts]
     for _ in range(3):
         weight = weights_of(strip, chosen, start, sigma)
         nominal = np.einsum("ij,ij->j", weight, weight)
@@ -261,17 +264,16 @@ def _better(
         off = (v - start.at(chosen)).astype(np.float32)
         moment = np.einsum("ij,ij,ij->j", weight, off, values).astype(np.float64)
         spread = np.einsum("ij,ij,ij->j", weight, weight, off**2).astype(np.float64)
-        parts = np.array_split(np.arange(chosen.size), min(_PARTS, max(chosen.size // 6, 1)))
         light = np.einsum("ij,ij->j", weight, values).astype(np.float64)
         place, off_by, error = [], [], []
         known = np.einsum("ij,ij->j", weight, weight).astype(np.float64)
         typical = max(float(light.sum()) / max(float(known.sum()), _SMALLEST), _SMALLEST)
-        for part in parts:
+        for part, centre in zip(parts, centres, strict=True):
             # Matched to the slope of the profile: moment of g'(v) over that of g g'' .
             slope2 = float(spread[part].sum())
             if slope2 <= 0.0:
                 continue
-            place.append(float(chosen[part].mean()) - middle)
+            place.append(centre)
             amplitude = max(
                 float(light[part].sum()) / max(float(known[part].sum()), _SMALLEST), 0.3 * typical
             )
@@ -356,7 +358,7 @@ def _edge(profile: LineProfile, place: float, sense: int, length: float) -> tupl
     near = (inner > edge) & (inner < edge + max(8.0 * sigma, 20.0)) & profile.is_known
     if not near.any():
         return place, 0.25 * length
-    noise = float(np.median(profile.error[near]))
+    noise = median_of(profile.error[near])
     amplitude = max(float(profile.light[near].mean()), 0.2 * noise)
     # As far to either side as shows the step for sure.
     window = (_EDGE_SNR * noise / amplitude) ** 2
@@ -396,7 +398,7 @@ def _width(strip: LineStrip, columns: IntArray, course: Course, sigma: float) ->
         np.arange(columns.size),
     ]
     # A star beside the line is none of its width.
-    most = max(_CLIP, _TIMES_LEVEL * float(np.median(ridge)))
+    most = max(_CLIP, _TIMES_LEVEL * median_of(ridge))
     total = np.bincount(bins - low, np.clip(values, -_CLIP, most)[good].astype(np.float64))
     used = count > 0
     place = 0.5 * (np.arange(count.size) + low)[used]
@@ -428,5 +430,5 @@ def _beyond(
     ):
         part = (away > 6.0) & (away < reach) & profile.is_known
         if not is_out and np.count_nonzero(part) >= 12:
-            most = max(most, float(np.median(profile.light[part])) / typical)
+            most = max(most, median_of(profile.light[part]) / typical)
     return most
