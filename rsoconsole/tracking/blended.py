@@ -91,7 +91,8 @@ def _is_one_streak(one: TrackState, way: FloatArray, covariance: FloatArray, see
     width = WIDTHS * (seen.star_width_arcsec or USUAL_WIDTH_ARCSEC)
     unsure = float(np.sqrt(across @ covariance @ across))
     length = expected_motion(one, seen.exposure_s).length_arcsec
-    return abs(float(way @ across)) < width + unsure and abs(float(way @ along)) < length
+    is_near = abs(float(way @ across)) < width and abs(float(way @ along)) < length
+    return is_near and unsure < width  # else another frame may tell
 
 
 def _of_both(

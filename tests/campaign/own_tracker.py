@@ -11,6 +11,9 @@ from rsoconsole.tracking.following import Following, FollowSettings, Seen
 from tests.campaign.slots import EXPOSURE_S, SITE, Night
 from tests.campaign.slots_judge import At
 
+SHARP_ARCSEC = 0.5
+"""Width of a star: in these nights every two streaks are shown apart."""
+
 
 def settings() -> FollowSettings:
     """Of a telescope as the paper's at the site of the nights."""
@@ -42,6 +45,7 @@ def followed(night: Night) -> list[list[At]]:
             exposure_s=EXPOSURE_S,
             measurements=tuple(sorted(sight.measurements, key=lambda m: -m.confidence)),
             absence=Missed(kind="no detection"),
+            star_width_arcsec=SHARP_ARCSEC,
         )
         following, _ = follow(following, seen, every_day)
         tracks = []
