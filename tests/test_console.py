@@ -394,7 +394,7 @@ def test_stop_is_sent_at_once_and_its_end_is_said_loudly(wire: FakeWire) -> None
 
 @pytest.mark.parametrize(
     ("dialog", "key"),
-    [("f1", "x"), ("q", "ctrl+x"), ("a", "x"), ("p", "x"), ("ctrl+p", "ctrl+x")],
+    [("f1", "x"), ("q", "ctrl+x"), ("a", "x"), ("p", "x"), ("ctrl+p", "ctrl+x"), ("g", "alt+x")],
 )
 def test_stop_works_in_every_dialog_and_puts_it_away(wire: FakeWire, dialog: str, key: str) -> None:
     wire.status |= {"holder": "nobody", "state": "IDLE"}

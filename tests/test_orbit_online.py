@@ -17,8 +17,8 @@ from rsoconsole.orbit.known import KnownOrbit, known
 from rsoconsole.orbit.prediction import predict
 from rsoconsole.orbit.two_body import elements_of
 from rsoconsole.pipeline.absence import StarHistory
+from rsoconsole.pipeline.better_predictor import Foretold, Rivals
 from rsoconsole.pipeline.fold import Shown, fold
-from rsoconsole.pipeline.foretelling import Foretold, Rivals
 from rsoconsole.pipeline.naming import Naming
 from rsoconsole.pipeline.orbit_online import OnlineOrbit, Refined
 from rsoconsole.pipeline.orbits import Orbits

@@ -80,8 +80,8 @@ def test_one_that_is_re_acquired_leaves_the_list_with_that_frame(lead: bool):
         for record in eight.story(n, since=1, lead=2, missed=(old,) if n == 3 else ()):
             night.take(t_of(n), record)
             if isinstance(record, Miss):  # its streak was another's before: a new track takes it
-                anew = replace(eight.state_of(n, old, "initial", is_lead=lead), replaces=old)
-                night.take(t_of(n), replace(anew, track_id=9))
+                new = replace(eight.state_of(n, old, "initial", is_lead=lead), replaces=old)
+                night.take(t_of(n), replace(new, track_id=9))
     assert len(numbers(night)) == eight.COUNT
     assert f"{old}" not in {each.rstrip("*") for each in numbers(night)}
     assert ("9*" if lead else "9") in numbers(night)

@@ -95,6 +95,8 @@ class ConsoleApp(App[str]):
     CSS = NIGHT_CSS
     BINDINGS: ClassVar[list[BindingType]] = [
         *bindings(None),
+        # As a terminal hands over an x right behind the escape key.
+        Binding("alt+x", "stop", "STOP", priority=True, show=False),
         # Leaving is never by accident: the screen asks first.
         Binding("ctrl+q,ctrl+c", "leave", "Leave", priority=True, show=False),
     ]

@@ -9,7 +9,7 @@ from rsoconsole.config import AimConfig, Config
 from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.prediction import predict
 from rsoconsole.pipeline.aim import beside
-from rsoconsole.pipeline.foretelling import may_guide
+from rsoconsole.pipeline.better_predictor import may_guide
 from rsoconsole.pipeline.orbit_online import OnlineOrbit
 from rsoconsole.records import FloatArray, Measurement, Site
 from rsoconsole.sky.angles import separation_deg

@@ -10,7 +10,7 @@ from rsoconsole.orbit.admissible import bending
 from rsoconsole.orbit.known import known
 from rsoconsole.orbit.prediction import predict_motion
 from rsoconsole.pipeline.absence import StarHistory, counted, explain_absence, stars_of
-from rsoconsole.pipeline.foretelling import may_guide
+from rsoconsole.pipeline.better_predictor import may_guide
 from rsoconsole.pipeline.measure import at_its_row, shutter_mid_utc_ns
 from rsoconsole.pipeline.reduce import plain_absence
 from rsoconsole.reasons import Missed

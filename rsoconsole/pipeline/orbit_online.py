@@ -18,7 +18,7 @@ from rsoconsole.orbit.prediction import predict
 from rsoconsole.orbit.seeds import State
 from rsoconsole.orbit.sightings import Sightings
 from rsoconsole.orbit.two_body import elements_of
-from rsoconsole.pipeline.foretelling import Foretold, Rivals, may_guide
+from rsoconsole.pipeline.better_predictor import Foretold, Rivals, may_guide
 from rsoconsole.pipeline.orbit_turns import in_turn
 from rsoconsole.pipeline.sightings_of import sightings_of
 from rsoconsole.pipeline.tracks_taken import Track, TracksTaken

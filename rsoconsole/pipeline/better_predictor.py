@@ -1,4 +1,4 @@
-"""Who foretells the next measurement better, the filter or the orbit. Pure.
+"""Which predicts the next measurement better, the filter or the orbit. Pure.
 
 Each is asked before every measurement; the answer is judged by the logarithm of the density that
 it gave to what was then measured: NIS plus the logarithm of how wide it had reckoned with. The
