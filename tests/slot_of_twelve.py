@@ -62,7 +62,9 @@ def instant(k: int) -> int:
     return T0_UTC_NS + k * round(CADENCE_S * NS_PER_S)
 
 
-def streak(k: int, number: int, at: Places, random: np.random.Generator) -> Measurement:
+def streak(
+    k: int, name: object, at: Places, random: np.random.Generator, *, leads: bool
+) -> Measurement:
     """A member's measurement, half an arcsec along and a fifth across."""
     dec = float(at.dec_icrs_deg[k])
     cos_dec = math.cos(math.radians(dec))
@@ -77,7 +79,7 @@ def streak(k: int, number: int, at: Places, random: np.random.Generator) -> Meas
         for sign in (-1.0, 1.0)
     ]
     return Measurement(
-        measurement_id=f"{k}-{number}",
+        measurement_id=f"{k}-{name}",
         frame_id=k,
         t_mid_utc_ns=instant(k),
         ra_icrs_deg=ra % 360.0,
@@ -85,7 +87,7 @@ def streak(k: int, number: int, at: Places, random: np.random.Generator) -> Meas
         cov_sky_arcsec2=(float(cov[0, 0]), float(cov[0, 1]), float(cov[1, 1])),
         x_px=0.0,
         y_px=0.0,
-        confidence=1.0 if number == 0 else 0.8,
+        confidence=1.0 if leads else 0.8,
         source="network",
         ends_icrs_deg=(ends[0], ends[1]),
     )
@@ -101,7 +103,7 @@ def frames(
     told = []
     for k in range(count):
         streaks = tuple(
-            streak(k, number, at, random)
+            streak(k, number, at, random, leads=number == 0)
             for number, at in enumerate(every)
             if k < 2 or shown == 1 or random.random() < 0.9
         )

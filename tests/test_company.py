@@ -1,7 +1,6 @@
 """Every satellite in the field has a track: a slot of real element sets, SGP4 its truth."""
 
 import functools
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from rsoconsole.tracking.follow import follow
 from rsoconsole.tracking.following import Following, FollowSettings, Seen
 from rsoconsole.tracking.pattern import NO_PATTERN, Place, after
 from tests.seen_satellites import DAYTONA
+from tests.slot_of_twelve import streak
 from tests.test_rivals import every_day
 
 SLOT = ("AMAZONAS 2", "AMAZONAS 3", "AMAZONAS 5")
@@ -39,34 +39,6 @@ def places(late_s: tuple[float, ...]) -> dict[str, Places]:
     text = Path(elements_path()).read_text(encoding="utf-8")
     known = {each.name: each for each in parse_elements(text) if each.name in SLOT}
     return {name: Satellite(known[name]).astrometric_place(DAYTONA, t) for name in SLOT}
-
-
-def streak(k: int, name: str, at: Places, random: np.random.Generator) -> Measurement:
-    dec = float(at.dec_icrs_deg[k])
-    cos_dec = math.cos(math.radians(dec))
-    rate = np.array([at.ra_rate_deg_s[k] * cos_dec, at.dec_rate_deg_s[k]]) * 3600.0
-    ahead = rate / np.hypot(*rate)
-    cov = 0.5**2 * np.outer(ahead, ahead) + 0.2**2 * np.eye(2)
-    east, north = random.multivariate_normal(np.zeros(2), cov) / 3600.0
-    ra, dec = float(at.ra_icrs_deg[k] + east / cos_dec), dec + float(north)
-    half = rate * EXPOSURE_S / 2.0 / 3600.0
-    ends = [
-        (ra + sign * half[0] / cos_dec, dec + sign * half[1] + random.normal(0.0, 0.5) / 3600.0)
-        for sign in (-1.0, 1.0)
-    ]
-    return Measurement(
-        measurement_id=f"{k}-{name}",
-        frame_id=k,
-        t_mid_utc_ns=T0_UTC_NS + k * round(CADENCE_S * 1e9),
-        ra_icrs_deg=ra % 360.0,
-        dec_icrs_deg=dec,
-        cov_sky_arcsec2=(float(cov[0, 0]), float(cov[0, 1]), float(cov[1, 1])),
-        x_px=0.0,
-        y_px=0.0,
-        confidence=1.0 if name == SLOT[0] else 0.8,  # the first of them leads
-        source="network",
-        ends_icrs_deg=(ends[0], ends[1]),
-    )
 
 
 def seen(k: int, shown: list[Measurement]) -> Seen:
@@ -96,7 +68,7 @@ def test_each_of_a_slot_keeps_its_own_track(scatter_s: float) -> None:
     following, owner = Following(), dict[int, str]()
     for k in range(frames):
         shown = [
-            streak(k, name, at, random)
+            streak(k, name, at, random, leads=name == SLOT[0])
             for name, at in places(late_s).items()
             if k < 2 or random.random() < 0.9
         ]
@@ -117,7 +89,10 @@ def night_of(shown: dict[int, str], frames: int, most_tracks: int = 12):
     following = Following()
     for k in range(frames):
         names = [name for name in SLOT if name[-1] in shown.get(k, "235")]
-        streaks = [streak(k, name, places((0.0,) * frames)[name], random) for name in names]
+        streaks = [
+            streak(k, name, places((0.0,) * frames)[name], random, leads=name == SLOT[0])
+            for name in names
+        ]
         following, records = follow(following, seen(k, streaks), settings(most_tracks))
         yield k, following, records
 
