@@ -12,6 +12,7 @@ from textual.widgets import Input
 from rsoconsole.config import Config
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands import COMMANDS
+from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.second_press import REPEAT_S
 from rsoconsole.control import Command, Outcome, Request, Sender
 from rsoconsole.engine.desk import Desk
@@ -19,7 +20,7 @@ from rsoconsole.records import OperatorAction, Ruling
 from rsoconsole.session.writer import SessionWriter
 from rsoconsole.sky.angles import separation_deg
 from tests.engine_rig import Memory, Rig
-from tests.seat_rig import until
+from tests.seat_rig import can_answer, until
 from tests.test_rulings import night
 
 FRAMES = 8
@@ -185,6 +186,8 @@ async def press(app: ConsoleApp, pilot: Pilot[str], r: Rig, key: str) -> None:
         await until(pilot, lambda: bool(rulings(r)))
     elif key == "asked":
         await until(pilot, lambda: app.screen is not app.live)
+        if isinstance(app.screen, Dialog):
+            await can_answer(app, pilot)
     elif key == "told":
         await until(
             pilot, lambda: any("way" in str(w.render()) for w in app.screen.query("Static"))

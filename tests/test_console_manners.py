@@ -171,7 +171,7 @@ def test_a_console_that_still_reads_the_past_does_not_say_that_nothing_happened(
             assert "nothing has happened yet" not in screen_text(app)
             assert "no frame yet" not in screen_text(app)
             read.set()
-            await until(pilot, lambda: "armed by operator" in screen_text(app))
+            await until(pilot, lambda: "two frames agree" in screen_text(app))
             await until(pilot, lambda: "reading" not in screen_text(app))
 
     asyncio.run(scene())

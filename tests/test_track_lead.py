@@ -17,14 +17,17 @@ from rsoconsole.tracking.follow import follow
 from rsoconsole.tracking.following import Following
 from tests.engine_rig import Rig, ScriptedReducer, desk_of, rig, told
 from tests.makers import straight_detection
-from tests.test_company import SLOT, owners, places, seen, settings, streak
+from tests.slot_of_twelve import streak
+from tests.test_company import SLOT, owners, places, seen, settings
 
 FRAMES = 8
 
 
 def shown(k: int) -> list[Any]:
     random = np.random.default_rng(k)
-    return [streak(k, name, places((0.0,) * 24)[name], random) for name in SLOT]
+    return [
+        streak(k, name, places((0.0,) * 24)[name], random, leads=name == SLOT[0]) for name in SLOT
+    ]
 
 
 def locked() -> Following:
