@@ -293,6 +293,8 @@ def _track_lost(lost: TrackLost) -> str:
             return f"coasted for {lost.coasted_min or 0.0:.0f} min"
         case "not confirmed":
             return "no third frame shows it"
+        case "seen too seldom":
+            return f"{lost.unseen_frames or 0} frames that should show it do not"
         case "left the field":
             return "it has left the field"
         case _:

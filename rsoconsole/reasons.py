@@ -274,11 +274,20 @@ class HiddenBy:
 class TrackLost:
     """What ended a track that no measurement updates any more; figures as they are told."""
 
-    kind: Literal["too wide", "wider than the field", "coasted", "not confirmed", "left the field"]
+    kind: Literal[
+        "too wide",
+        "wider than the field",
+        "coasted",
+        "not confirmed",
+        "seen too seldom",
+        "left the field",
+    ]
     three_sigma_arcmin: float | None = None
     """Of the first two, to the whole one."""
     coasted_min: float | None = None
     """Of "coasted", to the whole one."""
+    unseen_frames: int | None = None
+    """Of "seen too seldom": those that should have shown it."""
 
     @classmethod
     def by_bounds(cls, three_sigma_arcmin: float, *, fits_field: bool) -> "TrackLost":

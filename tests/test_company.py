@@ -10,7 +10,7 @@ import pytest
 from rsoconsole.orbit.elements import parse_elements
 from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.reasons import Missed
-from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, TrackState
+from rsoconsole.records import FoldRecord, Measurement, NotFollowed, TrackState
 from rsoconsole.simulator.scenarios import elements_path
 from rsoconsole.sky.places import Places
 from rsoconsole.tracking.follow import follow
@@ -108,13 +108,6 @@ def test_one_that_comes_later_begins_its_own_track_beside_the_others() -> None:
     # What begins a track is refused by none in the same frame.
     assert not [r for r in told[6] if isinstance(r, NotFollowed)]
     assert sorted(owners(following, 8).values()) == sorted(SLOT)
-
-
-def test_a_track_of_two_streaks_ends_with_its_first_miss_unless_it_leads() -> None:
-    for k, following, records in night_of({2: "23", 3: "23"}, 4):
-        ended = [r for r in records if isinstance(r, Miss) and getattr(r.reason, "lost", None)]
-        assert [r.reason.lost.kind for r in ended] == (["not confirmed"] if k == 2 else [])
-        assert len(following.tracks) == {0: 0, 1: 3, 2: 2, 3: 2}[k]
 
 
 def test_with_one_track_alone_nothing_begins_beside_it() -> None:

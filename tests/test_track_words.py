@@ -152,12 +152,15 @@ def test_a_kept_track_outlives_a_coast_that_ends_the_others():
     assert ended[0].reason.lost is not None
 
 
-def test_a_kept_track_on_trial_outlives_its_first_miss():
+def test_a_kept_track_of_two_streaks_outlives_more_misses_than_another():
     following, _ = walked(Following(), range(2))
-    kept = ids(following)[1]
+    lead, kept, other = ids(following)
     frame = dataclasses.replace(seen(2, []), kept=(kept,))
     after, _ = follow(following, frame, settings())
-    assert ids(after) == [ids(following)[0], kept]  # the lead is looked for
+    assert ids(after) == [lead, kept, other]
+    for k in (3, 4):
+        after, _ = follow(after, seen(k, []), settings())
+    assert ids(after) == [lead, kept]  # the lead is looked for
 
 
 def test_the_console_drops_one_and_takes_it_back_and_a_replay_agrees():

@@ -19,7 +19,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking.company import ON_TRIAL
+from rsoconsole.tracking.chains import ON_TRIAL
 
 MOST_ROWS = 400
 """Of a track so many of its last frames are kept for its plots."""

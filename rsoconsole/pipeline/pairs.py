@@ -1,5 +1,6 @@
 """How the tracks of a field move to each other, frame by frame, as it goes on record."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -22,6 +23,7 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.sky.angles import direction_to_unit
+from rsoconsole.sky.times import NS_PER_S
 from rsoconsole.tracking import lqe
 from rsoconsole.tracking.closest import pair_motion
 from rsoconsole.tracking.pattern import own_covariance
@@ -29,8 +31,10 @@ from rsoconsole.tracking.relative import RelativePath, Sights, relative_path, wa
 
 MOST_FRAMES = 400
 """Of a track so many of its last measurements are compared."""
-MOST_PAIRS = 16
+MOST_PAIRS = 6
 """In each frame so many pairs are looked at: each costs 2 ms, and twelve tracks are 66."""
+_WARNED_PAIRS, _NEAR_SOONER = 3, 4.0
+"""Of them so many are of a warning; and how much sooner than others a near pair comes round."""
 _RECENT_FRAMES = 40
 """Of so many frames measurements are kept by their ids: a track begins with one of before."""
 
@@ -171,7 +175,7 @@ class Pairs:
         return (PairMotions(frame_id=frame_id, pairs=told), *events) if told else events
 
     def _looked_at(self, known: Mapping[tuple[int, int], PairMotion]) -> Sequence[PairMotion]:
-        """Of many pairs the near ones in each frame, the others in turn."""
+        """Of many pairs those of a warning in each frame, the others in turn."""
         if self._t_utc_ns is None:
             return ()
         alert = self._config.alert
@@ -194,16 +198,24 @@ class Pairs:
         return sorted(found, key=_ids)
 
     def _in_turn(self, known: Mapping[tuple[int, int], PairMotion]) -> list[tuple[int, int]]:
-        """All pairs: those of a warning, each one's nearest, then the one looked at longest ago."""
-        first = {pair for pair, each in known.items() if each.is_close}
+        """All pairs: some of a warning, then by how long ago they were looked at.
+
+        Each one's nearest come round sooner than the others.
+        """
+        last = self._t_utc_ns or 0
+        warned = [each for each in known.values() if each.is_close]
+        warned = sorted(warned, key=lambda each: each.t_utc_ns)[:_WARNED_PAIRS]
+        first = {_ids(each) for each in warned}
+        near: set[tuple[int, int]] = set()
         for number in self._alive:
             own = (each for pair, each in known.items() if number in pair)
             nearest = min(own, key=lambda each: each.separation_arcsec, default=None)
-            first |= set() if nearest is None else {_ids(nearest)}
+            near |= set() if nearest is None else {_ids(nearest)}
 
-        def due(pair: tuple[int, int]) -> tuple[bool, int, tuple[int, int]]:
+        def due(pair: tuple[int, int]) -> tuple[bool, float, tuple[int, int]]:
             seen = known.get(pair)
-            return pair not in first, 0 if seen is None else seen.t_utc_ns, pair
+            age_s = math.inf if seen is None else (last - seen.t_utc_ns) / NS_PER_S
+            return pair not in first, -age_s * (_NEAR_SOONER if pair in near else 1.0), pair
 
         return sorted(combinations(sorted(self._alive), 2), key=due)
 

@@ -116,9 +116,17 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
     room = 1 if is_alone else settings.filter.most_tracks
     others = [(*agreed[m], m) for m in usable if m in agreed and m is not lead[-1]]
     begun_with = [lead, *others[: room - 1]]
+    trials = [chains.ON_TRIAL] * len(begun_with)
+    if chains.is_wide(settings):
+        trials = chains.trials(begun_with)
     tracks = tuple(
-        first_state(chain, before.last_track_id + number, seen, settings, is_lead=chain is lead)
-        for number, chain in enumerate(begun_with, 1)
+        replace(
+            first_state(
+                chain, before.last_track_id + number, seen, settings, is_lead=chain is lead
+            ),
+            trial=trial,
+        )
+        for number, (chain, trial) in enumerate(zip(begun_with, trials, strict=True), 1)
     )
     used = {m for chain in begun_with for m in chain}
     left = tuple(m for m in (*before.candidates, *usable) if m not in used)
@@ -132,8 +140,8 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
         last_track_id=before.last_track_id + len(tracks),
         dropped=before.dropped,
     )
-    states = tuple(each.track for each in tracks)
-    return after, (*states, *of_track((*refused, *told), states[0].track_id))
+    begun = tuple(each.track for each in tracks)
+    return after, (*begun, *of_track((*refused, *told), begun[0].track_id))
 
 
 def _pattern_of(tracks: tuple[Tracked, ...], begun_with: list[Chain], seen: Seen) -> Pattern:

@@ -13,12 +13,21 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from rsoconsole.records import Measurement
+from rsoconsole.records import FloatArray, Measurement
 from rsoconsole.tracking import lqe
-from rsoconsole.tracking.association import SHORTEST_WITH_DIRECTION_ARCSEC, streak_motion
+from rsoconsole.tracking.association import (
+    SHORTEST_WITH_DIRECTION_ARCSEC,
+    motion_between,
+    streak_motion,
+)
 from rsoconsole.tracking.following import Following, FollowSettings, Seen, Tracked
 from rsoconsole.tracking.link import Motion, Tracklet, link_points
-from rsoconsole.tracking.pairing import UNPAIRED_COST, UNSURE_COST, paired
+from rsoconsole.tracking.pairing import (
+    ALONE_COST,
+    UNPAIRED_COST,
+    UNSURE_COST,
+    paired,
+)
 from rsoconsole.tracking.sky_path import Plane
 
 WINDOW = 5
@@ -35,6 +44,14 @@ _MOST_POINTS = 60
 """In a window; with more of them there is no telling."""
 _FEWEST_FALSE = 0.5
 """Points a frame that are no object's are believed at least."""
+APART_COST = ALONE_COST + UNSURE_COST / 2.0
+"""Of a pair that goes a way of its own beside tracks: its streaks' directions and lengths by one
+sigma each or so. Worse ones wait for frames that show them better."""
+ON_TRIAL, APART_ON_TRIAL = 1, 2
+"""Measurements after its second that a track needs to outlive a miss; one that moves otherwise than
+what is beside it, which chance makes more often. One that moves as another does needs none."""
+_AS_ANOTHER_ARCSEC = 10.0
+"""What moves as another does differs from its way by less: the shutter's scatter and a slot's."""
 Chain = tuple[Measurement, ...]
 
 
@@ -62,7 +79,7 @@ def begun(
     found: dict[Measurement, Chain] = {}
     ways = [lqe.sky_rate_arcsec_s(each.track) for each in tracks]
     firsts, older = _parted(before.candidates)[0], _parted(before.earlier)[0]
-    asked = [(firsts, UNPAIRED_COST)]
+    asked = [(firsts, APART_COST if tracks else UNPAIRED_COST)]
     if tracks and older:
         last_but_one = max(m.frame_id for m in older)
         # What chance makes of frames that do not follow each other has a way of its own.
@@ -72,6 +89,40 @@ def begun(
         pairs = paired(these, left, seen.exposure_s, ways, unpaired=unpaired)
         found |= {second: (first,) for second, first in pairs.items()}
     return found | _of_points(points, before, seen, settings, ways)
+
+
+def trials(begun_with: Sequence[Chain], ways: Sequence[tuple[float, float]] = ()) -> list[int]:
+    """Of each chain that begins a track, how often that must be measured to outlive a miss.
+
+    ``ways``: rates of the tracks beside it, arcsec/s east and north.
+    """
+    found = []
+    for chain in begun_with:
+        first, second = chain[0], chain[-1]
+        dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
+        way = _way(chain)
+        others = [rate * dt_s for rate in map(np.array, ways)]
+        others += [
+            _way(each) for each in begun_with if each is not chain and _same_frames(each, chain)
+        ]
+        away = min((float(np.hypot(*(way - other))) for other in others), default=math.inf)
+        if len(chain) > 2 or not others:
+            found.append(ON_TRIAL)
+        else:
+            found.append(0 if away <= _AS_ANOTHER_ARCSEC else APART_ON_TRIAL)
+    return found
+
+
+def _way(chain: Chain) -> FloatArray:
+    """From a chain's first to its last, arcsec east and north."""
+    first, last = chain[0], chain[-1]
+    to = (last.ra_icrs_deg, last.dec_icrs_deg)
+    moved = motion_between(first.ra_icrs_deg, first.dec_icrs_deg, *to)
+    return np.array([moved.east_arcsec, moved.north_arcsec])
+
+
+def _same_frames(one: Chain, other: Chain) -> bool:
+    return (one[0].frame_id, one[-1].frame_id) == (other[0].frame_id, other[-1].frame_id)
 
 
 def kept(before: Following, taken: Collection[Measurement]) -> Chain:

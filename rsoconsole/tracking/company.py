@@ -2,7 +2,8 @@
 
 Frames that agree on one motion begin it, as they do the first; until it has been measured once
 more it is on trial and ends with its first miss, so that two false streaks cost one
-frame. One that has left the field ends too: the lead alone is looked for.
+frame; its streaks may begin another one. What was seen three or four times is not waited for as
+long as what was seen all night. One that has left the field ends too: the lead alone is looked for.
 """
 
 from collections.abc import Sequence
@@ -26,8 +27,9 @@ from rsoconsole.tracking.following import (
 )
 from rsoconsole.tracking.takeover import Step, is_neighbour
 
-ON_TRIAL = 1
-"""Measurements after its second that a track needs to outlive a miss."""
+UNSEEN_EACH = 2
+"""Frames that nothing hides and that do not show a track, for each after its first: those of
+chance end so, and one that fades begins another track."""
 _SAME_STREAK_ARCSEC = 8.0
 """A streak that lies closer to one that a track has taken is that one, found twice."""
 _BEYOND_SIGMAS, _BEYOND_ARCSEC = 5.0, 120.0
@@ -52,23 +54,30 @@ def within_reach(
     )
 
 
-def without_ghost(steps: list[Step], tracks: Sequence[Tracked], seen: Seen) -> list[Step]:
+def without_ghost(
+    steps: list[Step], tracks: Sequence[Tracked], seen: Seen, settings: FollowSettings
+) -> list[Step]:
     """Steps without a lead on trial that is missed where another track is confirmed: that leads.
 
     Alone it goes on: nobody knows better than its two streaks where to look.
     """
     confirmed = (
-        step.is_measured and step.after is not None and step.after.track.innovations >= ON_TRIAL
+        step.is_measured
+        and step.after is not None
+        and step.after.track.innovations >= chains.ON_TRIAL
+        and not step.after.is_on_trial
         for step in steps[1:]
     )
     is_lead = bool(steps) and tracks[0].track.is_lead and steps[0].reacquired is None
-    if not is_lead or not any(confirmed):
+    after = steps[0].after if is_lead else None
+    if after is None or not any(confirmed):
         return steps
-    return [ended(steps[0], tracks[0], seen), *steps[1:]]
+    asked = replace(steps[0], after=replace(after, trial=max(after.trial, chains.ON_TRIAL)))
+    return [ended(asked, tracks[0], seen, settings), *steps[1:]]
 
 
-def ended(step: Step, before: Tracked, seen: Seen) -> Step:
-    """A step of one that does not lead: on trial it ends with a miss, and outside the field."""
+def ended(step: Step, before: Tracked, seen: Seen, settings: FollowSettings) -> Step:
+    """A step of one that does not lead: it ends on trial, seldom seen, and outside the field."""
     if step.after is None or step.is_measured:
         return step
     lost: TrackLost | None = None
@@ -76,10 +85,12 @@ def ended(step: Step, before: Tracked, seen: Seen) -> Step:
     # What chance would hardly have made of points is no chance because one frame hides it.
     is_chain = before.taken is not None and streak_motion(before.taken) is None
     outlives = before.is_kept or (is_chain and track.misses == 1)
-    if track.innovations < ON_TRIAL and not outlives:
+    if step.after.is_on_trial and not outlives:
         lost = TrackLost(kind="not confirmed")
     elif _has_left(step.after, seen):
         lost = TrackLost(kind="left the field")
+    elif _is_seldom(step.after) and chains.is_wide(settings):
+        lost = TrackLost(kind="seen too seldom", unseen_frames=step.after.unexplained)
     if lost is None:
         return step
     records = tuple(
@@ -89,6 +100,12 @@ def ended(step: Step, before: Tracked, seen: Seen) -> Step:
         for r in step.records
     )
     return Step(records=records, after=None)
+
+
+def _is_seldom(coasted: Tracked) -> bool:
+    """Whether it has been missed where it should have been seen more often than it was seen."""
+    most = UNSEEN_EACH * (coasted.track.innovations + 1)
+    return not coasted.is_kept and coasted.unexplained > most
 
 
 def _has_left(coasted: Tracked, seen: Seen) -> bool:
@@ -118,9 +135,14 @@ def begun(  # noqa: PLR0917 -- one call, each argument a different thing
         return (), set()
     agreed = chains.begun(before, usable, seen, settings, alive)
     each = [(*agreed[last], last) for last in usable if last in agreed][:room]
+    trials = [chains.ON_TRIAL] * len(each)
+    if chains.is_wide(settings):
+        trials = chains.trials(each, [lqe.sky_rate_arcsec_s(one.track) for one in alive])
     tracks = tuple(
-        first_state(chain, last_track_id + number, seen, settings, is_lead=False)
-        for number, chain in enumerate(each, 1)
+        replace(
+            first_state(chain, last_track_id + number, seen, settings, is_lead=False), trial=trial
+        )
+        for number, (chain, trial) in enumerate(zip(each, trials, strict=True), 1)
     )
     return tracks, {m for chain in each for m in chain}
 
@@ -209,6 +231,8 @@ def joined_by_new(  # noqa: PLR0917 -- one call, each argument a different thing
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """With the tracks that begin beside those that there are."""
     free = left_over(steps, seen, settings)
+    if chains.is_wide(settings):
+        before = _with_given_back(before, steps)
     found, used = begun(before, free, after.tracks, after.last_track_id, seen, settings)
     told = without_verdicts_on(records, found)
     return replace(
@@ -218,3 +242,21 @@ def joined_by_new(  # noqa: PLR0917 -- one call, each argument a different thing
         tracks=(*after.tracks, *found),
         last_track_id=after.last_track_id + len(found),
     ), (*told, *(each.track for each in found))
+
+
+def _with_given_back(before: Following, steps: Sequence[Step]) -> Following:
+    """What a track on trial had last taken is free where that has ended: its partner was wrong."""
+    ended_on_trial = [
+        each
+        for each, step in zip(before.tracks, steps, strict=False)
+        if step.after is None and each.track.innovations < max(each.trial, chains.ON_TRIAL)
+    ]
+    given_back = [each.taken for each in ended_on_trial if each.taken is not None]
+    last = max(each.track.frame_id for each in before.tracks)
+    of_last = tuple(m for m in given_back if m.frame_id == last)
+    older = tuple(m for m in given_back if m.frame_id < last)
+    return replace(
+        before,
+        candidates=(*before.candidates, *of_last),
+        earlier=(*before.earlier, *older),
+    )

@@ -252,8 +252,10 @@ def _steps_of_all(before: Following, seen: Seen, settings: FollowSettings) -> li
             unclear = dict.fromkeys(own.fitting, CANNOT_TELL)
             own = replace(own, reasons={**own.reasons, **unclear})
         step = _stepped(own, taken, track, replace(seen, measurements=left), settings)
-        steps.append(step if track.track.is_lead else company.ended(step, track, seen))
-    return company.without_ghost(steps, all_tracks, seen) if chains.is_wide(settings) else steps
+        steps.append(step if track.track.is_lead else company.ended(step, track, seen, settings))
+    if not chains.is_wide(settings):
+        return steps
+    return company.without_ghost(steps, all_tracks, seen, settings)
 
 
 def _steps_of_dropped(before: Following, seen: Seen, settings: FollowSettings) -> list[Step]:

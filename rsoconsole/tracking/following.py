@@ -108,6 +108,13 @@ class Tracked:
     """Whether the operator's word keeps it: no miss ends it while it may be in the field."""
     since_utc_ns: int = 0
     """When it began, with its second measurement; 0: not known."""
+    trial: int = 1
+    """Measurements after its second that it needs to outlive a miss where it does not lead."""
+
+    @property
+    def is_on_trial(self) -> bool:
+        """Whether chance may have made it: the next frame has to show it."""
+        return self.track.innovations < self.trial
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

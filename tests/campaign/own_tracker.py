@@ -5,7 +5,6 @@ from rsoconsole.pipeline.fold import follow_settings
 from rsoconsole.reasons import Missed
 from rsoconsole.records import FrameTaken
 from rsoconsole.tracking import lqe
-from rsoconsole.tracking.company import ON_TRIAL
 from rsoconsole.tracking.follow import follow
 from rsoconsole.tracking.following import Following, FollowSettings, Seen
 from tests.campaign.slots import EXPOSURE_S, SITE, Night
@@ -50,11 +49,13 @@ def followed(night: Night) -> list[list[At]]:
         following, _ = follow(following, seen, every_day)
         tracks = []
         for each in following.tracks:
-            if not each.track.is_lead and each.track.innovations < ON_TRIAL:
+            if not each.track.is_lead and each.is_on_trial:
                 continue
             ra, dec = lqe.direction_icrs_deg(each.track)
             east, north = night.place_of(ra, dec, sight.t_utc_ns).tolist()
-            taken = each.taken if each.taken and each.taken.frame_id == number else None
+            # A streak that it shares says nothing of whose it is.
+            is_own = each.track.shared_with is None
+            taken = each.taken if is_own and each.taken and each.taken.frame_id == number else None
             tracks.append(
                 At(
                     track_id=each.track.track_id,

@@ -8,7 +8,7 @@ that turns with the Earth, in which a slot all but stands still.
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,8 @@ SITE = Site(latitude_deg=45.0, longitude_deg=10.0, elevation_m=200.0)
 FRAMES, CADENCE_S, EXPOSURE_S = 30, 30.0, 10.0
 SHUTTER_S = 0.2
 """Scatter of a frame's time: one error for all streaks of the frame, 3 arcsec along the motion."""
+SHUTTERS_S = (0.015, 0.5)
+"""Of nights whose scatter nobody knows: evenly in its logarithm."""
 ALONG_ARCSEC, ACROSS_ARCSEC = 0.5, 0.2
 """Sigma of a streak's middle, its own."""
 DETECTED, FALSE, BOX_ARCSEC = 0.9, 2.0, 1080.0
@@ -46,9 +48,11 @@ class Slot:
     """After 2023-06-22T02:13:20Z."""
     spread_h: float
     """Nights lie so far about it, evenly."""
+    is_shutter_known: bool = True
+    """Whether every night has the scatter that the peers are told."""
 
 
-SLOTS = {
+_KNOWN = {
     "19.2E": Slot(
         title="Astra 19.2 E",
         norad_ids=(29055, 31306, 33436, 37775),
@@ -76,6 +80,10 @@ SLOTS = {
         middle_h=19.83,
         spread_h=0.1,
     ),
+}
+SLOTS = _KNOWN | {
+    f"{name}-any": replace(each, title=f"{each.title}; any shutter", is_shutter_known=False)
+    for name, each in _KNOWN.items()
 }
 
 
@@ -111,10 +119,13 @@ def drawn(name: str, seed: int, frames: int = FRAMES) -> Night:
     """One night of a slot."""
     random = np.random.default_rng([seed, list(SLOTS).index(name)])
     slot = SLOTS[name]
+    shutter_s = SHUTTER_S
+    if not slot.is_shutter_known:
+        shutter_s = math.exp(random.uniform(*np.log(SHUTTERS_S)))
     middle_s = 3600.0 * (slot.middle_h + random.uniform(-slot.spread_h, slot.spread_h))
     t = _DAY_UTC_NS + round((middle_s - frames * CADENCE_S / 2.0) * NS_PER_S)
     t = t + np.arange(frames, dtype=np.int64) * round(CADENCE_S * NS_PER_S)
-    late_s = random.normal(0.0, SHUTTER_S, frames)
+    late_s = random.normal(0.0, shutter_s, frames)
     true, shown = _places(slot.norad_ids, t), _places(slot.norad_ids, t + _ns(late_s))
     first = true[0]
     origin = float(first.ra_icrs_deg[0]), float(first.dec_icrs_deg[0])
@@ -153,9 +164,9 @@ def drawn(name: str, seed: int, frames: int = FRAMES) -> Night:
     return Night(frames=tuple(seen), truth=truth, owner=owner, origin_deg=origin)
 
 
-def shared_covariance(rate: FloatArray) -> FloatArray:
-    """(2, 2) arcsec^2 of what the shutter adds to every streak of a frame."""
-    return np.asarray(SHUTTER_S**2 * np.outer(rate, rate))
+def shared_covariance(rate: FloatArray, shutter_s: float) -> FloatArray:
+    """(2, 2) arcsec^2 of what a shutter's scatter adds to every streak of a frame."""
+    return np.asarray(shutter_s**2 * np.outer(rate, rate))
 
 
 @functools.cache

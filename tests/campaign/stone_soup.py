@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tests.campaign.slots import BOX_ARCSEC, FALSE, Night, Sight, shared_covariance
+from tests.campaign.slots import BOX_ARCSEC, FALSE, SHUTTER_S, Night, Sight, shared_covariance
 from tests.campaign.slots_judge import At
 
 LEAST_POINTS, MOST_MISSES = 2, 6
@@ -39,6 +39,8 @@ class Cell:
     """Frames, of MFA."""
     components: int = 0
     """Kept of a track, of MFA."""
+    shutter_s: float = SHUTTER_S
+    """Scatter of the shutter that it believes in."""
 
     @property
     def words(self) -> str:
@@ -47,6 +49,8 @@ class Cell:
             f"q {self.q_arcsec2_s3:g}, gate {self.gate:g}, clutter {self.clutter:g}, "
             f"detected {self.detected:g}"
         )
+        if self.shutter_s != SHUTTER_S:
+            said += f", shutter {self.shutter_s:g} s"
         if self.method == "MFA":
             said += f", window {self.window}, components {self.components}"
         return said
@@ -76,9 +80,17 @@ def grid(method: Method) -> list[Cell]:
     ]
 
 
-def around(cell: Cell) -> list[Cell]:
-    """What is tried on every other slot: its process noise, which alone matters (README.md)."""
-    return [replace(cell, q_arcsec2_s3=q) for q in (1e-8, 1e-7, 1e-6, 1e-5, 1e-4)]
+def around(cell: Cell, *, is_shutter_known: bool = True) -> list[Cell]:
+    """What is tried on every slot: its process noise, which alone matters (README.md).
+
+    Where nobody knows the shutter its scatter as well.
+    """
+    shutters_s = (SHUTTER_S,) if is_shutter_known else (0.05, 0.1, SHUTTER_S, 0.4)
+    return [
+        replace(cell, q_arcsec2_s3=q, shutter_s=shutter_s)
+        for q in (1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
+        for shutter_s in shutters_s
+    ]
 
 
 def followed(night: Night, cell: Cell) -> list[list[At]]:
@@ -142,7 +154,7 @@ class _Tracker:
     def step(self, sight: Sight) -> list[At]:
         """The tracks after a frame."""
         time = _T0 + datetime.timedelta(microseconds=(sight.t_utc_ns - 1_687_392_000 * 10**9) / 1e3)
-        found = list(_detections(sight, time))
+        found = list(_detections(sight, time, self.cell.shutter_s))
         free, heaviest = set(found), dict[str, Any]()
         if self.tracks:
             told = self._associated(found, time)
@@ -221,11 +233,11 @@ class _Tracker:
         return kept[0].measurement if kept[0] else None
 
 
-def _detections(sight: Sight, time: datetime.datetime) -> Iterator[Any]:
+def _detections(sight: Sight, time: datetime.datetime, shutter_s: float) -> Iterator[Any]:
     from stonesoup.models.measurement.linear import LinearGaussian
     from stonesoup.types.detection import Detection
 
-    shared = shared_covariance(sight.rate)
+    shared = shared_covariance(sight.rate, shutter_s)
     for m, place in zip(sight.measurements, sight.places, strict=True):
         ee, en, nn = m.cov_sky_arcsec2
         noise = np.array([[ee, en], [en, nn]]) + shared

@@ -30,6 +30,8 @@ METHODS: tuple[Method, ...] = ("GNN", "JPDA", "MFA")
 CLOSEST = "30W"
 TUNED_ON = (101,)
 """Seeds of the nights on which the grid is tried."""
+TUNED_ON_ANY = (101, 102, 103, 104, 105, 106)
+"""Where each night's shutter is another one."""
 
 
 class Kept:
@@ -70,18 +72,26 @@ class Kept:
 def best_cell(kept: Kept, slot: str, method: Method) -> Cell:
     """The one with the least GOSPA on the nights that are for this: of the grid, then of its q."""
     found = _best(kept, CLOSEST, method, stone_soup.grid(method))
-    return _best(kept, slot, method, stone_soup.around(found))
+    is_known = SLOTS[slot].is_shutter_known
+    cells = stone_soup.around(found, is_shutter_known=is_known)
+    return _best(kept, slot, method, cells, TUNED_ON if is_known else TUNED_ON_ANY)
 
 
-def _best(kept: Kept, slot: str, method: Method, cells: Sequence[Cell]) -> Cell:
-    for seed in TUNED_ON:
+def _best(
+    kept: Kept,
+    slot: str,
+    method: Method,
+    cells: Sequence[Cell],
+    seeds: Sequence[int] = TUNED_ON,
+) -> Cell:
+    for seed in seeds:
         missing = [c for c in cells if not kept.has(slot, seed, method, c.words)]
         night = drawn(slot, seed) if missing else None
         for cell in missing:
             assert night is not None
             figures = judged(night, stone_soup.followed(night, cell))
             kept.add(slot, seed, method, cell.words, figures)
-    return min(cells, key=lambda c: sum(kept.gospa(slot, s, method, c.words) for s in TUNED_ON))
+    return min(cells, key=lambda c: sum(kept.gospa(slot, s, method, c.words) for s in seeds))
 
 
 def run(kept: Kept, slots: Sequence[str], seeds: Sequence[int], trackers: Sequence[str]) -> None:

@@ -60,18 +60,19 @@ def table(rows: Sequence[Row]) -> str:
         for tracker in trackers:
             nights = list(nights_of(rows, slot, tracker).values())
             if nights:
-                text += _line(each.title, rows, slot, tracker, nights)
-    for tracker in trackers:
-        nights = [n for slot in SLOTS for n in nights_of(rows, slot, tracker).values()]
-        if nights:
-            text += _line("**all**", rows, None, tracker, nights)
+                text += _line(each.title, rows, [slot], tracker, nights)
+    for title, is_known in (("**all**", True), ("**all, any shutter**", False)):
+        slots = [name for name, each in SLOTS.items() if each.is_shutter_known == is_known]
+        for tracker in trackers:
+            nights = [n for slot in slots for n in nights_of(rows, slot, tracker).values()]
+            if nights:
+                text += _line(title, rows, slots, tracker, nights)
     return text
 
 
 def _line(
-    title: str, rows: Sequence[Row], slot: str | None, tracker: str, nights: Sequence[Row]
+    title: str, rows: Sequence[Row], slots: Sequence[str], tracker: str, nights: Sequence[Row]
 ) -> str:
-    slots = list(SLOTS) if slot is None else [slot]
     apart = np.concatenate([paired_gospa(rows, each, tracker) for each in slots])
     is_peer = tracker != OURS and len(apart)
     taken = sum(n["taken"] for n in nights) / sum(n["shown"] for n in nights)
@@ -83,7 +84,7 @@ def _line(
         _said(interval(apart), '"', "+") if is_peer else "",
         _said(swaps_of(nights)),
         f"{100.0 * taken:.1f} %",
-        nights[0]["cell"] if slot is not None else "",
+        nights[0]["cell"] if len(slots) == 1 else "",
     ]
     return "| " + " | ".join(cells) + " |\n"
 
