@@ -35,7 +35,7 @@ MapMode = Literal["fast", "paper"]
 StreakKind = Literal["streak", "clipped", "crossing"]
 """How many of its ends lie in the frame: both, one, none."""
 ObjectClass = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain", "undetermined"]
-Topic = Literal["", "limit", "machine", "clock", "engine ended", "approach", "kept"]
+Topic = Literal["", "limit", "machine", "clock", "engine ended", "approach", "kept", "predictor"]
 OFF_RECORD = "off the record"
 """In a field's metadata: of the running program alone, no session carries it."""
 

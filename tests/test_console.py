@@ -514,7 +514,7 @@ def test_stop_ends_every_notice_and_what_was_asked_before_it_is_not_reported_aft
 def test_state_and_holder_are_seen_beside_a_stop_and_only_a_confirmed_one_goes_by_itself(
     wire: FakeWire, monkeypatch: pytest.MonkeyPatch, is_confirmed: bool
 ) -> None:
-    monkeypatch.setattr(seat, "BANNER_S", 0.5)
+    monkeypatch.setattr(seat, "BANNER_S", 2.0)
     wire.status |= {"lifted": ["sun"]}
     if not is_confirmed:
         wire.outcomes["stop"] = Outcome(ok=False, message="the mount moves on", data={})
@@ -523,6 +523,9 @@ def test_state_and_holder_are_seen_beside_a_stop_and_only_a_confirmed_one_goes_b
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("x")
         await until(pilot, lambda: end in stop_text(app))
+        # What the engine said last is from before the STOP: its next word is waited for.
+        wire.status |= {"faults": ["the dome is shut"]}
+        await until(pilot, lambda: "AUTO has the mount" in pane(app, "top"))
         text = screen_text(app)
         for words in ("TRACK", "AUTO has the mount", "STOP " + end[:6], "a Disarm"):
             assert words in text

@@ -740,10 +740,16 @@ def test_the_log_is_filtered_by_words(wire: FakeWire, writer: SessionWriter):
         await pilot.press(*"DOME", "enter")
         await until(pilot, lambda: app.screen is app.live)
         assert "the dome has opened" in screen_text(app)
-        assert "TRACK → COAST" not in screen_text(app)
-        app.live.query_one("#log", LogPane).filter("xyz")
+        assert "log: 'DOME' · / changes, esc clears" in screen_text(app)  # stays, unlike the notice
+        log = app.live.query_one("#log", LogPane)
+        routine = [line for line in log.lines if line.kind != "StateChange"]
+        shown = {line.text for line in log.found}
+        assert any("TRACK → COAST" in text for text in shown)  # what happens passes every filter
+        assert len(shown) == len({line.text for line in log.lines} - {r.text for r in routine}) + 1
+        await pilot.press("escape")
         await pilot.pause()
-        assert "no line has 'xyz'" in screen_text(app)
+        assert "esc clears" not in screen_text(app)
+        assert log.found == tuple(reversed(log.lines))
 
     play(wire, scene)
 

@@ -102,6 +102,20 @@ def test_titles_count_the_frames_that_the_plot_has_marks_of():
     assert wide.frames_words((*rows, row(301)), width) == "last 197 of 301"
 
 
+def test_going_back_stops_where_the_oldest_frames_fill_the_plot():
+    room = 50
+    window = PlotWindow()
+    for _ in range(40):
+        window = window.moved(-12, 300, room)
+    assert len(window.rows([row(n) for n in range(1, 301)], AXIS_COLUMNS + room)) == room
+    assert window.moved(-12, 300, room) == window
+    assert PlotWindow().moved(-12, 30, room) == PlotWindow()  # all of them are seen already
+    coarse = PlotWindow(frames_a_mark=4)
+    for _ in range(40):
+        coarse = coarse.moved(-12, 300, room)
+    assert coarse.back == 300 - 4 * room
+
+
 def test_titles_tell_of_the_newest_frame_up_to_the_right_edge_and_not_of_a_marks_worst():
     def measured(number: int, off_arcsec: float, confidence: float = 0.5) -> FrameRow:
         return row(
@@ -114,12 +128,12 @@ def test_titles_tell_of_the_newest_frame_up_to_the_right_edge_and_not_of_a_marks
 
     frames = [measured(n, 0.1) for n in range(1, 40)] + [measured(40, 0.2), measured(41, 5.0, 0.9)]
     night = NightView(rows=tuple(frames))
-    back = PlotWindow().moved(-1, len(frames))
+    back = PlotWindow(back=1)
     size = AXIS_COLUMNS + 60, 6
     assert "residual +5.00" in words(residual_lines(night, "east", *size))
     assert "residual +0.20" in words(residual_lines(night, "east", *size, window=back))
     assert "confidence .50" in words(confidence_lines(night, *size, window=back))
-    assert "NIS 0.0 of 2 · 0001-0040 of 41" in words(nis_lines(night, *size, window=back))
+    assert "NIS 0.0 (ideal 2) · 0001-0040 of 41" in words(nis_lines(night, *size, window=back))
     wide = PlotWindow().zoomed(2.0).zoomed(2.0)
     after = replace(night, rows=(*night.rows, measured(42, 0.3)))
     assert "residual +0.30" in words(residual_lines(after, "east", *size, window=wide))
@@ -181,9 +195,12 @@ def test_each_page_comes_and_goes_by_its_key_and_the_plots_can_be_scrolled(wire:
         await pilot.press("4")
         await until(pilot, lambda: not app.live.query_one("#curves").display)
         await pilot.press("comma")
-        await until(pilot, lambda: "to frame 0008" in pane(app, "axis"))
+        # All of them are seen already.
+        await until(pilot, lambda: "no earlier frames" in pane(app, "keys"))
+        await pilot.press("minus")
+        await until(pilot, lambda: "2 frames" in pane(app, "axis"))
         await pilot.press("end")
-        await until(pilot, lambda: "to frame" not in pane(app, "axis"))
+        await until(pilot, lambda: "2 frames" not in pane(app, "axis"))
         await pilot.press("2", "escape")
         await until(pilot, lambda: not app.live.query_one("#curves").display)
 

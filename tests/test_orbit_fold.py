@@ -56,12 +56,16 @@ def test_what_the_operator_took_the_mount_from_is_followed_again_with_its_orbit(
     assert not folded(to(7, "MANUAL", "COAST"), before=found).view().is_orbit_past
 
 
-def test_a_ruling_makes_those_of_its_frame_void_until_the_next_ones() -> None:
+def test_after_a_word_on_a_frame_the_last_orbit_stands_until_the_next_one() -> None:
     found = folded(*FOLLOWED, identified_of(5), FollowedAgain(frame_id=4))
-    assert found.view().orbit == estimate_of(5)
+    assert found.view().being_fitted_again == frozenset()  # its orbit had heard of frame 5
     folded(FollowedAgain(frame_id=5), before=found)
-    assert (found.view().orbit, found.view().identified) == (None, None)
-    assert folded(estimate_of(5), before=found).view().orbit == estimate_of(5)
+    view = found.view()
+    assert (view.orbit, view.identified) == (estimate_of(5), identified_of(5))
+    assert view.being_fitted_again == {1}
+    folded(replace(estimate_of(5), a_km=42000.0), before=found)
+    assert found.view().being_fitted_again == frozenset()
+    assert found.view().orbit.a_km == 42000.0
 
 
 def test_a_night_that_goes_back_has_the_orbit_of_then() -> None:

@@ -145,7 +145,7 @@ def test_with_room_it_says_who_guides_how_well_it_fits_and_what_else_is_known() 
     text = said(KNOWN)
     for words in (
         "aims by the filter",
-        "orbit's NIS 1.2 of 2",
+        "orbit's NIS 1.2 (ideal 2)",
         "rms .41″",
         "18 directions in 8m30",
         "node 82.1±.4°",
@@ -158,7 +158,7 @@ def test_with_room_it_says_who_guides_how_well_it_fits_and_what_else_is_known() 
     assert "argument" not in text  # what is not known to 60 degrees is not told
     guiding = replace(KNOWN, estimate=estimate_of(20, is_guide=True, nis=14.0, outliers=2))
     assert "aims by the orbit" in said(guiding)
-    assert inks(guiding)["orbit's NIS 14.0 of 2"] == "warn"
+    assert inks(guiding)["orbit's NIS 14.0 (ideal 2)"] == "warn"
     assert inks(guiding)["2 left out"] == "warn"
 
 
@@ -233,6 +233,18 @@ def test_why_there_is_no_orbit_is_said() -> None:
     assert "orbit.online is off" in seen(*more, config=off).absence
     live = orbit_shown(folded(*more).view(), EngineView(reach="attached"), None)
     assert live.absence == "no orbit yet: the measurements so far tell none"
+
+
+def test_an_orbit_from_before_a_word_on_a_frame_says_so_and_how_old_it_is() -> None:
+    view = replace(folded(*FOLLOWED, FollowedAgain(frame_id=5)).view(), folder=None)
+    engine = EngineView(reach="attached", now_utc_ns=view.orbit_utc_ns + 130 * NS)
+    shown = orbit_shown(view, engine, None)
+    lines = "\n".join("".join(t for t, _ in line) for line in orbit_lines(shown, 60, 12))
+    assert shown.absence == ""
+    assert "from 2m10 ago: being fitted again after your word" in lines
+    assert "42" in target_words(shown)[1]
+    fitted = folded(*FOLLOWED, FollowedAgain(frame_id=5), estimate_of(5)).view()
+    assert orbit_shown(replace(fitted, folder=None), engine, None).since_word_s is None
 
 
 def test_what_was_reckoned_of_another_moment_is_not_shown() -> None:

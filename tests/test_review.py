@@ -302,6 +302,17 @@ def test_k_in_the_table_keeps_this_moment_as_the_new_a(eventful: Path):
     play_review(eventful, scene, LARGE, start="50")
 
 
+def test_the_hint_of_the_tuning_pane_names_the_key_that_changes_its_frames(eventful: Path):
+    async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
+        await pilot.press("t")
+        pane = text_of(review, "tune")
+        assert "A all frames" in pane
+        await pilot.press("A")
+        assert "A the last frames" in text_of(review, "tune")
+
+    play_review(eventful, scene, LARGE, start="50")
+
+
 # -- the log ------------------------------------------------------------------------------------
 
 

@@ -15,6 +15,8 @@ from rsoconsole.console.coast_words import coast_words
 from rsoconsole.console.engine_view import EngineView, engine_view
 from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.kept_words import kept_words
+from rsoconsole.console.key_line import keys_for
+from rsoconsole.console.messages import StopNewsCame
 from rsoconsole.console.night import FrameRow, Night, NightView
 from rsoconsole.console.plot import Line
 from rsoconsole.console.second_press import WITHIN_S
@@ -22,7 +24,10 @@ from rsoconsole.console.streak_actions import too_late_to_mark
 from rsoconsole.console.track_fold import FollowedTrack
 from rsoconsole.console.words import clock_text, top_lines
 from rsoconsole.control import Outcome
+from rsoconsole.control.stop import StopNews
 from rsoconsole.engine.states import Taken
+from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.records import Frame
 from tests.engine_rig import CONFIG, Rig, asked, desk_of, rig
 from tests.made_up_night import state_of, t_of
 from tests.makers import NS
@@ -119,6 +124,15 @@ def test_after_a_stop_one_key_arms_and_follows_again(wire: FakeWire, key: str):
     play(wire, scene, LARGE)
 
 
+def test_the_operators_turn_shows_both_keys_that_give_it_back():
+    engine = tracking(state="MANUAL", holder="operator", kept="INTELSAT 14", is_resumable=True)
+    keys = [each[:2] for each in keys_for(engine, can_act=True)]
+    assert ("u", "Follow again") in keys
+    assert ("h", "Give back") in keys
+    stopped = [each.name for each in keys_for(engine_view(STOPPED), can_act=True)]
+    assert "Give back" not in stopped  # nobody has it
+
+
 def test_what_the_checklist_refuses_is_followed_only_after_an_override_by_name(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await _stopped(app, pilot, wire)
@@ -189,6 +203,31 @@ def test_a_stop_says_how_things_stand_and_the_next_key(wire: FakeWire):
         )
         wire.status |= {"kept": None, "kept_until_utc_ns": None}
         await until(pilot, lambda: "a arms it again" in stop_text(app))
+
+    play(wire, scene, LARGE)
+
+
+def test_from_the_press_on_the_first_line_says_stop(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: "AUTO has the mount" in pane(app, "top"))
+        app.live.show_stop(StopNews(phase="sent", text="sent to the engine"))
+        assert "STOP given" in pane(app, "top")
+        assert "AUTO" not in pane(app, "top")
+        wire.status |= STOPPED
+        await pilot.press("x")
+        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: "nobody has the mount" in pane(app, "top"))
+        assert "STOP given" not in pane(app, "top")
+
+    play(wire, scene, LARGE)
+
+
+def test_a_stop_that_is_confirmed_is_not_told_by_a_word_from_before_it(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        app.live.on_stop_news_came(StopNewsCame(StopNews(phase="stopped", text="motion ended")))
+        assert "STOP given" in pane(app, "top")  # the engine's last word is TRACK
+        await until(pilot, lambda: "AUTO has the mount" in pane(app, "top"))
 
     play(wire, scene, LARGE)
 
@@ -267,6 +306,67 @@ def test_the_coast_s_words_come_first_in_the_line_on_the_motion():
     for size in ((80, 3), (120, 5)):
         rows = plain(fact_lines(COASTING, engine, None, *size))
         assert rows[1].startswith(f" last seen {clock_text(SEEN)}, 60 s ago · coasted 2 · given up")
+
+
+def test_what_is_followed_is_predicted_to_now_and_dated_where_that_is_guesswork():
+    track = dataclasses.replace(COAST, misses=0, t_utc_ns=NOW)
+    night = dataclasses.replace(COASTING, track=track, state="TRACK")
+    told = {"state": "TRACK", "ra": 150.0, "dec": -5.0, "t_utc_ns": NOW}
+
+    def said(after_s: float) -> str:
+        engine = tracking(**told | {"now_utc_ns": NOW + round(after_s * NS)})
+        return " ".join(plain(fact_lines(night, engine, None, 120, 5)))
+
+    assert "predicted α 10:00:00.0" in said(0.0)
+    assert "predicted α 10:01:00.2" in said(60.0)  # as the stars go by in a minute
+    assert "as of" not in said(60.0)
+    old = said(400.0)
+    assert f"last α 10:00:00.0 δ -05:00:00  as of {clock_text(NOW)[:8]}" in old
+    assert f"as of {clock_text(NOW)[:8]}" in old.partition("3σ")[2]
+    assert "prediction 3σ" in said(60.0)
+
+
+def test_what_is_followed_again_is_not_said_to_be_nothing():
+    engine = tracking(state="COAST", ra=150.0, dec=-5.0)
+    said = " ".join(plain(fact_lines(NightView(state="MANUAL"), engine, None, 120, 5)))
+    assert "followed again: its first frame is to come" in said
+    at_rest = tracking(state="IDLE", holder="nobody")
+    assert "nothing is followed" in " ".join(
+        plain(fact_lines(NightView(state="IDLE"), at_rest, None, 120, 5))
+    )
+
+
+# -- holding until it clears ----------------------------------------------------------------------
+
+
+def test_a_hold_until_it_clears_is_refused_in_a_clear_sky_and_taken_under_cloud():
+    r = rig(set(range(1, 30)))
+    stars = [400]
+    reduce = r.reducer.reduce
+
+    def with_stars(frame: Frame) -> Reduction:
+        plain = reduce(frame)
+        counted = dataclasses.replace(plain.detections, star_count=stars[0])
+        return dataclasses.replace(plain, detections=counted)
+
+    r.reducer.reduce = with_stars  # type: ignore[method-assign]
+    r.engine.arm()
+    r.engine.run(frames=8)
+    refused = desk_of(r).handle(asked("hold", {"until": "clear"}))
+    assert not refused.ok
+    assert refused.message.startswith("no cloud now: 400 stars")
+    assert desk_of(r).handle(asked("hold")).ok  # a plain hold is none of the sky's
+    r.engine._execute_commands()
+    assert desk_of(r).handle(asked("resume")).ok
+    r.engine._execute_commands()
+    stars[0] = 30
+    r.engine.run(frames=9)
+    assert desk_of(r).handle(asked("hold", {"until": "clear"})).ok
+    r.engine._execute_commands()
+    assert r.engine.charge.resumes_when_clear
+    stars[0] = 400
+    r.engine.run(frames=12)
+    assert not r.engine.charge.is_held
 
 
 # -- where the telescope really looks -------------------------------------------------------------

@@ -284,9 +284,10 @@ def test_the_summary_has_a_line_for_each_satellite(told):
     (only,) = summarise([*told, *names], [])["tracks"]
     assert (only["name"], only["tracks"], only["frames"]) == ("SES-10", [1, 2], 60)
     said = _track_words(only)
-    assert said.startswith("SES-10: 60 frames, followed to the end; ")
-    assert "lost in frame" in _track_words(gone)
-    assert "unidentified (track 2)" in _track_words(gone)
+    assert said[0] == "SES-10: measured in 60 frames, followed to the end"
+    assert " km" in said[1]
+    assert "lost in frame" in _track_words(gone)[0]
+    assert "unidentified (track 2)" in _track_words(gone)[0]
 
 
 def test_the_console_knows_all_and_shows_the_lead(told):

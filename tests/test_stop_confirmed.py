@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from rsoconsole.console.log_lines import line_of
 from rsoconsole.control import LastStop, Outcome
 from rsoconsole.control.stop import StopNews, Stopping
 from rsoconsole.engine import stop_now as stop_now_module
@@ -110,6 +111,9 @@ def test_stop_is_answered_when_the_mount_stands_and_not_when_tracking_is_settled
     assert text(action.outcome) == (
         "motion ended, confirmed in 40 ms by the mount's own process; ordered in 12 ms"
     )
+    line = line_of(action, 0)
+    assert line is not None
+    assert line.text.endswith("ordered in 12 ms (both in the engine)")
     mount.is_settled.set()
     last = desk.status().last_stop
     assert last is not None
@@ -163,7 +167,8 @@ def test_the_line_of_the_log_has_both_figures():
     r.engine.run()
     said = [each.text for each in r.memory.of(Event) if each.text.startswith("STOP")]
     assert said == [
-        "STOP: motion ended, ordered in 12 ms, confirmed in 40 ms; disarmed, the mount tracks on"
+        "STOP: motion ended, ordered in 12 ms, confirmed in 40 ms (both in the engine);"
+        " disarmed, the mount tracks on"
     ]
 
 
@@ -193,7 +198,7 @@ def test_the_seat_tells_order_and_confirmation():
     assert news.ms is not None
     assert news.ordered_ms <= news.ms
     assert "motion ended, confirmed in" in news.text
-    assert "; ordered in" in news.text
+    assert news.text.endswith("ms (both from the press)")  # the record has the engine's own
 
 
 def test_the_seat_tells_what_was_ordered_and_is_not_confirmed():

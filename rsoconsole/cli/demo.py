@@ -267,13 +267,15 @@ def _print_night(config: Config, night: Night) -> dict[str, Any]:
 def _say_summary(found: dict[str, Any]) -> None:
     tracks = found["tracks"]
     target = found["target"] or "nothing"
+    states = ", ".join(f"{state} {count}" for state, count in found["states"].items())
     output.say(
-        f"{found['frames']} frames, {found['detections']} detections, {found['misses']} misses;"
-        f" followed {target}"
-        + (f", locked after {found['locked_after_frames']} frames" if found["target"] else "")
+        f"{found['frames']} frames{f' ({states})' if states else ''}",
+        f"{found['detections']} streaks detected; followed {target}"
+        + (f", locked after {found['locked_after_frames']} frames" if found["target"] else ""),
+        f"{found['misses']} misses: frames in which what was followed was looked for and not found",
     )
     for each in tracks:
-        output.say(f"  {_track_words(each)}")
+        output.say(*(f"  {line}" for line in _track_words(each)))
     if found["target"]:
         if len(tracks) > 1:
             output.say(f"  of {found['target']}:")
@@ -295,8 +297,8 @@ def _say_summary(found: dict[str, Any]) -> None:
     output.say(f"session {found['session']}")
 
 
-def _track_words(track: dict[str, Any]) -> str:
-    """A satellite that was followed: name, frames, how it ended, orbit."""
+def _track_words(track: dict[str, Any]) -> tuple[str, str]:
+    """A satellite that was followed, in two lines: name, frames, how it ended; orbit."""
     name = track["name"] or f"unidentified (track {track['tracks'][-1]})"
     ending = {
         "TRACK": "followed to the end",
@@ -308,7 +310,7 @@ def _track_words(track: dict[str, Any]) -> str:
     words = "no orbit"
     if orbit is not None:
         words = f"{orbit['label']}, a {orbit['a_km']:.0f} ± {orbit['sigma_a_km']:.0f} km"
-    return f"{name}: {track['frames']} frames, {ending}; {words}"
+    return f"{name}: measured in {track['frames']} frames, {ending}", f"  {words}"
 
 
 def demo_config(

@@ -48,10 +48,12 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         now_utc_ns: Callable[[], int],
         orders: Orders,
         begun: str = "",
+        caution: str = "",
     ) -> None:
         """``now_utc_ns``: the frame clock, asked at every key: much goes by with the sky;
-        ``begun``: what stands in the field already."""
+        ``begun``: what stands in the field already; ``caution``: what else comes of going."""
         super().__init__()
+        self._caution = caution
         self._begun = begun
         self._config = config or Config()
         self._now_utc_ns = now_utc_ns
@@ -109,7 +111,8 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
             self._tell(f"{message.words}\n{message.outcome.message}")
             return
         self._preview = preview = read_preview(message.outcome.data)
-        self._tell("\n".join([message.words, *preview_lines(preview)]))
+        caution = [self._caution] if self._caution and preview and not preview.refused else []
+        self._tell("\n".join([message.words, *preview_lines(preview), *caution]))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Go, where that has been shown and may be."""

@@ -144,9 +144,10 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "undo",
         "u",
         "Follow again",
-        "undo: a track that was dropped, for 12 frames; one that disarming, a search, a STOP or"
-        " your own move ended, for 15 minutes: after a STOP it arms first; a parked mount is"
-        " released",
+        "undo: a track that was dropped, for 12 frames; one that your own move ended, as long as it"
+        " may be coasted (2 h, filter.max_coast_s); one that disarming, a search, a STOP or a fault"
+        " ended, for at most 15 min of that: after a STOP it arms first; the first line counts the"
+        " time down; a parked mount is released",
         "telescope",
         acts=True,
     ),

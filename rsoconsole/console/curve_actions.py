@@ -8,6 +8,7 @@ from rsoconsole.console.curves import Page, alignment_lines, focus_lines, qualit
 from rsoconsole.console.fold import orbit_box
 from rsoconsole.console.night import NightView
 from rsoconsole.console.panes import LinesPane
+from rsoconsole.console.plot import AXIS_COLUMNS
 from rsoconsole.console.plot_window import LIVE_STEP, PlotWindow, axis_lines
 from rsoconsole.console.tune_actions import TuneActions
 
@@ -112,11 +113,19 @@ class CurveActions(TuneActions):
 
     def action_plots_back(self) -> None:
         """To earlier frames."""
-        self._see(self.window.moved(-LIVE_STEP, len(self.night.rows)))
+        moved = self.window.moved(-LIVE_STEP, len(self.night.rows), self._room())
+        if moved == self.window:
+            self.say("plots: no earlier frames")
+        else:
+            self._see(moved)
 
     def action_plots_on(self) -> None:
         """To later frames; at the end they go on with the night."""
-        self._see(self.window.moved(LIVE_STEP, len(self.night.rows)))
+        self._see(self.window.moved(LIVE_STEP, len(self.night.rows), self._room()))
+
+    def _room(self) -> int:
+        """Marks that the plots have room for."""
+        return max(self.pane("confidence").size.width - AXIS_COLUMNS, 1)
 
     def action_plots_wider(self) -> None:
         """Twice the frames to a mark."""

@@ -130,6 +130,10 @@ class HelpDialog(Dialog[str | None]):
         Binding("t", "tour", "Tour"),
         Binding("up", "scroll(-1)", show=False),
         Binding("down", "scroll(1)", show=False),
+        Binding("pageup", "page(-1)", show=False),
+        Binding("pagedown,space", "page(1)", show=False),
+        Binding("home", "end(False)", show=False),
+        Binding("end", "end(True)", show=False),
     ]
 
     def __init__(
@@ -163,6 +167,16 @@ class HelpDialog(Dialog[str | None]):
         """By a line."""
         self.query_one(VerticalScroll).scroll_relative(y=by, animate=False)
 
+    def action_page(self, by: int) -> None:
+        """By what is seen at once."""
+        box = self.query_one(VerticalScroll)
+        box.scroll_relative(y=by * max(box.size.height - 1, 1), animate=False)
+
+    def action_end(self, is_last: bool) -> None:
+        """To the first line, or to the last."""
+        box = self.query_one(VerticalScroll)
+        (box.scroll_end if is_last else box.scroll_home)(animate=False)
+
     def action_tour(self) -> None:
         """The tour of the screen."""
         self.dismiss("tour")
@@ -173,7 +187,8 @@ class HelpDialog(Dialog[str | None]):
         box.border_title = f"help: {self._shown}"
         box.border_subtitle = f"tab {other} · t tour · esc back"
         self.query_one("#page", Static).update(self._pages[self._shown])
-        box.scroll_home(animate=False)
+        # At once: what is scrolled behind the new text would be the place of the old one.
+        box.scroll_home(animate=False, immediate=True)
 
 
 class Tick(Static, can_focus=True):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from rsoconsole.console.coast_words import coast_words
 from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.leaving import leaving_words
 from rsoconsole.console.night import NightView
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.track_fold import predicted_sigma_arcsec
@@ -25,6 +26,7 @@ from rsoconsole.console.words import (
 )
 from rsoconsole.control import Health
 from rsoconsole.control.mount_words import is_silent, motion_words, mount_words
+from rsoconsole.records import TrackState
 from rsoconsole.sky.angles import format_dec, format_ra, separation_deg
 
 if TYPE_CHECKING:
@@ -62,7 +64,7 @@ def fact_lines(
 ) -> list[Line]:
     """What there is room for, most important first."""
     now = present_utc_ns(night, engine)
-    place, motion = _place_items(night, engine), _motion_items(night, now)
+    place, motion = _place_items(night, engine), _motion_items(night, engine, now)
     mount, plate = _mount_items(engine), _plate_items(night, engine)
     is_mounts = bool(mount) and place[0] == mount[0]
     schedule, cycle = _schedule_items(engine), _cycle_items(night, engine)
@@ -112,8 +114,10 @@ def _place_items(night: NightView, engine: EngineView) -> list[Item]:
     ra, dec = engine.ra_icrs_deg, engine.dec_icrs_deg
     alt, az = engine.alt_deg, engine.az_deg
     word, age = "", ""
-    if ra is None and night.track is not None:
-        ra, dec = night.track.x[0] % 360.0, night.track.x[2]
+    track, now = night.track, present_utc_ns(night, engine)
+    seen_ns = engine.t_utc_ns
+    if ra is None and track is not None:
+        ra, dec, seen_ns = track.x[0] % 360.0, track.x[2], track.t_utc_ns
     limit = _limit_item(engine.next_limit)
     if ra is None and (mount := _mount_items(engine)):
         # Nothing is followed: where the telescope really looks, by the mount's own word.
@@ -126,6 +130,8 @@ def _place_items(night: NightView, engine: EngineView) -> list[Item]:
         is_old = (present_utc_ns(night, engine) or 0) - pointing.t_utc_ns > OLD_S * NS_PER_S
         if is_old:
             word, age = f"last {word}", f"as of {clock_text(pointing.t_utc_ns)[:8]}"
+    elif ra is not None and dec is not None:
+        word, age, (ra, dec) = _followed(track, (ra, dec), seen_ns, now)
     if ra is None or dec is None:
         items = ["no direction yet"]
     else:
@@ -134,8 +140,28 @@ def _place_items(night: NightView, engine: EngineView) -> list[Item]:
         items.append(f"alt {alt:.1f} az {az:.1f}")
     if engine.pier_side in {"east", "west"}:
         items.append(f"{engine.pier_side} of the pier")
-    plain: list[Item] = [(item, "") for item in (*items, age) if item]
-    return [*plain, *limit]
+    first, *others = items
+    # What comes last has no room in a narrow terminal: never its age, nor a limit that is near.
+    plain: list[Item] = [(item, "") for item in (first, age) if item]
+    return [*plain, *limit, *((item, "") for item in others)]
+
+
+def _followed(
+    track: TrackState | None, at: tuple[float, float], seen_ns: int | None, now: int | None
+) -> tuple[str, str, tuple[float, float]]:
+    """What is said of its place before and behind it, and the place: now, unless that is guesswork.
+
+    ``at``: RA and Dec in degrees at ``seen_ns``; its rates lead it to now.
+    """
+    if seen_ns is None or now is None:
+        return "predicted ", "", at
+    since_s = (now - seen_ns) / NS_PER_S
+    if since_s > OLD_S:
+        return "last ", f"as of {clock_text(seen_ns)[:8]}", at
+    if track is None or track.t_utc_ns != seen_ns:
+        return "predicted ", "", at
+    ra, dec = at[0] + track.x[1] * since_s, at[1] + track.x[3] * since_s
+    return "predicted ", "", (ra % 360.0, min(max(dec, -90.0), 90.0))
 
 
 def _mount_items(engine: EngineView) -> list[Item]:
@@ -171,24 +197,42 @@ def _limit_item(next_limit: str | None) -> list[Item]:
     return [] if is_far else [(f"limit if tracking: {next_limit}", "warn" if is_near else "")]
 
 
-def _motion_items(night: NightView, now_utc_ns: int | None) -> list[Item]:
+def _motion_items(night: NightView, engine: EngineView, now_utc_ns: int | None) -> list[Item]:
     track = night.track
     if track is None:
         is_looking = night.slew is not None and night.state in {"SEARCH", "ACQUIRE"}
         reason = f": {night.slew.reason}" if is_looking and night.slew is not None else ""
+        if engine.is_attached and engine.state in {"TRACK", "COAST"}:
+            return [("followed again: its first frame is to come", "")]
+        if leaving := leaving_words(night, engine, now_utc_ns):
+            return [("nothing is followed", ""), (leaving, "warn")]
         return [(f"looking{reason}" if is_looking else "nothing is followed", "")]
     _, ra_rate, dec, dec_rate = track.x
     east, north = predicted_sigma_arcsec(track)
+    is_old = now_utc_ns is not None and now_utc_ns - track.t_utc_ns > OLD_S * NS_PER_S
+    age = f" as of {clock_text(track.t_utc_ns)[:8]}" if is_old else ""
     items: list[Item] = [
         (f"rate {ra_rate * cos_deg(dec) * 3600:+.2f} {dec_rate * 3600:+.2f} ″/s", ""),
-        (f"3σ {unsigned_text(3 * max(east, north))}", ""),
+        (f"prediction 3σ {unsigned_text(3 * max(east, north))}{age}", "warn" if age else ""),
     ]
     if coasts := coast_words(night, now_utc_ns):
         items.insert(0, (coasts, "warn"))
-    if night.slew is not None and night.slew.track_id is not None:
-        # What led nowhere yet says nothing once something is followed.
-        items.append((f"aim: {night.slew.reason}", ""))
+    if aim := _aim_words(night, engine):
+        items.append((aim, ""))
     return items
+
+
+def _aim_words(night: NightView, engine: EngineView) -> str:
+    """By what the next aim is predicted: what the log calls it, too."""
+    reason = ""
+    if engine.is_attached and engine.next_aim is not None:
+        reason = engine.next_aim.reason
+    elif night.slew is not None and night.slew.track_id is not None:
+        # What led nowhere yet says nothing once something is followed.
+        reason = night.slew.reason
+    if reason.startswith("prediction"):
+        reason = reason.replace("prediction", "filter", 1)
+    return f"aim: {reason}" if reason else ""
 
 
 def _schedule_items(engine: EngineView) -> list[Item]:

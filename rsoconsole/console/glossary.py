@@ -32,14 +32,31 @@ TERMS: tuple[tuple[str, str], ...] = (
         " resemble those of the frame before.",
     ),
     (
+        "log L",
+        "Tuning: how likely the residuals are under the bounds that the filter gave them (mean log"
+        " likelihood of an update). The higher, the better; only over the same measurements.",
+    ),
+    (
+        "motion",
+        "Preset adaptive, under the NIS plot: which way of moving fits best (parallel: as a"
+        " satellite that keeps its slot; great circle, any orbit, changing orbit: freer), and how"
+        " much the instants scatter (timing ±, a shutter late at random), also in arcsec.",
+    ),
+    (
+        "matched",
+        "Stars under the picture: those of the catalogue that the plate is fitted to. Fewer than"
+        " the frame's stars, which a cloud is judged by: the catalogue is not as deep.",
+    ),
+    (
         "3σ bounds",
         "Small dots in the residual plots. Of one axis they hold 99.7 % of the residuals when Q"
         " and R are right; the ellipse of both axes in the picture holds 98.9 %.",
     ),
     (
         "σ (sigma)",
-        "A standard deviation; of what, the word before it says. 'RMS' under the picture: how far"
-        " the stars lie from the plate. σ in the tuning pane: one measurement. 3σ: a prediction.",
+        "A standard deviation; of what, the word before it says: bounds of a residual, prediction"
+        " of where it is now. 1σ under the close-up, east and north: its measured middle. 'RMS'"
+        " under the picture: how far the stars lie from the plate.",
     ),
     (
         "solve RMS",

@@ -148,6 +148,8 @@ def keys_for(
         keys.append(key("arm_or_disarm", arm, is_weighty=True))
         if engine.kept:
             keys.append(key("undo", "Follow again", is_weighty=True))
+            if engine.holder == "operator":
+                keys.append(key("hold_or_resume", "Give back", is_weighty=True))
         if engine.is_held or (engine.wants_resuming and not engine.kept):
             keys.append(key("hold_or_resume", "Resume"))
         elif engine.holder == "autonomy":
@@ -178,7 +180,8 @@ def review_keys(
     def keys(first: str, second: str, name: str) -> Key:
         return Key(f"{first_key(first, keymap)} {first_key(second, keymap)}", name, False, second)
 
-    stop = key("stop_by_letter", "STOP", is_weighty=True)
+    # The mount of the present, which the engine or the configuration names; never the recorded one.
+    stop = key("stop_by_letter", "STOP live mount", is_weighty=True)
     if mode != "review":
         return [stop, *_OF_MODES[mode], key("help", "Help")]
     return [
@@ -269,8 +272,9 @@ def _fitting(keys: list[Key], width: int) -> list[Key]:
 def _line(keys: list[Key], width: int) -> Line:
     line: Line = [(" ", "")]
     for key, name, *_ in keys:
-        ink: Ink = "alarm" if name == "STOP" else "title"
-        line += [(key, ink), (f" {name}{_GAP}", ink if name == "STOP" else "")]
+        is_stop = name.startswith("STOP")
+        ink: Ink = "alarm" if is_stop else "title"
+        line += [(key, ink), (f" {name}{_GAP}", ink if is_stop else "")]
     spare = sum(len(text) for text, _ in line) - width
     if 0 < spare <= len(_GAP):
         line[-1] = (line[-1][0][:-spare], line[-1][1])

@@ -7,6 +7,7 @@ from typing import Literal, assert_never
 
 from rsoconsole.control import command_words, one_line
 from rsoconsole.control.commands import Arm, Disarm, Note, Resume, Seek, Set, Stop
+from rsoconsole.control.stop import IN_ENGINE, counted
 from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.reason_text import ruled_text, text
 from rsoconsole.reasons import DONE, Cause, CauseKind, CommandResult, Missed, NotTaken, Told
@@ -65,6 +66,10 @@ class LogLine:
     """The record's number in the session, counted from 1."""
     times: int = 1
     """How many records it stands for."""
+    turns: int = 1
+    """How often it has turned out otherwise and back, this time among them."""
+    since_utc_ns: int | None = None
+    """When the first of those turns was; None where there is one."""
     asked: str = ""
     """What an operator wanted, without what came of it."""
     topic: Topic = ""
@@ -270,7 +275,8 @@ def _of_action(record: OperatorAction) -> tuple[Level, str]:
         return "good", f"NOTE: {record.arguments.get('text', '')}"
     by, result = without_console(record.by), record.outcome
     if record.verb == Stop.verb:
-        return "alarm", f"{by}: STOP: {text(result)}"
+        said = counted(text(result), result.stop_ordered_ms, IN_ENGINE)
+        return "alarm", f"{by}: STOP: {said}"
     wanted = command_words(record.verb, record.arguments)
     return "warning" if result.kind == "refused" else "info", f"{by}: {wanted}{_came_of(record)}"
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from rsoconsole.console.log_lines import LogLine
 from rsoconsole.reasons import HiddenBy, Missed, Told
+from rsoconsole.sky.times import utc_ns_to_iso
 
 LOOK_BACK_LINES = 6
 
@@ -18,8 +19,11 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
     reason, frames in a row that were not plate-solved or lay in cloud, and a neighbour that is
     not taken frame after frame, of several tracks with all their numbers; a miss that changed the
     state is told by that change, which has the words of the alarm that led to it; a command is told
-    by what came of it.
+    by what came of it; that the telescope aims by the orbit, by the filter and so on is one line
+    with the last of them.
     """
+    if line.topic == "predictor":
+        line = _with_turns_before(log, line)
     if log and _tells_of_it(line, log[-1]):
         del log[-1]
     if log and _goes_on(log[-1], line):
@@ -51,6 +55,18 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
         log[-1] = line
         return
     log.append(line)
+
+
+def _with_turns_before(log: list[LogLine], line: LogLine) -> LogLine:
+    """The newest turn, for itself and for one of just before it, which is taken out."""
+    for index in range(max(len(log) - LOOK_BACK_LINES, 0), len(log)):
+        if log[index].topic == "predictor":
+            before = log.pop(index)
+            turns = before.turns + 1
+            since = before.since_utc_ns or before.t_utc_ns
+            said = f"{line.words} ({turns} turns since {utc_ns_to_iso(since, 0)[11:16]})"
+            return replace(line, text=said, turns=turns, since_utc_ns=since)
+    return line
 
 
 def _both(last: LogLine, line: LogLine) -> LogLine:

@@ -18,18 +18,27 @@ WITH_FRAME_COLUMNS = 60
 """A narrower log leaves the frame's number out."""
 MOST_ROWS = 3
 """Of one line."""
+HOW_TO_CHANGE = "/ changes, esc clears"
 
 
 class LogPane(ScrollView):
-    """Shows the log's lines; scrolls when it has the focus."""
+    """Shows the log's lines; scrolls when it has the focus. Filtered, its first row says so."""
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = {"log--good", "log--warning", "log--alarm"}
+    always_shown: ClassVar[bool] = True
+    """Whether changes of state and alarms pass a filter: it stays on while the night goes on."""
+    COMPONENT_CLASSES: ClassVar[set[str]] = {
+        "log--good",
+        "log--warning",
+        "log--alarm",
+        "log--title",
+    }
     DEFAULT_CSS = """
     LogPane { background: $background; scrollbar-size: 0 0; }
     LogPane:focus { scrollbar-size: 1 1; }
     LogPane > .log--good { color: $text-success; }
     LogPane > .log--warning { color: $text-warning; }
     LogPane > .log--alarm { color: $text-error; text-style: bold; }
+    LogPane > .log--title { text-style: bold reverse; }
     """
 
     def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
@@ -69,11 +78,25 @@ class LogPane(ScrollView):
 
     @property
     def wanted(self) -> str:
-        """The words that every shown line has; empty: all lines."""
+        """The words of a filter; empty: none."""
         return self._wanted
 
+    @property
+    def found(self) -> tuple[LogLine, ...]:
+        """Lines that pass the filter, newest first."""
+        return tuple(dict.fromkeys(line for line, _, _ in self._rows))
+
+    @property
+    def _title_rows(self) -> int:
+        return 1 if self._wanted else 0
+
+    def _is_shown(self, line: LogLine) -> bool:
+        if self._wanted.lower() in line.text.lower():
+            return True
+        return self.always_shown and (line.kind == "StateChange" or line.level == "alarm")
+
     def filter(self, wanted: str) -> None:
-        """Only lines with these words, whatever their case."""
+        """Only lines with these words, whatever their case; empty: every line."""
         self._wanted = wanted
         self._lay_out()
         self.scroll_home(animate=False)
@@ -88,16 +111,21 @@ class LogPane(ScrollView):
         self._rows = [
             (line, row, number < len(rows))
             for line in reversed(self._lines)
-            if self._wanted.lower() in line.text.lower()
+            if self._is_shown(line)
             for rows in (log_rows(line, width),)
             for number, row in enumerate(rows, 1)
         ]
-        self.virtual_size = Size(0, len(self._rows))
+        self.virtual_size = Size(0, len(self._rows) + self._title_rows)
         self.refresh()
 
     def render_line(self, y: int) -> Strip:
         """One row, as many down from the newest as it is scrolled."""
         width = self.scrollable_content_region.width
+        if y < self._title_rows:
+            title = f" log: {self._wanted!r} · {HOW_TO_CHANGE} "
+            style = self.rich_style + self.get_component_rich_style("log--title")
+            return Strip([Segment(title.ljust(width)[:width], style)])
+        y -= self._title_rows
         index = y + self.scroll_offset.y
         if index >= len(self._rows):
             words = ""
@@ -107,7 +135,7 @@ class LogPane(ScrollView):
                 words = wanted if self._wanted else empty
             return Strip([Segment(words.ljust(width)[:width], self.rich_style)])
         line, text, goes_on = self._rows[index]
-        if goes_on and y == self.size.height - 1:
+        if goes_on and y == self.size.height - 1 - self._title_rows:
             text = f"{text[: width - 2]} …"
         return Strip([Segment(text.ljust(width)[:width], self._style_of(line))])
 

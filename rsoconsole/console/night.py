@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeVar, assert_never
+from typing import Any, assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.console.last_measured import LastMeasured, last_measured
@@ -44,8 +44,10 @@ from rsoconsole.records import (
     TrackState,
 )
 
-Found = TypeVar("Found", OrbitEstimate, Identified)
-
+UNSOUGHT: frozenset[LoopState | None] = frozenset(("IDLE", "MANUAL", "FAULT"))
+"""States in which nobody looks for anything."""
+ELSEWHERE = "not pointed at it yet"
+"""Why a frame that looked somewhere else shows nothing of the track."""
 FRAMES_IN_DETAIL = 8
 """How many of the last frames keep what a picture of them needs; pictures come late."""
 
@@ -82,6 +84,8 @@ class FrameRow:
     """Where its stars say that."""
     rotation_deg: float | None = None
     """Of its plate."""
+    was_sought: bool = True
+    """False where nobody looked for anything, or not there: what it does not show is no miss."""
     is_solved: bool | None = None
     """Whether its stars gave its place; None while that is not known."""
 
@@ -205,6 +209,12 @@ class NightView:
     expected: ExpectedMembers | None = None
     """Who should be in the field beside them, as of the last look at the catalogue."""
 
+    being_fitted_again: frozenset[int] = frozenset()
+    """Tracks whose orbit is from before the operator's last word on a frame, by track id."""
+
+    kept_track: TrackState | None = None
+    """What was followed until somebody ended it, as it was then: it may be followed again."""
+
     @property
     def is_orbit_past(self) -> bool:
         """Whether the orbit is of something that is followed no more."""
@@ -250,6 +260,7 @@ class _Now:
     tracks: TracksNow = field(default_factory=TracksNow)
     pairs: tuple[PairMotion, ...] = ()
     expected: ExpectedMembers | None = None
+    being_fitted_again: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -318,6 +329,8 @@ class Night:
             dropped=now.tracks.can_be_taken_back(0 if now.frame is None else now.frame.frame_id),
             pairs=now.pairs,
             expected=now.expected,
+            kept_track=now.set_aside,
+            being_fitted_again=now.being_fitted_again,
             rows=tuple(self._rows.values()),
             log=tuple(self._log),
         )
@@ -396,6 +409,13 @@ class Night:
             now.tracks, record, t_utc_ns, detail.all_measured, detail.detections
         )
         line = line_of(record, t_utc_ns, self._beside(record), is_one_of_several=is_one_of_several)
+        if (
+            line is not None
+            and self._looked_elsewhere(record)
+            and not isinstance(record, StateChange)
+        ):
+            said = f"no miss: frame {line.frame_id:04d} was {ELSEWHERE}"
+            line = replace(line, level="info", text=said, words=said, missed=None)
         is_news = not (isinstance(record, Identified) and _is_same(named, record))
         if line is not None and is_news:
             append_line(self._log, replace(line, seq=now.seq))
@@ -455,6 +475,7 @@ class Night:
         self._rows[record.frame_id] = FrameRow(
             frame_id=record.frame_id,
             t_utc_ns=record.t_start_utc_ns or t_utc_ns,
+            was_sought=self._now.state not in UNSOUGHT,
             mount_icrs_deg=None if ra is None or dec is None else (ra, dec),
         )
         self._details[record.frame_id] = FrameDetail(taken=record)
@@ -521,13 +542,9 @@ class Night:
         self._change(record.frame_id, is_followed=False, **blank)
         self._detail(record.frame_id, predicted=None, updated=None, not_followed=(), tracks=())
         now = self._now
-        # What was reckoned from its measurements is reckoned anew.
-        now.orbits = _not_of(now.orbits, record.frame_id)
-        now.identifications = _not_of(now.identifications, record.frame_id)
-        if now.orbit is not None and now.orbit.frame_id == record.frame_id:
-            now.orbit = now.orbit_utc_ns = None
-        if now.identified is not None and now.identified.frame_id == record.frame_id:
-            now.identified = None
+        # Until the next one is on record the orbit of before is the best there is.
+        of_frame = (n for n, each in now.orbits.items() if each.frame_id == record.frame_id)
+        now.being_fitted_again |= frozenset(of_frame)
 
     def _closeup(self, record: Closeup, _t_utc_ns: int) -> None:
         self._detail(record.frame_id, closeup=record)
@@ -575,6 +592,7 @@ class Night:
     def _orbit_estimate(self, record: OrbitEstimate, t_utc_ns: int) -> None:
         now = self._now
         now.orbits = {**now.orbits, record.track_id: record}
+        now.being_fitted_again -= {record.track_id}
         if record.track_id in now.beside:
             return
         now.orbit, now.orbit_utc_ns = record, t_utc_ns
@@ -591,8 +609,26 @@ class Night:
             now.orbit = now.orbit_utc_ns = None  # of what was followed before
 
     def _miss(self, record: Miss, _t_utc_ns: int) -> None:
-        if record.track_id not in self._now.beside:
+        if record.track_id in self._now.beside:
+            return
+        if self._looked_elsewhere(record):
+            self._change(record.frame_id, miss=ELSEWHERE, is_reduced=True, was_sought=False)
+        else:
             self._change(record.frame_id, miss=text(record.reason), is_reduced=True)
+
+    def _looked_elsewhere(self, record: Record) -> bool:
+        """Whether the lead was missed in a frame whose field it was not in by the prediction."""
+        if not is_without_detection(record):
+            return False
+        detail = self.detail(getattr(record, "frame_id", 0))
+        predicted, solution, taken = detail.predicted, detail.solution, detail.taken
+        if predicted is None or taken is None or not isinstance(solution, Solution):
+            return False
+        from rsoconsole.sky.wcs import sky_to_pixel
+
+        x_px, y_px = sky_to_pixel(solution.wcs, predicted.x[0] % 360.0, predicted.x[2])
+        is_inside = 0.0 <= x_px <= taken.width_px and 0.0 <= y_px <= taken.height_px
+        return not is_inside
 
     def _beside(self, record: Record) -> str:
         """Why a streak that somebody sees in the picture was none for the track."""
@@ -650,11 +686,6 @@ class Night:
     def _detail(self, frame_id: int, **changes: Any) -> None:
         if frame_id in self._details:
             self._details[frame_id] = replace(self._details[frame_id], **changes)
-
-
-def _not_of(found: Mapping[int, Found], frame_id: int) -> Mapping[int, Found]:
-    """Without those that came of this frame."""
-    return {track: each for track, each in found.items() if each.frame_id != frame_id}
 
 
 def _is_same(one: Identified | None, other: Identified) -> bool:

@@ -198,7 +198,8 @@ class NightScreen(ReadingActions):
             if picture is not None and drawing is not None and self._sight_now:
                 # In the large pane, where the frame's own title stands as a rule.
                 title = [*words.frame_title(self.night, picture), "close-up", *title[1:]]
-            caption = words.closeup_caption(picture)
+            columns = drawing.window.columns - 1 if drawing is not None else words.BADGE_COLUMNS
+            caption = words.closeup_caption(picture, columns)
         return title if stretch == "streaks" else [*title, stretch], caption
 
     def marks_by_hand(self) -> tuple[Mark, ...]:
@@ -226,7 +227,16 @@ class NightScreen(ReadingActions):
         """State and since when, who holds the mount, the target, the frame clock."""
         night, engine, found = self.night, self.engine, target_words(self.orbit)
         kept = kept_words(engine, self.keymap, words.present_utc_ns(night, engine))
-        return words.top_lines(night, engine, self.read_only, width, rows, found=found, kept=kept)
+        return words.top_lines(
+            night,
+            engine,
+            self.read_only,
+            width,
+            rows,
+            found=found,
+            kept=kept,
+            is_stopping=self.is_stopping,
+        )
 
     @property
     def alert(self) -> str:
@@ -369,6 +379,7 @@ class NightScreen(ReadingActions):
     def show_stop(self, news: StopNews | None) -> None:
         """What came of a STOP, over everything else."""
         super().show_stop(news)
+        self.pane("top").show(self.top)
         banner = self.query_one("#stop", StopBanner)
         banner.display = news is not None
         if news is None:
@@ -479,8 +490,11 @@ class NightScreen(ReadingActions):
         super().action_tune()
 
     def action_put_away(self) -> None:
-        """The log first, what came of a STOP, the orbit, a page of curves, then a notice."""
-        if self.is_log_open:
+        """The log first, what came of a STOP, the orbit, a page of curves, the filter, a notice."""
+        log = self.query_one("#log", LogPane)
+        if self.is_log_open and log.wanted and log.always_shown:
+            self.clear_log_filter()
+        elif self.is_log_open:
             self.action_log()
         elif self.stop_news is not None and self.stop_news.phase in {"stopped", "failed"}:
             self.show_stop(None)
@@ -488,8 +502,15 @@ class NightScreen(ReadingActions):
             self.action_orbit()
         elif self.page is not None:
             self.show_page(None)
+        elif log.wanted:
+            self.clear_log_filter()
         else:
             self.say("")
+
+    def clear_log_filter(self) -> None:
+        """Every line again."""
+        self.query_one("#log", LogPane).filter("")
+        self.say("log: every line")
 
     def action_filter_log(self) -> None:
         """Only lines with some words."""
@@ -498,7 +519,11 @@ class NightScreen(ReadingActions):
             if wanted is None:
                 return
             self.query_one("#log", LogPane).filter(wanted)
-            self.say(f"log: lines with {wanted!r}" if wanted else "log: every line")
+            self.say(
+                f"log: lines with {wanted!r}, changes of state and alarms"
+                if wanted
+                else "log: every line"
+            )
 
         present = self.query_one("#log", LogPane).wanted
         self.app.push_screen(LineDialog("filter the log", "nothing: every line", present), decided)

@@ -12,6 +12,7 @@ from rsoconsole.console.facts import Item, packed
 from rsoconsole.console.log_lines import named, off_text
 from rsoconsole.console.orbit_view import OrbitShown
 from rsoconsole.console.plot import Ink, Line
+from rsoconsole.console.track_quality import TrackQuality
 from rsoconsole.console.words import (
     NS_PER_S,
     clipped,
@@ -54,8 +55,13 @@ def orbit_lines(shown: OrbitShown, width: int, height: int) -> list[Line]:
     lines: list[Ranked] = [(0, _title(shown, width))]
     if estimate is None:
         lines += _ranked(_said(shown.absence, "dim", width), 1)
+    if shown.quality is not None:
+        lines += _track_lines(shown.quality, width)
     if estimate is not None or shown.identified is not None:
         lines += _name_lines(shown, width)
+    if shown.since_word_s is not None:
+        age = f"from {duration_text(shown.since_word_s)} ago"
+        lines += _ranked(_said(f"{age}: being fitted again after your word", "warn", width), 1)
     if estimate is not None:
         lines += _element_lines(shown, estimate, width)
         lines += _ahead_lines(shown, width)
@@ -260,6 +266,21 @@ def _at(what: str, t_utc_ns: int | None, now: int, never: str) -> Item:
     return text, "warn" if left_s < SOON_S else ""
 
 
+def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
+    """How good the track is, whatever its orbit: as the tuning pane has it."""
+    low, high = quality.nis_band
+    items: list[Item] = [
+        (f"track, {quality.frames} frames: rms {_fine(quality.residual_rms_arcsec)}", ""),
+        (f"3σ holds {quality.inside_3sigma:.0%}", ""),
+        (f"{quality.misses} missed", "warn" if quality.misses else ""),
+        (
+            f"NIS {quality.nis_mean:.1f} (ideal 2, sound {low:.1f}-{high:.1f})",
+            "" if quality.is_sound else "warn",
+        ),
+    ]
+    return _ranked(packed(items, width, MOST_ROWS), 2, 3)
+
+
 def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> list[Ranked]:
     """By what the telescope aims, and how well the orbit fits."""
     items: list[Item] = []
@@ -267,7 +288,7 @@ def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> li
         items.append((f"aims by the {'orbit' if estimate.is_guide else 'filter'}", ""))
     if estimate.nis is not None:
         is_far = estimate.nis > NIS_BAND[1]
-        items.append((f"orbit's NIS {estimate.nis:.1f} of 2", "warn" if is_far else ""))
+        items.append((f"orbit's NIS {estimate.nis:.1f} (ideal 2)", "warn" if is_far else ""))
     items.append((f"rms {_fine(estimate.rms_arcsec)}", ""))
     items.append((f"{estimate.observations} directions in {duration_text(estimate.arc_s)}", ""))
     if estimate.outliers:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.night import NightView
 from rsoconsole.console.orbit_ahead import OrbitAhead
+from rsoconsole.console.track_quality import TrackQuality, track_quality
 from rsoconsole.console.words import NS_PER_S, present_utc_ns
 from rsoconsole.records import Identified, OrbitEstimate
 
@@ -24,10 +25,14 @@ class OrbitShown:
     last_utc_ns: int | None = None
     """When it was found, where it is of something that is followed no more."""
     is_past: bool = False
+    since_word_s: float | None = None
+    """Its age, where it is from before the operator's last word on a frame; else None."""
     is_reckoned: bool = False
     """Found now, from the measurements on record."""
     absence: str = ""
     """Why there is no orbit; empty where there is one."""
+    quality: TrackQuality | None = None
+    """Of the lead's track; None where none is measured, or the orbit is of the past."""
     has_site: bool = True
     """Whether the session says from where one looks."""
     has_catalogue: bool = True
@@ -37,6 +42,7 @@ class OrbitShown:
 def orbit_shown(night: NightView, engine: EngineView, ahead: OrbitAhead | None) -> OrbitShown:
     """What is known at that instant; ``ahead``: what was reckoned last, of whatever orbit."""
     now = present_utc_ns(night, engine)
+    quality = track_quality(night)
     ahead = ahead if ahead is not None and _is_near(ahead, night, now) else None
     if night.orbit is None and ahead is not None and ahead.is_reckoned:
         is_past = night.track is None or ahead.estimate.track_id != night.track.track_id
@@ -47,6 +53,7 @@ def orbit_shown(night: NightView, engine: EngineView, ahead: OrbitAhead | None) 
             now_utc_ns=now,
             is_past=is_past,
             is_reckoned=True,
+            quality=quality,
             has_catalogue=False,
         )
     return OrbitShown(
@@ -56,10 +63,20 @@ def orbit_shown(night: NightView, engine: EngineView, ahead: OrbitAhead | None) 
         now_utc_ns=now,
         last_utc_ns=night.orbit_utc_ns if night.is_orbit_past else None,
         is_past=night.is_orbit_past,
+        quality=quality,
+        since_word_s=_since_word_s(night, now),
         absence="" if night.orbit is not None else _absence(night, engine),
         has_site=night.config is not None,
         has_catalogue=night.config is None or bool(night.config.catalogue.tle_files),
     )
+
+
+def _since_word_s(night: NightView, now: int | None) -> float | None:
+    """Age of an orbit that is being fitted again after a word on a frame; None: it is not."""
+    orbit, found_ns = night.orbit, night.orbit_utc_ns
+    if orbit is None or found_ns is None or orbit.track_id not in night.being_fitted_again:
+        return None
+    return max(((now or found_ns) - found_ns) / NS_PER_S, 0.0)
 
 
 def _is_near(ahead: OrbitAhead, night: NightView, now: int | None) -> bool:

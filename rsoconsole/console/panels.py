@@ -70,7 +70,7 @@ def residual_lines(
         label = f" {of.removeprefix('track ')}{':' if of else ''}{name} {value or '-'} {bound}"
         return [_strip(label, width, residual_strip(columns, _strip_room(width)))]
     return [
-        rule(f"{_of(of)}{name} residual {value}", bound, width),
+        rule(f"{_of(of)}{name} residual {value}", f"bounds {bound}", width),
         *residual_plot(columns, width, height - 1),
     ]
 
@@ -90,7 +90,7 @@ def nis_lines(
         return [rule(f"{_of(of)}NIS: no update yet", "", width)]
     judged = consistency(values, [r.residual_arcsec for r in judged_rows if r.residual_arcsec])
     frames = window.frames_words(night.rows, width)
-    mean = f"{_of(of)}NIS {judged.mean:.1f} of 2"
+    mean = f"{_of(of)}NIS {judged.mean:.1f} (ideal 2)"
     if height <= 1:
         spark = sparkline(values[-NIS_FRAMES:], 12.0, NIS_FRAMES)
         words = {
@@ -133,7 +133,7 @@ def _column(row: FrameRow, axis: int) -> Column:
 def _confidence_column(row: FrameRow) -> Column:
     refused = refused_of(row)
     value = row.confidence if refused is None else None
-    is_miss = row.is_reduced and value is None
+    is_miss = row.is_reduced and value is None and row.was_sought
     return Column(
         value=value, mark=MISS if is_miss else "", refused=None if refused is None else refused[0]
     )

@@ -23,10 +23,16 @@ class PlotWindow:
     """Frames after it that are not shown."""
     frames_a_mark: int = 1
 
-    def moved(self, marks: int, count: int) -> "PlotWindow":
-        """So many marks on (negative: back), in a night of so many frames."""
-        back = self.back - marks * self.frames_a_mark
-        return replace(self, back=min(max(back, 0), max(count - 1, 0)))
+    def moved(self, marks: int, count: int, room: int = 1) -> "PlotWindow":
+        """So many marks on (negative: back), in a night of so many frames.
+
+        ``room``: marks that the plot has room for: it goes back until the oldest ones fill it.
+        """
+        n = self.frames_a_mark
+        back = self.back - marks * n
+        # In whole marks: they are counted from the night's beginning.
+        most = max(count - max(room, 1) * n, 0)
+        return replace(self, back=min(max(back, 0), most))
 
     def zoomed(self, factor: float) -> "PlotWindow":
         """With so many times the frames to a mark: 2 or 0.5."""

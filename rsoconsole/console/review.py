@@ -11,7 +11,7 @@ from textual.app import ComposeResult
 from textual.binding import BindingType
 
 from rsoconsole.console.ask import LineDialog
-from rsoconsole.console.commands import bindings
+from rsoconsole.console.commands import bindings, first_key
 from rsoconsole.console.fold import Name, timeline_rows
 from rsoconsole.console.key_line import Key, Mode, review_keys
 from rsoconsole.console.log_lines import LogLine
@@ -377,7 +377,13 @@ class ReviewScreen(ReviewCompare):
     def tune_words(self) -> TuneWords:
         """Nothing is applied here."""
         frames = "all frames so far" if self._tunes_all else "{count} frames to here"
-        return TuneWords(frames=frames, keys="a frames  u undo  w save  o load")
+        scope = first_key("tune_scope", self.keymap)
+        which = "the last frames" if self._tunes_all else "all frames"
+        return TuneWords(
+            frames=frames,
+            since_change=self.since_change(),
+            keys=f"{scope} {which}  u undo  w save  o load",
+        )
 
     def tune_scope(self) -> tuple[int | None, int | None]:
         """Up to the moment."""

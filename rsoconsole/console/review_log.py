@@ -33,6 +33,9 @@ class ReviewLogPane(LogPane):
     ReviewLogPane > .log--chosen { text-style: bold reverse; }
     """
 
+    always_shown = False
+    """What is searched for alone: every line stands in the log that is opened next."""
+
     class Chosen(Message):
         """The moment of a line is wanted."""
 
@@ -44,11 +47,6 @@ class ReviewLogPane(LogPane):
     """The moment that is shown: lines behind it are dim."""
     chosen: LogLine | None = None
     """None while the pane is closed."""
-
-    @property
-    def found(self) -> tuple[LogLine, ...]:
-        """Lines with the wanted words, newest first."""
-        return tuple(dict.fromkeys(line for line, _, _ in self._rows))
 
     def open_at(self, lines: tuple[LogLine, ...], seq: int) -> None:
         """Show all lines; the last one before that moment is chosen."""
@@ -94,8 +92,8 @@ class ReviewLogPane(LogPane):
 
     def on_click(self, event: events.Click) -> None:
         """Choose by the mouse; the chosen one: go there."""
-        index = event.y + self.scroll_offset.y
-        if self.chosen is None or index >= len(self._rows):
+        index = event.y - self._title_rows + self.scroll_offset.y
+        if self.chosen is None or not 0 <= index < len(self._rows):
             return
         line = self._rows[index][0]
         if line == self.chosen:
@@ -107,7 +105,7 @@ class ReviewLogPane(LogPane):
         """Scroll so that the chosen line is seen."""
         rows = [index for index, (line, _, _) in enumerate(self._rows) if line == self.chosen]
         if rows:
-            height = max(self.size.height, 1)
+            height = max(self.size.height - self._title_rows, 1)
             top = self.scroll_offset.y
             if rows[0] < top or rows[-1] >= top + height:
                 self.scroll_to(y=max(rows[0] - height // 2, 0), animate=False)
@@ -116,8 +114,9 @@ class ReviewLogPane(LogPane):
     def render_line(self, y: int) -> Strip:
         """One row, with a sign at the chosen line."""
         strip = super().render_line(y)
-        index = y + self.scroll_offset.y
-        if self.chosen is None or index >= len(self._rows) or self._rows[index][0] != self.chosen:
+        index = y - self._title_rows + self.scroll_offset.y
+        has_line = 0 <= index < len(self._rows) and y >= self._title_rows
+        if self.chosen is None or not has_line or self._rows[index][0] != self.chosen:
             return strip
         is_first = index == 0 or self._rows[index - 1][0] != self.chosen
         style = self.get_component_rich_style("log--chosen")

@@ -11,6 +11,7 @@ from rsoconsole.console.moments import Moment
 from rsoconsole.console.night_screen import NightScreen
 from rsoconsole.console.places import seq_of, understood
 from rsoconsole.console.player import Player, speed_words
+from rsoconsole.console.review_words import place_words
 from rsoconsole.console.timeline import KINDS, Kind, Timeline
 from rsoconsole.console.timeline_lines import SIGNS, time_at
 from rsoconsole.console.timeline_pane import MomentField, TimelinePane
@@ -183,7 +184,7 @@ class ReviewMoves(NightScreen):
             self.say(f"no {'later' if is_on else 'earlier'} {what}{unread}")
             return
         self.go(seq)
-        self.say(what)
+        self.say(f"{place_words(self.timeline, seq, None)[0]}: {what}")
 
     def action_event_kind(self) -> None:
         """The next kind that the night has."""

@@ -81,6 +81,8 @@ class Seat(Screen[None]):
         """What the engine has said no to, in a dialog, and its record says once more."""
         self._stopped_utc_ns: int | None = None
         """By the engine's clock, when STOP was given here last."""
+        self._engine_at_stop: EngineView | None = None
+        """Its last word when the last STOP was confirmed: it is from before that."""
 
     # -- words --------------------------------------------------------------------------------
 
@@ -112,6 +114,14 @@ class Seat(Screen[None]):
     def show_stop(self, news: StopNews | None) -> None:
         """What came of a STOP; the screen that has a banner draws it."""
         self.stop_news = news
+
+    @property
+    def is_stopping(self) -> bool:
+        """Whether STOP was given here and the engine's word is still from before it."""
+        news = self.stop_news
+        if news is None or news.phase == "failed":
+            return False
+        return news.phase != "stopped" or self.engine is self._engine_at_stop
 
     # -- commands -----------------------------------------------------------------------------
 
@@ -259,6 +269,7 @@ class Seat(Screen[None]):
 
     def on_stop_news_came(self, message: StopNewsCame) -> None:
         """Late, stopped or failed."""
+        self._engine_at_stop = self.engine
         self.show_stop(message.news)
         if message.news.phase == "stopped":
             self.set_timer(BANNER_S, partial(self._forget_stop, message.news))

@@ -226,7 +226,15 @@ class TelescopeActions(CarefulSeat):
             if direction is not None:
                 self.send(Goto(ra_icrs_deg=direction[0], dec_icrs_deg=direction[1]))
 
-        dialog = GotoDialog(self.night.config, self._now_utc_ns, self.orders, begun)
+        undo = first_key("undo", self.keymap)
+        kept = f"{self.track_words()} is kept meanwhile: {undo} follows it again"
+        dialog = GotoDialog(
+            self.night.config,
+            self._now_utc_ns,
+            self.orders,
+            begun,
+            kept if has_track(self.engine) else "",
+        )
         self.app.push_screen(dialog, decided)
 
     def action_up_now(self) -> None:

@@ -105,8 +105,8 @@ def tour_pages(keymap: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
             " end,\n         the engine is disarmed.\n"
             f"  {key('stop'):<6} the same while you type, and in every dialog.\n\n"
             "From any other terminal: rsoconsole stop. It works without an engine too.\n\n"
-            f"  {key('leave'):<6} leaves the console. The engine goes on: 'rsoconsole console'\n"
-            "         brings the whole night back.",
+            f"  {key('leave'):<6} asks: l leaves and the engine goes on ('rsoconsole console'\n"
+            "         brings the whole night back), s stops the engine, esc stays.",
         ),
     )
 

@@ -21,6 +21,8 @@ LAST_FRAMES = 40
 LABEL_COLUMNS, VALUE_COLUMNS = 16, 10
 CURVE_ROWS, CURVE_LABEL, LEAST_SETTINGS = 2, 17, 6
 """Rows of the curves, columns before them, and settings that must stay in sight beside them."""
+LEAST_BESIDE = 3
+"""Settings that stay in sight beside what the figures cannot be compared by."""
 BARS = "▁▂▃▄▅▆▇█"
 UNLIKELY_NIS = 9.21
 """One update in a hundred of a sound filter exceeds it."""
@@ -244,6 +246,8 @@ class TuneWords(NamedTuple):
 
     frames: str = "last {count} frames"
     """Over which its figures are; how many there are is put in."""
+    since_change: int | None = None
+    """Frames since a setting of these was changed; None: none was."""
     keys: str = "0-9 type  enter apply  u undo  w save  o load"
 
 
@@ -258,15 +262,18 @@ def tune_lines(
 
     def build(width: int, height: int) -> list[Line]:
         waiting = sum(tuning.sent.get(name) == value for name, value in tuning.tried.items())
-        changed = f"{len(tuning.tried) - waiting} tried" if tuning.tried else "as it is"
+        changed = f"{len(tuning.tried) - waiting} tried" if tuning.tried else "nothing tried"
         if waiting:
             changed = f"{waiting} sent, in force from the next frame"
+        then_now = then if tuning.tried else None
         lines: list[Line] = [_rule(f"tune · {changed}", width)]
         frames = words.frames.format(count=LAST_FRAMES if now is None else now.frames)
-        figures = _figures(now, then, frames, is_tried=bool(tuning.tried))
+        figures = _figures(now, then_now, frames, is_tried=bool(tuning.tried))
+        cautions = _cautions(now, then_now, words.since_change)
+        figures += cautions[: max(height - 2 - len(figures) - LEAST_BESIDE, 0)]
         keys: Line = [(f" {words.keys}", "dim")]
         if height - 2 - len(figures) - CURVE_ROWS >= LEAST_SETTINGS:
-            figures += _curves(now, then, width)
+            figures += _curves(now, then_now, width)
         room = max(height - 2 - len(figures), 1)
         lines += _settings(tuning, room)
         spare = max(height - len(lines) - len(figures) - 1, 0)
@@ -336,6 +343,26 @@ def _figures(
             text, ink = absent if figures is None else words(figures)
             line.append((f"{text:>{VALUE_COLUMNS}}", ink))
         lines.append(line)
+    return lines
+
+
+def _cautions(
+    now: "TrackFigures | None", then: "TrackFigures | None", since_change: int | None
+) -> list[Line]:
+    """What the figures cannot be compared by; none as a rule."""
+    lines: list[Line] = []
+    if now is not None and then is not None and then.updates != now.updates:
+        fewer = now.updates - then.updates
+        what = f"{abs(fewer)} {'fewer' if fewer > 0 else 'more'} measured"
+        lines.append([(f" {what}: rms, NIS not comparable", "warn")])
+    if now is not None and since_change is not None and since_change < now.frames:
+        said = f" as it was: {since_change} of {now.frames} by what is in force now"
+        lines.append([(said, "warn")])
+    for label, figures in (("as it was", now), ("if tried", then)):
+        if figures is not None and figures.is_nis_sound is False and figures.nis_band:
+            low, high = figures.nis_band
+            lines.append([(f" NIS mean {label}: ✓ from {low:.2f} to {high:.2f}", "warn")])
+            break
     return lines
 
 

@@ -78,14 +78,30 @@ class TuneActions(Seat):
 
     def show_tuning(self) -> None:
         """Draw the pane; what is in force comes from the record."""
+        was_tried = bool(self.tuning.tried)
         self.tuning.see({name: self.night.setting(name) for name in NAMES})
+        if was_tried and not self.tuning.tried:
+            self._figures = (self._figures[0], None)
+            self.reckon()  # what was tried is in force: its figures are those of the night
         lines = tune_lines(self.tuning, *self._figures, words=self.tune_words)
         self.query_one("#tune", TunePane).show(lines)
 
     @property
     def tune_words(self) -> TuneWords:
         """What the pane says of its figures and its keys."""
-        return TuneWords()
+        return TuneWords(since_change=self.since_change())
+
+    def since_change(self) -> int | None:
+        """Frames since one of the settings was changed; None where none was."""
+        changed = (
+            line.t_utc_ns
+            for line in reversed(self.night.log)
+            if line.kind == "ParameterChange" and line.setting in NAMES
+        )
+        at_ns = next(changed, None)
+        if at_ns is None:
+            return None
+        return sum((row.t_utc_ns or 0) >= at_ns for row in self.night.rows)
 
     def tune_scope(self) -> tuple[int | None, int | None]:
         """(until which place of the log, over how many of its last frames) figures are reckoned."""

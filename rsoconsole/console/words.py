@@ -77,15 +77,19 @@ def top_lines(
     *,
     found: tuple[str, str] = ("", ""),
     kept: Sequence[str] = (),
+    is_stopping: bool = False,
 ) -> list[Line]:
     """State and since when, who holds the mount, the target, the frame clock.
 
     ``only_looks``: this seat may do nothing but STOP; ``found``: the target's name and its
     orbit's size, each where it is known; as much of it is said as there is room for. ``kept``:
-    what is kept of a track that was ended, the longest way to say it first.
+    what is kept of a track that was ended, the longest way to say it first; ``is_stopping``: STOP
+    was given, and what the engine said last is from before it.
     """
     now = present_utc_ns(night, engine)
     state_words, holder = _state_words(night, engine, now)
+    if is_stopping:
+        state_words, holder = ("STOP given", "alarm"), ("", "")
     target = engine.target or ""
     state = engine.state if engine.is_attached else night.state
     is_followed = state in {"TRACK", "COAST"} and engine.reach in {"attached", "recorded"}
@@ -241,14 +245,17 @@ def closeup_title(picture: Picture | None, drawing: Drawing | None) -> list[str]
     return parts
 
 
-def closeup_caption(picture: Picture | None) -> list[str]:
-    """Where the followed streak is and how well that is known."""
+def closeup_caption(picture: Picture | None, width: int = BADGE_COLUMNS) -> list[str]:
+    """Where the followed streak was measured, and how well, in so many columns."""
     followed = picture.detail.followed if picture is not None else None
     if followed is None:
         return []
     east, _, north = followed.cov_sky_arcsec2
     place = f"α {format_ra(followed.ra_icrs_deg, 2)} δ {format_dec(followed.dec_icrs_deg, 1)}"
-    return [place, f"±{short(math.sqrt(east))}″ ±{short(math.sqrt(north))}″"]
+    close = place.replace("α ", "α").replace("δ ", "δ")
+    ways = (f"measured {place}", f"meas {close}", place)
+    said = next((each for each in ways if len(each) <= width), close)
+    return [said, f"1σ ±{short(math.sqrt(east))}″ ±{short(math.sqrt(north))}″"]
 
 
 def _followed_detection(picture: Picture) -> Detection | None:
@@ -273,7 +280,7 @@ def frame_caption(picture: Picture | None) -> list[str]:
         return []
     wide, high = (n * solution.scale_arcsec_px / 60 for n in (frame.width_px, frame.height_px))
     compass = f"N{_north_arrow(solution)}E{_east_arrow(solution)} {wide:.0f}′×{high:.0f}′"
-    return [compass, f"{solution.matched} stars", f"RMS {short(solution.rms_arcsec)}″"]
+    return [compass, f"{solution.matched} matched", f"RMS {short(solution.rms_arcsec)}″"]
 
 
 def _north_arrow(solution: Solution) -> str:

@@ -124,8 +124,9 @@ class Resume(Command):
     shell = "rsoconsole resume"
     shell_help = """Give the mount back to the engine after a hold or a move by hand.
 
-    A track that 'disarm' or a new search ended is followed again: for 15 minutes,
-    without the checklist. After a STOP or a fault 'arm' comes first."""
+    A track that your own move ended is followed again as long as it may be coasted;
+    one that 'disarm' or a new search ended for at most 15 minutes of that, without
+    the checklist. After a STOP or a fault 'arm' comes first."""
 
 
 @register

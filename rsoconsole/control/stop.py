@@ -23,6 +23,9 @@ LATE_S = 0.3
 """How long it is waited for before the mount itself is told."""
 REMEDY = "run 'rsoconsole stop' in another terminal; cut the mount's power if it moves"
 
+FROM_PRESS, IN_ENGINE = "both from the press", "both in the engine"
+"""From when the times of a STOP count: where it was given, and where it was carried out."""
+
 DirectStop = Callable[[], tuple[bool, str]]
 """Stops the mount without the engine: (it stands, how or what is wrong). Raises what it will."""
 
@@ -41,6 +44,11 @@ class StopNews:
     """Until ABORT was on its way to the mount; None: not yet, or nobody has told."""
     reason: str = ""
     """What is wrong where it failed."""
+
+
+def counted(said: str, ordered_ms: float | None, since: str) -> str:
+    """The words of a STOP, with from when both of its times count, where there are two."""
+    return said if ordered_ms is None else f"{said} ({since})"
 
 
 def unheard(_news: StopNews) -> None:
@@ -147,7 +155,7 @@ class Stopping:
 
     def _stopped(self, way: str, path: str) -> None:
         ms = self._ms()
-        text = stopped_text(ms, way, self._ordered_ms)
+        text = counted(stopped_text(ms, way, self._ordered_ms), self._ordered_ms, FROM_PRESS)
         news = StopNews(phase="stopped", text=text, path=path, ms=ms, ordered_ms=self._ordered_ms)
         self._say(news)
 

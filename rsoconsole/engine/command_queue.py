@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from rsoconsole.config import Config
 from rsoconsole.control import Request
+from rsoconsole.control.stop import IN_ENGINE
 from rsoconsole.engine.states import Happening, LimitMet, NightEnded, Stopped
 from rsoconsole.instruments.ports import StopResult
 from rsoconsole.reason_text import text
@@ -208,5 +209,6 @@ def alarm_words(alarm: Alarm, is_stopped_again: bool, config: Config) -> str:
         return f"STOP was not confirmed by the mount{told}: cut its power"
     if result is not None and result.stopped:
         told += f", confirmed in {result.ms:.0f} ms"
+        told += "" if result.ordered_ms is None else f" ({IN_ENGINE})"
     after = {"track": "the mount tracks on", "stand still": "the mount stands still"}
     return f"STOP: motion ended{told}; disarmed, {after[config.mount.after_stop]}"

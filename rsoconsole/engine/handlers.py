@@ -56,6 +56,9 @@ class Control(Protocol):
     def expect_night(self) -> None:
         """Raises ValueError where dome, weather or daylight would end the night at once."""
 
+    def expect_cloud(self) -> None:
+        """Raises ValueError where the sky is clear."""
+
     def park(self, by: str) -> None:
         """Disarm and send the mount to its park position."""
 

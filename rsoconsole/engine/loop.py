@@ -276,6 +276,12 @@ class Engine:
         if end is not None:
             raise ValueError(f"{end.detail}: autonomy gets the mount back when that has passed")
 
+    def expect_cloud(self) -> None:
+        """Raises ValueError where the stars are there: a hold until they are back would be none."""
+        stars = self.cycle.star_count
+        if stars is not None and self._clear_frames >= CLEAR_FRAMES:
+            raise ValueError(f"no cloud now: {stars} stars; a plain hold lasts until you resume")
+
     def run(self, frames: int | None = None) -> None:
         """Work until shutdown, or until ``frames`` exposures have been begun or dawn has come.
 
@@ -509,11 +515,9 @@ class Engine:
         self._set_pace(self.following.track)
         if self.following.track is not None:
             self.last_track = self.following.track
-        if not self.charge.resumes_when_clear:
-            self._clear_frames = 0
-            return
-        self._clear_frames = 0 if self.cycle.cloud is not None else self._clear_frames + 1
-        if self._clear_frames >= CLEAR_FRAMES:
+        is_cloudy = self.cycle.cloud is not None
+        self._clear_frames = 0 if is_cloudy else self._clear_frames + 1
+        if self.charge.resumes_when_clear and self._clear_frames >= CLEAR_FRAMES:
             self.chronicle.say("info", "the stars are back: slews again")
             self.happen(Resumed(by="the sky"))
 

@@ -19,7 +19,7 @@ class Modes:
         return {
             Arm: Handler(expect=self._expect, execute=self._arm),
             Disarm: Handler(execute=self._pass),
-            Hold: Handler(expect=self._expect, execute=self._pass),
+            Hold: Handler(expect=self._expect_hold, execute=self._pass),
             Resume: Handler(expect=self._expect_resume, execute=self._resume),
             Park: Handler(execute=self._park),
             Abort: Handler(execute=lambda _command, _by: done("the exposure was given up")),
@@ -31,6 +31,11 @@ class Modes:
         refusal = step(self._control.charge, happening_of(command, by)).refusal
         if refusal is not None:
             raise ValueError(refusal)
+
+    def _expect_hold(self, command: Hold, by: str) -> None:
+        self._expect(command, by)
+        if command.until == "clear":
+            self._control.expect_cloud()
 
     def _expect_resume(self, command: Resume, by: str) -> None:
         self._expect(command, by)

@@ -183,7 +183,7 @@ def _nis_words(night: Night) -> str:
         [s.nis for s in updates if s.nis is not None],
         [s.innovation_arcsec for s in updates if s.innovation_arcsec is not None],
     )
-    mean = "" if said.mean is None else f"NIS {said.mean:.2f} of 2, "
+    mean = "" if said.mean is None else f"NIS {said.mean:.2f} (ideal 2), "
     return f"{mean}{said.words}"
 
 

@@ -38,6 +38,7 @@ class Cycle:
         self._folds = Folds()
         self._hand = HandTrack()
         self._cloud: HiddenBy | None = None
+        self._star_count: int | None = None
         self._said: set[str] = set()
         """Kinds of cautions that are on record already."""
 
@@ -55,8 +56,14 @@ class Cycle:
         """What the last frame's stars say of cloud; None for a clear sky."""
         return self._cloud
 
+    @property
+    def star_count(self) -> int | None:
+        """How many stars the last frame showed; None where nobody counted them."""
+        return self._star_count
+
     def _look_at_clouds(self, shown: Shown) -> None:
         exposure_s = shown.taken.exposure_s
+        self._star_count = shown.detections.star_count
         if exposure_s is not None:
             self._cloud = cloud_before(stars_of(shown.detections, exposure_s), self._stars)
 

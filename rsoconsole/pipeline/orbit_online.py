@@ -49,6 +49,8 @@ class Refined:
     """The track's own directions."""
     words: tuple[str, ...]
     """What has changed, for the log of the night."""
+    is_turn: bool = False
+    """Whether the last of them says that the telescope aims by the other of orbit and filter."""
 
 
 @dataclass(slots=True, eq=False)
@@ -189,11 +191,12 @@ class OnlineOrbit:
             target.rivals.hear(predicted.short, by_filter)
         estimate = self._estimate(target, track, orbit, seen, predicted)
         words, target.words = [*target.words, *_news(target, estimate)], []
+        is_turn = track.last.is_lead and estimate.is_guide != was_guide
         if not track.last.is_lead:
             words = [f"track {track.track_id}: {each}" for each in words]
-        elif estimate.is_guide != was_guide:  # the telescope goes by the lead's alone
+        elif is_turn:  # the telescope goes by the lead's alone
             words.append(_guide_words(target, is_orbit=estimate.is_guide))
-        return Refined(estimate=estimate, seen=target.seen, words=tuple(words))
+        return Refined(estimate=estimate, seen=target.seen, words=tuple(words), is_turn=is_turn)
 
     def _aimed_at(self, tracks: Sequence[Track]) -> list[_Target]:
         """What each track follows: known already, or another object until it is found to be one.

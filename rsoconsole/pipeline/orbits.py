@@ -13,7 +13,7 @@ from rsoconsole.pipeline.naming import Naming
 from rsoconsole.pipeline.orbit_online import OnlineOrbit, Refined
 from rsoconsole.pipeline.pairs import Pairs
 from rsoconsole.pipeline.uncorrelated_tracks import Past
-from rsoconsole.records import Event, OrbitEstimate, Record
+from rsoconsole.records import Event, OrbitEstimate, Record, Topic
 
 log = logging.getLogger(__name__)
 
@@ -68,8 +68,12 @@ class Orbits:
                 estimate = each.estimate
                 self.last = {**self.last, estimate.track_id: estimate}
                 records.append(estimate)
-                for words in each.words:
-                    records.append(Event(level="info", text=words, frame_id=estimate.frame_id))
+                for number, words in enumerate(each.words, 1):
+                    is_turn = each.is_turn and number == len(each.words)
+                    topic: Topic = "predictor" if is_turn else ""
+                    records.append(
+                        Event(level="info", text=words, frame_id=estimate.frame_id, topic=topic)
+                    )
             records += self._names_of(refined)
         except Exception as error:  # the telescope goes on without an orbit
             log.exception("the orbit could not be refined")

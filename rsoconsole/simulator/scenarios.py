@@ -168,7 +168,7 @@ def _intelsat_21() -> Scenario:
     return Scenario(
         name="intelsat-21",
         title="Intelsat 21 through thin clouds",
-        description="moving clouds dim the satellite again and again and hide it once",
+        description="20 min of thin clouds: up to 2 mag fainter, tracked on; hidden once",
         t_start_utc_ns=iso_to_utc_ns("2023-06-23T06:00:00Z"),
         satellites=_intelsat_21_and_neighbours(),
         target_norad_id=38749,

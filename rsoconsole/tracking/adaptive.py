@@ -339,7 +339,8 @@ def summary_words(state: TrackState | None, known_s: float) -> str:
     scatter_s = math.hypot(state.mixture.scatter_s, known_s)
     wider = math.sqrt(state.mixture.variance_scale)
     errors = f", errors ×{wider:.1f}" if wider >= _WORTH_TELLING else ""
-    return f"{name} {share:.0%}, scatter {scatter_s * speed:.1f}″ = {scatter_s:.2g} s{errors}"
+    timing = f"timing ±{scatter_s:.2g} s = {scatter_s * speed:.1f}″"
+    return f"motion {name} {share:.0%}, {timing}{errors}"
 
 
 def with_learned_errors(

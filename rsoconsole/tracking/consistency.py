@@ -61,11 +61,11 @@ def consistency(
         above = sum(value > NIS_BAND[1] for value in recent)
         what = f"{above} of the last {count} NIS above {NIS_BAND[1]:.1f}"
         if not above:
-            what = f"mean NIS {mean:.1f} of 2 over the last {count}"
+            what = f"mean NIS {mean:.1f} (ideal 2) over the last {count}"
         words = f"{name} looks too small: {what}"
     elif mean < low:
         verdict = "under-confident"
-        words = f"R looks too large: mean NIS {mean:.2f} of 2 over the last {count}"
+        words = f"R looks too large: mean NIS {mean:.2f} (ideal 2) over the last {count}"
     return Consistency(verdict=verdict, mean=mean, band=(low, high), count=count, words=words)
 
 

@@ -1,0 +1,365 @@
+"""What an observer reads off the panes: each figure with its word, once, and of what it is."""
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from textual.containers import VerticalScroll
+from textual.pilot import Pilot
+
+from rsoconsole.cli import demo
+from rsoconsole.config import Config
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.ask import GotoDialog
+from rsoconsole.console.dialogs import HelpDialog
+from rsoconsole.console.engine_view import EngineView, engine_view
+from rsoconsole.console.facts import fact_lines
+from rsoconsole.console.key_line import review_keys
+from rsoconsole.console.leaving import left_in_field_s
+from rsoconsole.console.log_lines import LogLine, line_of
+from rsoconsole.console.log_merging import append_line
+from rsoconsole.console.night import ELSEWHERE, FrameRow, Night, NightView
+from rsoconsole.console.orbit_lines import orbit_lines
+from rsoconsole.console.orbit_view import orbit_shown
+from rsoconsole.console.panels import confidence_lines, nis_lines, residual_lines
+from rsoconsole.console.plot import Line
+from rsoconsole.console.track_quality import track_quality
+from rsoconsole.console.tune import TuneWords, Tuning, tune_lines
+from rsoconsole.pipeline.what_if import TrackFigures, as_recorded
+from rsoconsole.reasons import Missed
+from rsoconsole.records import Event, Miss, Solution
+from rsoconsole.session.reader import SessionReader
+from tests import made_up_night as night
+from tests.engine_rig import solution_at
+from tests.makers import NS
+from tests.orbit_night import estimate_of, folded, state, to
+from tests.seat_rig import FakeWire, play, until
+
+SIZE = (120, 40)
+
+
+def plain(lines: list[Line]) -> str:
+    return "\n".join("".join(text for text, _ in line) for line in lines)
+
+
+def figures(**changes: Any) -> TrackFigures:
+    return dataclasses.replace(
+        as_recorded([]),
+        frames=40,
+        updates=40,
+        misses=0,
+        residual_rms_arcsec=0.5,
+        nis_mean=2.0,
+        nis_band=(1.42, 2.68),
+        inside_3sigma=1.0,
+        state="TRACK",
+        log_likelihood_mean=-1.0,
+        **changes,
+    )
+
+
+# -- the tuning pane ------------------------------------------------------------------------------
+
+
+def tuned(now: TrackFigures, then: TrackFigures | None, tried: bool, **words: Any) -> str:
+    tuning = Tuning()
+    tuning.see({"detector.tau": 0.1})
+    if tried:
+        tuning.step(1)
+    return plain(tune_lines(tuning, now, then, words=TuneWords(**words))(47, 22))
+
+
+def test_fewer_measurements_are_said_to_make_the_figures_no_comparison():
+    fewer = dataclasses.replace(figures(), updates=26, misses=14, residual_rms_arcsec=0.3)
+    assert "14 fewer measured: rms, NIS not comparable" in tuned(figures(), fewer, True)
+    assert "not comparable" not in tuned(figures(), figures(), True)
+
+
+def test_where_nothing_is_tried_the_old_comparison_is_gone():
+    said = tuned(figures(), dataclasses.replace(figures(), residual_rms_arcsec=9.87), False)
+    assert "nothing tried" in said
+    assert "9.87" not in said
+
+
+def test_figures_of_frames_by_two_settings_say_so():
+    assert "12 of 40 by what is in force now" in tuned(figures(), None, False, since_change=12)
+    for all_of_one in (None, 40, 90):
+        assert "in force now" not in tuned(figures(), None, False, since_change=all_of_one)
+
+
+def test_a_cross_at_the_mean_nis_has_its_band():
+    low = dataclasses.replace(figures(), nis_mean=1.37)
+    assert "✓ from 1.42 to 2.68" in tuned(low, None, False)
+    assert "✓ from" not in tuned(figures(), None, False)
+
+
+# -- how good the track is, in one place ----------------------------------------------------------
+
+
+def measured(n: int, residual: float, nis: float, sigma: float = 1.0) -> FrameRow:
+    return FrameRow(
+        frame_id=n,
+        is_reduced=True,
+        is_followed=True,
+        residual_arcsec=(residual, 0.0),
+        sigma_arcsec=(sigma, sigma),
+        nis=nis,
+    )
+
+
+def test_the_orbit_s_pane_says_how_good_the_track_is():
+    rows = (
+        FrameRow(frame_id=1, miss="no detection", is_reduced=True),  # before it was followed
+        measured(2, 3.0, 9.0),
+        measured(3, 4.0, 16.0),
+        FrameRow(frame_id=4, miss="no detection", is_reduced=True),
+        FrameRow(frame_id=5, miss=ELSEWHERE, is_reduced=True, was_sought=False),
+    )
+    view = dataclasses.replace(
+        folded(state(5), to(5, "ACQUIRE", "TRACK"), estimate_of(5)).view(),
+        rows=rows,
+        track_frame_id=2,
+        folder=None,
+    )
+    found = track_quality(view)
+    assert found is not None
+    assert (found.frames, found.misses) == (3, 1)
+    assert found.residual_rms_arcsec == pytest.approx(math.sqrt(12.5))
+    assert (found.nis_mean, found.inside_3sigma) == (12.5, 0.5)
+    said = plain(orbit_lines(orbit_shown(view, EngineView(reach="recorded"), None), 90, 20))
+    assert "rms 3.54″" in said
+    assert "NIS 12.5 (ideal 2, " in said
+    assert "3σ holds 50%" in said
+    assert "1 missed" in said
+    assert track_quality(dataclasses.replace(view, track=None)) is None
+
+
+def test_the_track_s_quality_agrees_with_the_tuning_pane_s_figures(tmp_path: Path):
+    """Two ways to the same figures: the fold's rows, and the log's records."""
+    writer = night.begin(tmp_path / "n")
+    night.armed(writer)
+    night.add_frames(writer, range(1, 31))
+    reader, fold = SessionReader(tmp_path / "n"), Night(tmp_path / "n", {}, Config())
+    records = list(reader.records())
+    for _, t_utc_ns, record in records:
+        fold.take(t_utc_ns, record)
+    writer.close()
+    view = dataclasses.replace(fold.view(), track_frame_id=0)
+    ours, theirs = track_quality(view, 1000), as_recorded(record for *_, record in records)
+    assert ours is not None
+    assert ours.residual_rms_arcsec == pytest.approx(theirs.residual_rms_arcsec)
+    assert ours.nis_mean == pytest.approx(theirs.nis_mean)
+    assert ours.inside_3sigma == pytest.approx(theirs.inside_3sigma)
+    assert ours.misses == theirs.misses
+
+
+# -- each sigma and each NIS with its word --------------------------------------------------------
+
+
+def test_three_sigma_says_of_what():
+    view = NightView(rows=(measured(1, 0.5, 1.5),))
+    assert "bounds 3σ 3.00″" in plain(residual_lines(view, "east", 47, 5))
+    assert "(ideal 2)" in plain(nis_lines(view, 47, 1))
+
+
+# -- what is no miss ------------------------------------------------------------------------------
+
+
+def test_a_frame_in_which_nobody_looked_for_anything_is_no_miss():
+    sought = FrameRow(frame_id=1, is_reduced=True)
+    lines = confidence_lines(NightView(rows=(sought,)), 47, 5)[1:]
+    assert "○" in plain(lines)
+    unsought = dataclasses.replace(sought, was_sought=False)
+    assert "○" not in plain(confidence_lines(NightView(rows=(unsought,)), 47, 5)[1:])
+
+
+def solved_at(n: int, ra_deg: float) -> Solution:
+    return dataclasses.replace(solution_at(ra_deg, -5.0), frame_id=n)
+
+
+@pytest.mark.parametrize(("off_deg", "is_miss"), [(0.0, True), (10.0, False)])
+def test_a_frame_that_looked_elsewhere_is_no_miss(off_deg: float, is_miss: bool):
+    taken = dataclasses.replace(night.taken(6, 150.0, -5.0), width_px=4000, height_px=3000)
+    # The reference pixel is the corner: a little inside of it.
+    solution = solved_at(6, 150.0 - 0.5 - off_deg)
+    wcs = dataclasses.replace(solution.wcs, crval_dec_deg=-5.5)
+    solution = dataclasses.replace(solution, wcs=wcs)
+    found = folded(
+        to(3, "ACQUIRE", "TRACK"),
+        state(5),
+        taken,
+        solution,
+        state(6, "predicted"),
+        Miss(frame_id=6, reason=Missed(kind="no detection"), track_id=1),
+    )
+    row = found.row(6)
+    assert row is not None
+    assert row.was_sought is is_miss
+    assert (row.miss == ELSEWHERE) is not is_miss
+    said = found.log[-1].text
+    assert ("miss: no detection" in said) is is_miss
+    assert ("no miss: frame 0006 was not pointed at it yet" in said) is not is_miss
+
+
+# -- the field by hand ----------------------------------------------------------------------------
+
+
+def by_hand(**changes: Any) -> tuple[NightView, EngineView]:
+    track = dataclasses.replace(night.state_of(6, 150.0, -5.0, "updated"), t_utc_ns=night.t_of(6))
+    row = FrameRow(
+        frame_id=7,
+        t_utc_ns=night.t_of(7),
+        is_solved=True,
+        plate_icrs_deg=(150.0, -5.0),
+        rotation_deg=0.0,
+    )
+    view = NightView(
+        config=Config(),
+        state="MANUAL",
+        state_since_utc_ns=night.t_of(6),
+        kept_track=track,
+        frame=night.taken(7, 150.0, -5.0),
+        rows=(row,),
+    )
+    told = {"state": "MANUAL", "holder": "operator", "kept": "INTELSAT 21", "is_tracking": True}
+    return view, engine_view(told | {"now_utc_ns": night.t_of(6)} | changes)
+
+
+def test_by_hand_it_is_said_when_the_satellite_leaves_the_field():
+    view, engine = by_hand()
+    assert view.config is not None
+    assert view.frame is not None
+    assert view.kept_track is not None
+    left_s = left_in_field_s(view, view.kept_track, view.rows[0], night.t_of(6))
+    half_arcsec = 0.5 * view.frame.width_px * view.config.optics.scale_arcsec_px
+    rate = abs(view.kept_track.x[1]) * 3600.0 * math.cos(math.radians(5.0))
+    assert left_s == pytest.approx(half_arcsec / rate, rel=1e-6)
+    said = plain(fact_lines(view, engine, None, 120, 5))
+    assert f"INTELSAT 21 leaves the field in {left_s / 60.0:.0f} min" in said
+    late = engine_view(
+        {"state": "MANUAL", "kept": "INTELSAT 21", "now_utc_ns": night.t_of(6) + 3600 * NS}
+    )
+    assert "INTELSAT 21 is out of the field" in plain(fact_lines(view, late, None, 120, 5))
+
+
+@pytest.mark.parametrize(
+    "changes", [{"is_slewing": True}, {"is_tracking": False}, {"kept": None}, {"state": "IDLE"}]
+)
+def test_nothing_is_said_of_a_field_that_does_not_go_with_the_stars(changes: dict[str, Any]):
+    view, engine = by_hand(**changes)
+    assert "the field" not in plain(fact_lines(view, engine, None, 120, 5))
+
+
+# -- orbit or filter ------------------------------------------------------------------------------
+
+
+def turn(n: int, words: str) -> LogLine:
+    line = line_of(Event(level="info", text=words, frame_id=n, topic="predictor"), night.t_of(n))
+    assert line is not None
+    return line
+
+
+def test_turns_from_orbit_to_filter_and_back_are_one_line():
+    log: list[LogLine] = []
+    append_line(log, turn(3, "aims by the orbit from now on: a"))
+    other = line_of(Event(level="info", text="the dome has opened"), night.t_of(4))
+    assert other is not None
+    append_line(log, other)
+    append_line(log, turn(5, "aims by the filter again: b"))
+    append_line(log, turn(9, "aims by the orbit from now on: c"))
+    assert [line.text.partition(" (")[0] for line in log] == [
+        "the dome has opened",
+        "aims by the orbit from now on: c",
+    ]
+    assert "3 turns since" in log[-1].text
+    for _ in range(8):
+        append_line(log, dataclasses.replace(other, text=f"{len(log)}"))
+    append_line(log, turn(40, "aims by the filter again: d"))
+    assert "turns" not in log[-1].text  # the one before is long past
+
+
+def test_the_aim_shown_is_the_next_one_in_the_log_s_words():
+    view = NightView(track=night.state_of(4, 10.0, 0.0, "updated"), state="TRACK")
+    for reason, words in (("prediction", "aim: filter"), ("orbit", "aim: orbit")):
+        engine = engine_view(
+            {"state": "TRACK", "ra": 10.0, "dec": 0.0, "next_aim": {"reason": reason}}
+        )
+        assert words in plain(fact_lines(view, engine, None, 120, 5))
+
+
+# -- dialogs --------------------------------------------------------------------------------------
+
+
+def test_the_terms_begin_at_the_top_and_home_goes_there(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await pilot.resize_terminal(80, 24)
+        await pilot.press("f1")
+        await until(pilot, lambda: isinstance(app.screen, HelpDialog))
+        await pilot.press("tab")
+        box = app.screen.query_one(VerticalScroll)
+        await pilot.press("pagedown", "pagedown")
+        await pilot.pause()
+        assert box.scroll_offset.y > 20
+        await pilot.press("home")
+        await pilot.pause()
+        assert box.scroll_offset.y == 0
+        await pilot.press("end", "tab", "tab")
+        await pilot.pause()
+        assert box.scroll_offset.y == 0
+
+    play(wire, scene, SIZE)
+
+
+def test_go_to_says_that_the_present_track_is_kept(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("g")
+        await until(pilot, lambda: isinstance(app.screen, GotoDialog))
+        assert isinstance(app.screen, GotoDialog)
+        assert "is kept meanwhile: u follows it again" in app.screen._caution
+
+    play(wire, scene, SIZE)
+
+
+def test_stop_in_a_review_names_the_mount_that_it_stops():
+    keys = review_keys(is_playing=False, has_live=False, has_mark=False, mode="review", keymap={})
+    assert keys[0][:2] == ("x", "STOP live mount")
+
+
+# -- the end of a demo ----------------------------------------------------------------------------
+
+
+def test_the_summary_adds_up_and_fits_80_columns(capsys: pytest.CaptureFixture[str]):
+    orbit = {"label": "constrained by prior", "a_km": 42166.0, "sigma_a_km": 1.0}
+    track = {
+        "name": "INTELSAT 21",
+        "tracks": [1],
+        "frames": 190,
+        "last_frame": 210,
+        "state": "TRACK",
+        "lost": None,
+        "orbit": orbit,
+    }
+    demo._say_summary(
+        {
+            "frames": 210,
+            "detections": 195,
+            "misses": 1,
+            "states": {"SEARCH": 3, "ACQUIRE": 1, "TRACK": 190, "COAST": 1, "MANUAL": 15},
+            "target": "INTELSAT 21",
+            "locked_after_frames": 4,
+            "tracks": [track],
+            "measured_rms_arcsec": 0.44,
+            "prediction_rms_arcsec": 0.24,
+            "nis_mean": 1.5,
+            "inside_3sigma": 1.0,
+            "latency_ms": {},
+            "session": "n",
+        }
+    )
+    said = capsys.readouterr().out
+    assert "TRACK 190" in said
+    assert "MANUAL 15" in said
+    assert all(len(line) <= 80 for line in said.splitlines())
