@@ -20,7 +20,7 @@ from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.plot import Ink
-from rsoconsole.control import ON_RECORD, Command, Outcome, Sender, command_words
+from rsoconsole.control import ON_RECORD, Command, LastStop, Outcome, Sender, command_words
 from rsoconsole.control.commands import AnswerSeat, Arm, AskSeat, MarkByHand, Shutdown
 from rsoconsole.control.mount_words import mount_words
 from rsoconsole.control.stop import StopNews
@@ -81,8 +81,8 @@ class Seat(Screen[None]):
         """What the engine has said no to, in a dialog, and its record says once more."""
         self._stopped_utc_ns: int | None = None
         """By the engine's clock, when STOP was given here last."""
-        self._engine_at_stop: EngineView | None = None
-        """Its last word when the last STOP was confirmed: it is from before that."""
+        self._stop_before: LastStop | None = None
+        """The one that the engine knew of when STOP was given here last."""
 
     # -- words --------------------------------------------------------------------------------
 
@@ -121,7 +121,9 @@ class Seat(Screen[None]):
         news = self.stop_news
         if news is None or news.phase == "failed":
             return False
-        return news.phase != "stopped" or self.engine is self._engine_at_stop
+        engine = self.engine
+        is_from_before = engine.holder != "nobody" and engine.last_stop == self._stop_before
+        return news.phase != "stopped" or (engine.is_attached and is_from_before)
 
     # -- commands -----------------------------------------------------------------------------
 
@@ -262,6 +264,7 @@ class Seat(Screen[None]):
         self.orders.stop(lambda news: self.post_from_thread(StopNewsCame(news)))
         self._stops += 1
         self._stopped_utc_ns = self.engine.now_utc_ns
+        self._stop_before = self.engine.last_stop
         self.say("")
         while len(self.app.screen_stack) > 1 and self.app.screen is not self:
             self.app.pop_screen()
@@ -269,7 +272,6 @@ class Seat(Screen[None]):
 
     def on_stop_news_came(self, message: StopNewsCame) -> None:
         """Late, stopped or failed."""
-        self._engine_at_stop = self.engine
         self.show_stop(message.news)
         if message.news.phase == "stopped":
             self.set_timer(BANNER_S, partial(self._forget_stop, message.news))
