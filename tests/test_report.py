@@ -22,6 +22,7 @@ from rsoconsole.reasons import Told, done
 from rsoconsole.records import Event, OperatorAction, ParameterChange, StateChange
 from rsoconsole.session.reader import SessionReader
 from tests.export_nights import MISSED, T0, closed_night, written_night
+from tests.pair_records import expected_of, pair_of, pairs_of, unseen_of
 from tests.samples import SCHEMA_1
 
 MOST_BYTES = 8_000_000
@@ -172,6 +173,35 @@ def test_it_says_what_the_record_says(sample: Page):
 
 def _config():
     return SessionReader(SCHEMA_1).config()
+
+
+def test_it_says_how_tracks_moved_to_each_other_and_who_was_expected_in_vain(tmp_path: Path):
+    """By the words of the section: figures of what is on record, the nearest pair first."""
+    writer = written_night(tmp_path / "field")
+    for n, apart in ((5, 90.0), (6, 60.0), (7, 75.0)):
+        near = pair_of(n, 1, 2, separation_arcsec=apart)
+        far = pair_of(n, 1, 3, closest="beyond", separation_arcsec=400.0 - n)
+        writer.append(pairs_of(n, near, far), T0 + 30 * n * 10**9)
+        gone = unseen_of("<b>ASTRA</b> 1H", is_lit=n < 7)
+        writer.append(expected_of(n, *([gone] if n > 5 else [])), T0 + 30 * n * 10**9)
+    writer.close()
+    html = render_report(tmp_path / "field").html
+    page = Page(html)
+    said = " ".join(" ".join(page.texts).split())
+    assert "The field" in said
+    section = said[said.index("How tracks moved") :]
+    first, second = section.index("1, 2 "), section.index("1, 3 ")
+    assert first < second
+    assert "75.00 ± 0.50" in section[first:second]
+    assert "60.00 at" in section[first:second]
+    assert "61.0″ (41.0 to 90.0) at" in section[first:second]
+    assert "still approaching" in section[second:]
+    assert "<b>ASTRA</b> 1H 25785 2 of 3 1" in section
+    assert "<b>ASTRA" not in html
+
+
+def test_a_night_of_one_track_has_no_section_of_the_field(sample: Page):
+    assert "The field" not in sample.texts
 
 
 def test_its_figures_are_those_that_a_replay_gives():

@@ -25,6 +25,7 @@ from rsoconsole.notebook.report_facts import (
     read_course,
     track_facts,
 )
+from rsoconsole.notebook.report_field import MOST_PAIRS, field_facts
 from rsoconsole.notebook.report_figures import inline_figures
 from rsoconsole.notebook.report_pictures import shown_frames
 from rsoconsole.notebook.tracks import tracks_of
@@ -70,6 +71,7 @@ def render_report(session: Path) -> Report:
     """The report of a session or a branch. Raises SessionError as ``write_report`` does."""
     night, exported = read_night(session), read_rows(session)
     known = tracks_of(record for _, _, record in SessionReader(session).records())
+    field = field_facts(record for _, _, record in SessionReader(session).records())
     course = read_course(session, night, known)
     figures = figures_on_record(session, night, course.last_state)
     tracks = track_facts(exported.rows, known)
@@ -91,6 +93,9 @@ def render_report(session: Path) -> Report:
             verdict=_verdict(night, figures, tracks, said),
             key_figures=_key_figures(night, figures, course),
             tracks=tracks,
+            pairs=field.pairs[:MOST_PAIRS],
+            pairs_left_out=max(len(field.pairs) - MOST_PAIRS, 0),
+            unseen=field.unseen,
             drawings=inline_figures(night, _alts(night, figures), _with_firsts(night, rows)),
             pictures=shown,
             pictures_left_out=len(night.frames) - len(shown),
