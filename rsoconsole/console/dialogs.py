@@ -10,7 +10,7 @@ from textual.app import ComposeResult
 from textual.await_complete import AwaitComplete
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical, VerticalScroll
-from textual.events import Key
+from textual.events import Event, Key, Mount
 from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
@@ -98,6 +98,12 @@ class Dialog(ModalScreen[Result], Generic[Result]):
     opens_unasked = False
     """Under the operator's hands, by what the engine said."""
     _opened_s = math.inf
+
+    async def on_event(self, event: Event) -> None:
+        """One that STOP or esc has put away before it was drawn has nothing to mount."""
+        if isinstance(event, Mount) and self not in self.app.screen_stack:
+            return
+        await super().on_event(event)
 
     def on_mount(self) -> None:
         """It can be read from the first paint on."""
