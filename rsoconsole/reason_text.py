@@ -191,8 +191,29 @@ def _ordered(ordered_ms: float | None) -> str:
 
 def ruled_text(result: CommandResult) -> str:
     """What a word on a frame came to, where the frame has been named before."""
+    if result.sigma_arcsec is not None:
+        return _mark_text(result, result.sigma_arcsec)
     beside = f", {result.left_alone} left alone" if result.left_alone else ""
     return _RULED[result.ruled or "taken"] + beside
+
+
+def _mark_text(result: CommandResult, sigma_arcsec: tuple[float, float]) -> str:
+    """How good a mark by hand is, what it takes the place of, and what it makes."""
+    east, north = (_figure(each) for each in sigma_arcsec)
+    words = f"used: ±{east}″ RA ±{north}″ Dec"
+    others = result.left_alone
+    if result.off_arcsec is not None:
+        off = _figure(result.off_arcsec)
+        words += f", {off}″ from the automatic measurement, which is set aside"
+        others -= 1
+    if result.ruled in {"first of a track", "second of a track"}:
+        words += f"; {_RULED[result.ruled]}"
+    return words + (f"; {others} more not taken" if others > 0 else "")
+
+
+def _figure(value: float) -> str:
+    """As exactly as an error is worth."""
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
 def _not_taken(reason: NotTaken) -> str:  # noqa: PLR0911, PLR0912 -- one case a kind
@@ -206,7 +227,7 @@ def _not_taken(reason: NotTaken) -> str:  # noqa: PLR0911, PLR0912 -- one case a
         case "dropped":
             return "of a track that the operator has dropped"
         case "not chosen":
-            return "the operator chose another one"
+            return "set aside: the operator's own choice is used"
         case "another taken":
             return "another one is taken"
         case "another leads":

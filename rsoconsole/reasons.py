@@ -413,6 +413,10 @@ class CommandResult:
     frame_id: int | None = None
     left_alone: int = 0
     """Measurements of that frame and those after it that the track did not take."""
+    sigma_arcsec: tuple[float, float] | None = None
+    """Of a mark by hand that is used: one sigma in RA cos Dec and in Dec."""
+    off_arcsec: float | None = None
+    """From it to the automatic measurement that it takes the place of; None: there is none."""
 
     @classmethod
     def refused(cls, why: object) -> "CommandResult":

@@ -7,22 +7,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsoconsole.config import Config
+from rsoconsole.config import Config, with_setting
 from rsoconsole.control.commands import MarkByHand
+from rsoconsole.engine.hand_marks import automatic_of, with_figures
 from rsoconsole.engine.states import ClockSet, LimitMet, NightEnded
+from rsoconsole.pipeline.held_frames import HELD
 from rsoconsole.pipeline.kept_until import KEPT_S
 from rsoconsole.pipeline.refine_mark import refined_mark
 from rsoconsole.pipeline.replay import replay
 from rsoconsole.pipeline.retell import retell
+from rsoconsole.pipeline.rulings import KEPT, TAKEN_BACK
 from rsoconsole.pipeline.tracks_taken import TracksTaken
 from rsoconsole.pipeline.what_if import as_recorded, figures_of
 from rsoconsole.reason_text import text
+from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Detection, Frame, Measurement, NotSolved, OperatorAction, TrackState
 from rsoconsole.session.codec import decode, encode
 from rsoconsole.sky.wcs import sky_to_pixel
 from tests.engine_rig import START_DEG, PlainCamera, Rig, rig
 from tests.makers import NS, T0_UTC_NS, geo_measurement
-from tests.test_rulings import say
+from tests.test_rulings import night, replayed, say
 
 CONFIG = Config.model_validate({"search": {"recentre": "every"}})
 WIDE, HIGH = 6000, 2000
@@ -96,8 +100,8 @@ def test_two_marks_while_the_operator_has_the_mount_start_a_track_that_resume_fo
     assert kept is not None
     assert kept.taken.source == "operator"
     assert results(r) == [
-        "frame 3: the first of a track: mark it in a later frame, too",
-        "frame 4: a track begins with it, to be resumed",
+        "frame 3: used: ±2.5″ RA ±2.5″ Dec; the first of a track: mark it in a later frame, too",
+        "frame 4: used: ±2.5″ RA ±2.5″ Dec; a track begins with it, to be resumed",
     ]
     r.engine.run(frames=6)
     assert say(r, "resume").ok
@@ -119,7 +123,7 @@ def test_a_third_mark_measures_the_track_that_two_began():
     r.engine.run(frames=5)
     for frame_id in (3, 4, 5):
         assert mark(r, frame_id).ok
-    assert results(r)[-1] == "frame 5: taken by the operator's hand"
+    assert results(r)[-1] == "frame 5: used: ±2.5″ RA ±2.5″ Dec"
     assert r.engine.charge.kept.taken.frame_id == 5
     assert r.engine.charge.kept.track_id == 1
 
@@ -386,3 +390,102 @@ def test_the_engine_says_how_good_a_mark_is_and_why(lit: np.ndarray, has_pixels:
     else:
         assert "not kept: it stays as you made it" in outcome.message
         assert sigma_arcsec == pytest.approx(50.0 * 1.26, rel=0.02)
+
+
+# -- a frame is kept while a mark is made in it ------------------------------------------------
+
+
+def test_a_frame_is_kept_while_somebody_marks_in_it_however_many_come_meanwhile():
+    r = night(set(range(1, 90)) - {9})
+    r.engine.run(frames=12)
+    begun = say(r, "begin_mark", frame=9)
+    assert begun.ok
+    assert begun.data["frames"] == HELD
+    r.engine.run(frames=9 + 3 * KEPT)
+    markable = r.engine.status().markable_frames or ()
+    assert markable == (9, *range(10 + 2 * KEPT, 10 + 3 * KEPT))
+    between = 9 + KEPT
+    assert "any more" in say(r, "mark", frame=between, x_a=1.0, y_a=1.0, x_b=50.0, y_b=1.0).message
+    assert say(r, "mark", frame=9, x_a=0.0, y_a=0.0, x_b=3.0, y_b=3.0).ok
+    (made,) = [m for m in r.memory.of(Measurement) if m.source == "operator"]
+    assert made.frame_id == 9
+    assert r.engine.following.state == "TRACK"
+    # It can be taken back, and is let go some time later.
+    assert "on frame 9" not in say(r, "take_back").message
+    r.engine.run(frames=9 + 3 * KEPT + TAKEN_BACK)
+    assert min(r.engine.status().markable_frames or ()) > 9 + KEPT
+    assert all(frame.is_as_recorded for frame in replayed(r))
+
+
+def test_a_frame_that_is_too_old_is_refused_when_the_mark_begins():
+    r = night(set(range(1, 60)))
+    r.engine.run(frames=KEPT + 6)
+    refused = say(r, "begin_mark", frame=3)
+    assert not refused.ok
+    assert "only on frames 7 to 18" in refused.message
+    assert not [a for a in r.memory.of(OperatorAction) if a.verb == "begin_mark"]
+
+
+def test_a_mark_that_is_left_off_lets_its_frame_go():
+    r = night(set(range(1, 60)))
+    r.engine.run(frames=5)
+    assert say(r, "begin_mark", frame=4).ok
+    assert say(r, "begin_mark", frame=4, on=False).ok
+    r.engine.run(frames=5 + KEPT)
+    assert 4 not in (r.engine.status().markable_frames or ())
+
+
+def test_two_slow_marks_start_a_track_and_a_replay_agrees():
+    r = in_hand()
+    r.engine.run(frames=4)
+    assert say(r, "begin_mark", frame=4).ok
+    second = 4 + KEPT + 2
+    r.engine.run(frames=second)
+    assert mark(r, 4).ok
+    assert say(r, "begin_mark", frame=second).ok
+    r.engine.run(frames=second + 2 * KEPT)
+    assert mark(r, second).ok
+    assert r.engine.charge.kept is not None
+    assert "a track begins with it" in results(r)[-1]
+    assert_replayed_alike(r)
+
+
+def test_the_pixels_of_a_frame_are_kept_while_somebody_marks_in_it(lit: np.ndarray):
+    r = in_hand()
+    r.engine.configure(with_setting(r.engine.config, "session.keep_frames", "last"))
+    r.engine.run(frames=3)
+    there = {3: lit}
+    r.engine.verdicts._pixels_of = there.get
+    assert say(r, "begin_mark", frame=3).ok
+    there.clear()  # the session keeps those of the last frames alone
+    xa, ya, xb, yb = STREAK
+    outcome = say(r, "mark", frame=3, x_a=xa - 20, y_a=ya + 15, x_b=xb + 20, y_b=yb, sigma_px=50.0)
+    assert "refined on the light beneath it" in outcome.message
+    assert not r.engine.verdicts._marked_pixels
+
+
+def test_what_came_of_a_mark_says_how_good_it_is_and_how_far_from_the_automatic_one():
+    r = in_hand()
+    r.engine.run(frames=3)
+    automatic = geo_measurement(3)
+    by_hand = dataclasses.replace(
+        automatic,
+        measurement_id="3-m0",
+        dec_icrs_deg=automatic.dec_icrs_deg + 0.6 / 3600.0,
+        cov_sky_arcsec2=(0.29**2, 0.0, 0.14**2),
+        source="operator",
+    )
+    shown = dataclasses.replace(r.engine.cycle.hand.shown(3), measurements=(automatic,))
+    result = CommandResult(kind="ruled", ruled="taken by hand", frame_id=3, left_alone=1)
+    found = automatic_of(by_hand, shown, None)
+    assert found == automatic
+    said = text(with_figures(result, by_hand, found))
+    assert said == (
+        "frame 3: used: ±0.29″ RA ±0.14″ Dec, 0.6″ from the automatic measurement,"
+        " which is set aside"
+    )
+    # What is far away is another streak: it is not what the mark takes the place of.
+    away = dataclasses.replace(automatic, dec_icrs_deg=automatic.dec_icrs_deg + 0.1)
+    assert automatic_of(by_hand, dataclasses.replace(shown, measurements=(away,)), None) is None
+    said = text(with_figures(result, by_hand, None))
+    assert said == "frame 3: used: ±0.29″ RA ±0.14″ Dec; 1 more not taken"

@@ -397,6 +397,22 @@ class MarkByHand(Decision):
 
 @register
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BeginMark(Decision):
+    """A mark by hand is being made in a frame: it is kept for it, however many come meanwhile."""
+
+    verb = "begin_mark"
+    answer_s = 30.0
+
+    is_on: bool = argument("on", default=True)
+
+    def words(self) -> str:
+        """What is wanted."""
+        known = "" if self.frame_id is None else f" in frame {self.frame_id}"
+        return f"begin a mark{known}" if self.is_on else f"leave off the mark{known}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TakeBack(Decision):
     """What was said of a frame's streaks is taken back; without a frame: what was said last."""
 

@@ -23,6 +23,7 @@ from rsoconsole.control.commands import (
     Arm,
     AskSeat,
     AskStatus,
+    BeginMark,
     Note,
     Preview,
     Shutdown,
@@ -38,7 +39,8 @@ from rsoconsole.engine.seats import Seats, name_of
 from rsoconsole.engine.stop_now import REMEDY, stop_now, stop_outcome, stop_status
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments.ports import StopResult
-from rsoconsole.reasons import ACCEPTED, CommandResult, done
+from rsoconsole.pipeline.held_frames import HELD
+from rsoconsole.reasons import ACCEPTED, DONE, CommandResult, done
 from rsoconsole.records import OperatorAction
 from rsoconsole.sky.frames import icrs_to_altaz
 
@@ -79,6 +81,7 @@ class Desk:
             AskStatus: self._status,
             Preview: self._preview,
             Note: self._note,
+            BeginMark: self._begin_mark,
             AskSeat: self._ask_seat,
             AnswerSeat: self._answer_seat,
         }
@@ -255,3 +258,11 @@ class Desk:
         if not self._flush(FLUSH_S):
             return self._not_on_record("noted in memory")
         return Outcome(ok=True, message="noted")
+
+    def _begin_mark(self, command: BeginMark, sender: Sender) -> Outcome:
+        """A frame is kept to be marked in; on record, because a replay keeps it, too."""
+        frame_id = self._engine.verdicts.begin_mark(command)
+        begun = dataclasses.replace(command, frame_id=frame_id)
+        self._engine.chronicle.append(action_record(Request(command=begun, sender=sender), DONE))
+        what = f"frame {frame_id} is kept" if command.is_on else f"frame {frame_id} is let go"
+        return Outcome(ok=True, message=what, data={"frame": frame_id, "frames": HELD})

@@ -6,13 +6,14 @@ The loop's own thread executes them, the wire's only checks.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Protocol
 
 from rsoconsole.config import Config
 from rsoconsole.control.commands import (
     Accept,
+    BeginMark,
     Choose,
     Decision,
     Drop,
@@ -22,41 +23,41 @@ from rsoconsole.control.commands import (
     TakeBack,
 )
 from rsoconsole.engine.chronicle import Chronicle
+from rsoconsole.engine.hand_marks import (
+    automatic_of,
+    better_known,
+    by_hand_result,
+    detection_of,
+    figure,
+    marked_ruling,
+    measured,
+    refined_as,
+    result_of,
+    sigma_arcsec,
+    with_figures,
+)
 from rsoconsole.engine.handlers import Accepted, Control, Handler, Handlers, RefusedError
 from rsoconsole.engine.states import Followed, Marked
 from rsoconsole.engine.track_rulings import frame_of, on_track, ruled_of, with_tracks_of
 from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.fold import Shown
-from rsoconsole.pipeline.measure import measure
 from rsoconsole.pipeline.refine_mark import refined_mark
 from rsoconsole.reason_text import text
-from rsoconsole.reasons import BelowTau, Cause, CommandResult, RuledKind
+from rsoconsole.reasons import BelowTau, Cause, CommandResult
 from rsoconsole.records import (
     Detection,
     Measurement,
-    NotFollowed,
     PixelArray,
-    Record,
     Ruling,
-    Solution,
     StateChange,
-    TrackState,
-    mark_id_of,
     measurement_id_of,
 )
-from rsoconsole.sky.angles import largest_sigma, separation_deg
 from rsoconsole.tracking.following import Following
 
 NEAR_PX = 25.0
 """A candidate so far from where the operator points is not meant."""
-MARK_SIGMA_PX = 2.0
-"""One sigma of a hand's mark, where it does not say how finely it was made."""
-SHORTEST_MARK_PX = 3.0
-WIDEST_MARK_PX = 10_000.0
-
-
-BETTER = 1.5
-"""From so many times its sigma on a mark that would take a measurement's place asks first."""
+MOST_MARKED = 2
+"""Frames whose pixels are kept while somebody marks in them: one of a large camera is 120 MB."""
 PixelsOf = Callable[[int], PixelArray | None]
 """The pixels of a frame by its number, (height, width) ADU; None where they were not kept."""
 
@@ -79,6 +80,12 @@ class Frames(Protocol):
     def said_last(self) -> int | None:
         """The newest frame that a word was said on."""
 
+    def hold(self, frame_id: int) -> None:
+        """Keep a frame to be ruled on."""
+
+    def let_go(self, frame_id: int) -> None:
+        """It need not be kept any more."""
+
 
 class Verdicts:
     """Takes the operator's word on a frame, and has what it changes followed again."""
@@ -94,6 +101,8 @@ class Verdicts:
         self._cycle = cycle
         self._chronicle = chronicle
         self._pixels_of = pixels_of
+        self._marked_pixels: Mapping[int, PixelArray] = {}
+        """Of the frames in which somebody is marking, where the session would let them go."""
 
     @property
     def handlers(self) -> Handlers:
@@ -114,6 +123,31 @@ class Verdicts:
         is_autonomous = self._control.charge.is_autonomous
         return self._cycle.folds if is_autonomous else self._cycle.hand
 
+    def begin_mark(self, begun: BeginMark) -> int:
+        """Keep a frame in which somebody begins to mark, or leave that off (any thread).
+
+        Its number. Raises ValueError where no mark can be made in it any more.
+        """
+        frames = self._frames
+        shown = frames.newest() if begun.frame_id is None else frames.shown(begun.frame_id)
+        frame_id = shown.taken.frame_id
+        others = {n: pixels for n, pixels in self._marked_pixels.items() if n != frame_id}
+        if not begun.is_on:
+            frames.let_go(frame_id)
+            self._marked_pixels = others
+            return frame_id
+        frames.hold(frame_id)
+        try:
+            frames.shown(frame_id)
+        except ValueError:  # a newer one has taken its place at this very moment
+            frames.let_go(frame_id)
+            raise
+        if self._control.config.session.keep_frames == "last":
+            pixels = self._pixels_of(frame_id)
+            kept = list(others.items())[1 - MOST_MARKED :]
+            self._marked_pixels = dict(kept) if pixels is None else {**dict(kept), frame_id: pixels}
+        return frame_id
+
     def _check(self, decision: Decision, by: str) -> Accepted:
         """Refused at once where it can be seen that it must be."""
         ruling = self._ruling(decision, by)
@@ -129,37 +163,49 @@ class Verdicts:
         ruling = self._ruling(mark, by)
         shown = self._frames.shown(ruling.frame_id)
         pinned, how = replace(mark, frame_id=ruling.frame_id), "no light stands out beneath it"
-        pixels = self._pixels_of(ruling.frame_id)
-        rough = _detection_of(pinned, ruling.frame_id)
+        marked = self._marked_pixels.get(ruling.frame_id)
+        pixels = self._pixels_of(ruling.frame_id) if marked is None else marked
+        rough = detection_of(pinned, ruling.frame_id)
         if pixels is None:
             how = "the frame's pixels are not kept: it stays as you made it"
         else:
             fwhm_px = shown.detections.star_fwhm_px
             found = refined_mark(pixels, rough, star_fwhm_px=fwhm_px)
             if found is not None:
-                pinned, how = _refined(pinned, found), "refined on the light beneath it"
+                pinned, how = refined_as(pinned, found), "refined on the light beneath it"
         ruling = self._ruling(pinned, by)
         assert ruling.taken is not None
-        sigma = _sigma_arcsec(ruling.taken)
-        better = _better_known(ruling.taken, shown, self._frames.taken(ruling.frame_id))
+        sigma = sigma_arcsec(ruling.taken)
+        better = better_known(ruling.taken, shown, self._frames.taken(ruling.frame_id))
         if better is not None and not mark.replaces:
             raise RefusedError(
-                f"yours is good to ±{_figure(sigma)}″ ({how}); frame {ruling.frame_id} has it to"
-                f" ±{_figure(_sigma_arcsec(better))}″: mark it as replacing that",
+                f"yours is good to ±{figure(sigma)}″ ({how}); frame {ruling.frame_id} has it to"
+                f" ±{figure(sigma_arcsec(better))}″: mark it as replacing that",
                 {
                     "asks": "replaces",
                     "sigma_arcsec": sigma,
-                    "better_arcsec": _sigma_arcsec(better),
+                    "better_arcsec": sigma_arcsec(better),
                     "how": how,
                 },
             )
-        message = f"taken up with the next frame: ±{_figure(sigma)}″, {how}"
+        message = f"taken up with the next frame: ±{figure(sigma)}″, {how}"
         return Accepted(message=message, command=pinned)
 
     def _rule(self, decision: Decision, by: str) -> CommandResult:
         """In force for the order after the next frame. Gives what came of it."""
-        before = self._control.following
         ruling = self._ruling(decision, by)
+        if not isinstance(decision, MarkByHand):
+            return self._follow_again(decision, ruling)
+        frame_id, mark = ruling.frame_id, ruling.taken
+        self._marked_pixels = {n: p for n, p in self._marked_pixels.items() if n != frame_id}
+        assert mark is not None
+        shown, taken = self._frames.shown(frame_id), self._frames.taken(frame_id)
+        result = self._follow_again(decision, ruling)
+        return with_figures(result, mark, automatic_of(mark, shown, taken))
+
+    def _follow_again(self, decision: Decision, ruling: Ruling) -> CommandResult:
+        """By a ruling, in whatever state this is."""
+        before = self._control.following
         if not self._control.charge.is_autonomous:
             return self._rule_by_hand(ruling)
         after, records = self._cycle.rule(ruling)
@@ -193,7 +239,7 @@ class Verdicts:
         for record in records:
             self._chronicle.append(record)
         self._control.happen(Marked(kept=kept))
-        return _by_hand_result(ruling, records)
+        return by_hand_result(ruling, records)
 
     def _ruling(self, decision: Decision, by: str) -> Ruling:
         """What the word on a frame would be. Raises ValueError where it cannot be."""
@@ -235,7 +281,7 @@ def _on_streaks(
         case Reject():
             return _reject(decision, folds, following, by)
         case MarkByHand():
-            return _mark(_frame(decision, folds), decision, by, config)
+            return marked_ruling(_frame(decision, folds), decision, by, config)
     raise TypeError(f"{decision.verb} is no word on a frame")
 
 
@@ -310,92 +356,6 @@ def _reject(rejection: Reject, folds: Frames, following: Following, by: str) -> 
     return Ruling(frame_id=taken.frame_id, refused=(*before, taken), by=by)
 
 
-def _mark(shown: Shown, mark: MarkByHand, by: str, config: Config) -> Ruling:
-    """A streak between two ends that the operator has pointed at."""
-    x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
-    taken = shown.taken
-    if not isinstance(shown.solution, Solution):
-        raise ValueError(_not_solved(taken.frame_id))
-    # What was refined where the frame cuts it ends at its rim.
-    rim = 0.5 if mark.sigma_across_px is not None else 0.0
-    if not all(-rim <= x <= taken.width_px - 1 + rim for x in (x_a, x_b)) or not all(
-        -rim <= y <= taken.height_px - 1 + rim for y in (y_a, y_b)
-    ):
-        raise ValueError(f"the ends must lie in the frame, {taken.width_px} x {taken.height_px} px")
-    detection = _detection_of(mark, taken.frame_id)
-    if detection.length_px < SHORTEST_MARK_PX:
-        raise ValueError("the two ends are the same place: mark one end, then the other")
-    for sigma_px in (detection.sigma_along_px, detection.sigma_across_px):
-        if not 0.0 < sigma_px <= WIDEST_MARK_PX:
-            raise ValueError(f"sigma_px must be above 0, and {WIDEST_MARK_PX:g} at most")
-    made = _measured(detection, mark_id_of(taken.frame_id, shown.rulings), shown, config)
-    return Ruling(frame_id=taken.frame_id, taken=made, by=by)
-
-
-def _detection_of(mark: MarkByHand, frame_id: int) -> Detection:
-    x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
-    sigma_px = MARK_SIGMA_PX if mark.sigma_px is None else mark.sigma_px
-    across_px = sigma_px if mark.sigma_across_px is None else mark.sigma_across_px
-    return Detection(
-        frame_id=frame_id,
-        confidence=1.0,
-        x_px=(x_a + x_b) / 2.0,
-        y_px=(y_a + y_b) / 2.0,
-        x_a_px=x_a,
-        y_a_px=y_a,
-        x_b_px=x_b,
-        y_b_px=y_b,
-        box_px=(min(x_a, x_b), min(y_a, y_b), max(x_a, x_b), max(y_a, y_b)),
-        length_px=math.hypot(x_b - x_a, y_b - y_a),
-        width_px=0.0,
-        snr=0.0,
-        sigma_along_px=sigma_px,
-        sigma_across_px=across_px,
-        is_clipped=bool(mark.is_clipped),
-        method="operator",
-    )
-
-
-def _refined(mark: MarkByHand, found: Detection) -> MarkByHand:
-    """The same mark where the light is."""
-    return replace(
-        mark,
-        x_a_px=found.x_a_px,
-        y_a_px=found.y_a_px,
-        x_b_px=found.x_b_px,
-        y_b_px=found.y_b_px,
-        sigma_px=found.sigma_along_px,
-        sigma_across_px=found.sigma_across_px,
-        is_clipped=found.is_clipped or None,
-    )
-
-
-def _sigma_arcsec(measurement: Measurement) -> float:
-    """One sigma of a direction where it is known worst."""
-    return largest_sigma(*measurement.cov_sky_arcsec2)
-
-
-def _figure(value: float) -> str:
-    """As exactly as an error is worth."""
-    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
-
-
-def _better_known(mark: Measurement, shown: Shown, taken: Measurement | None) -> Measurement | None:
-    """What a mark would replace and is known much better; None where there is no such thing."""
-    sigma = _sigma_arcsec(mark)
-    near = [m for m in shown.measurements if _is_at(m, mark, 3.0 * sigma)]
-    known = [m for m in (taken, *near) if m is not None and m != mark and not m.is_clipped]
-    best = min(known, key=_sigma_arcsec, default=None)
-    return best if best is not None and BETTER * _sigma_arcsec(best) < sigma else None
-
-
-def _is_at(one: Measurement, other: Measurement, within_arcsec: float) -> bool:
-    away_deg = separation_deg(
-        one.ra_icrs_deg, one.dec_icrs_deg, other.ra_icrs_deg, other.dec_icrs_deg
-    )
-    return away_deg * 3600.0 <= within_arcsec
-
-
 def _measurement_of(detection: Detection, shown: Shown, config: Config) -> Measurement:
     """What was measured of a detection; a candidate that was not is measured on their word."""
     for each in shown.measurements:
@@ -404,52 +364,4 @@ def _measurement_of(detection: Detection, shown: Shown, config: Config) -> Measu
     found = shown.detections
     candidates = [*found.detections, *(each.detection for each in found.rejected)]
     named = measurement_id_of(shown.taken.frame_id, candidates.index(detection))
-    return _measured(detection, named, shown, config)
-
-
-def _measured(
-    detection: Detection, measurement_id: str, shown: Shown, config: Config
-) -> Measurement:
-    if not isinstance(shown.solution, Solution):
-        raise ValueError(_not_solved(shown.taken.frame_id))
-    measured = measure(
-        detection,
-        shown.solution,
-        shown.taken,
-        config.exposure,
-        measurement_id=measurement_id,
-        source="operator",
-    )
-    if measured is None:
-        raise ValueError(f"frame {shown.taken.frame_id} has no time: nothing can be measured on it")
-    return measured
-
-
-def _not_solved(frame_id: int) -> str:
-    return f"frame {frame_id} was not solved: without stars a streak has no place on the sky"
-
-
-def _by_hand_result(ruling: Ruling, records: tuple[Record, ...]) -> CommandResult:
-    """What a word on a frame came to that nobody followed."""
-    states = [r for r in records if isinstance(r, TrackState) and r.frame_id == ruling.frame_id]
-    ruled: RuledKind = "first of a track"
-    if ruling.taken is None:
-        ruled = "rejected" if ruling.refused else "taken back"
-    elif any(each.kind == "initial" for each in states):
-        ruled = "second of a track"
-    elif any(each.kind == "updated" for each in states):
-        ruled = "taken by hand" if ruling.taken.source == "operator" else "taken"
-    return CommandResult(kind="ruled", ruled=ruled, frame_id=ruling.frame_id)
-
-
-def result_of(ruling: Ruling, records: tuple[Record, ...]) -> CommandResult:
-    """What a ruling came to."""
-    if ruling.taken is None:
-        back: RuledKind = "rejected" if ruling.refused else "taken back"
-        return CommandResult(kind="ruled", ruled=back, frame_id=ruling.frame_id)
-    return CommandResult(
-        kind="ruled",
-        ruled="taken by hand" if ruling.taken.source == "operator" else "taken",
-        frame_id=ruling.frame_id,
-        left_alone=sum(isinstance(record, NotFollowed) for record in records),
-    )
+    return measured(detection, named, shown, config)

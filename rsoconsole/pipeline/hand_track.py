@@ -5,11 +5,13 @@ marks or chooses in two of them starts a track as two detections do; it is kept,
 the mount is given back. Engine and replay keep one of these each: they come to the same track.
 """
 
+import threading
 from dataclasses import dataclass, replace
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.absence import StarHistory
 from rsoconsole.pipeline.fold import Folded, Shown, fold
+from rsoconsole.pipeline.held_frames import HELD, HeldFrames
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.rulings import KEPT, Fold
 from rsoconsole.records import Measurement, Ruling, StateChange
@@ -39,19 +41,42 @@ class HandTrack:
         # Replaced as a whole, never changed: other threads look in.
         self._base: _Made | None = None
         """Before the first word; None while none was said."""
+        self._held = HeldFrames(HELD)  # the second mark of a track may take as long as the first
+        self._lock = threading.Lock()
 
     def add(self, shown: Shown, config: Config) -> None:
         """One more frame; one without a time can be no part of a track."""
         if shutter_mid_utc_ns(shown.taken, config.exposure) is not None:
             plain = replace(shown, orbits={}, ruling=None, rulings=0)
-            self._looked = (*self._looked, _Looked(shown=plain, config=config))[-KEPT:]
+            with self._lock:
+                self._held.count()
+                looked = (*self._looked, _Looked(shown=plain, config=config))
+                self._looked = tuple(
+                    each
+                    for n, each in enumerate(looked)
+                    if n >= len(looked) - KEPT or each.shown.taken.frame_id in self._held
+                )
+
+    def hold(self, frame_id: int) -> None:
+        """Keep a frame to be ruled on, if it is there still or comes (any thread)."""
+        with self._lock:
+            self._held.hold(frame_id)
+
+    def let_go(self, frame_id: int) -> None:
+        """It need not be kept any more (any thread)."""
+        with self._lock:
+            known = [each.shown for each in self._looked if each.shown.taken.frame_id == frame_id]
+            is_ruled = any(shown.ruling is not None for shown in known)
+            (self._held.ruled if is_ruled else self._held.let_go)(frame_id)
 
     def forget(self) -> None:
         """Somebody else has the mount: what was said led to what is kept, and to no more."""
         self._base = None
-        self._looked = tuple(
-            replace(each, shown=replace(each.shown, ruling=None)) for each in self._looked
-        )
+        with self._lock:
+            self._held.forget()
+            self._looked = tuple(
+                replace(each, shown=replace(each.shown, ruling=None)) for each in self._looked
+            )[-KEPT:]
 
     def shown(self, frame_id: int) -> Shown:
         """What a frame showed. Raises ValueError where nothing can be said on it any more."""
@@ -94,6 +119,8 @@ class HandTrack:
             replace(old, shown=shown),
             *self._looked[place + 1 :],
         )
+        with self._lock:
+            self._held.ruled(ruling.frame_id)
         if self._base is None:
             self._base = _Made(kept=kept, last_track_id=last_track_id)
         made, again = self._base, list[Fold]()

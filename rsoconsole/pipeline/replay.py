@@ -18,6 +18,7 @@ from rsoconsole.pipeline.absence import StarHistory
 from rsoconsole.pipeline.alike import are_alike
 from rsoconsole.pipeline.fold import Shown, fold, looked_at
 from rsoconsole.pipeline.hand_track import HandTrack
+from rsoconsole.pipeline.held_frames import BEGIN_MARK
 from rsoconsole.pipeline.kept_until import KeptOnRecord
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.otherwise import at_instant, at_tau
@@ -227,6 +228,8 @@ class Walk:
             case Event() if record.topic == "kept":
                 yield from self.close()
                 self.kept.given_up()
+            case OperatorAction() if record.verb == BEGIN_MARK:
+                self._hold(record)
             case (
                 SlewCommand()
                 | Identified()
@@ -239,6 +242,17 @@ class Walk:
                 pass  # led to by what is followed, or beside it
             case _:
                 assert_never(record)
+
+    def _hold(self, begun: OperatorAction) -> None:
+        """A frame is kept to be marked in, or no longer, where nobody can know it by a ruling."""
+        frame_id = begun.arguments.get("frame")
+        if begun.outcome.kind != "done" or not isinstance(frame_id, int):
+            return
+        frames = self.folds if self.following.state in FOLDED else self.hand
+        if begun.arguments.get("on", True):
+            frames.hold(frame_id)
+        else:
+            frames.let_go(frame_id)
 
     def _hear_of_frame(self, record: FoldRecord | Solution | NotSolved | Measurement) -> Part:
         """What was seen in a frame, or what the fold made of it."""

@@ -4,16 +4,20 @@ Pure but for its memory of the last frames. Engine and replay keep one each, and
 same track.
 """
 
+import threading
 from dataclasses import dataclass, replace
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline.absence import StarHistory
 from rsoconsole.pipeline.fold import Folded, Shown, fold
+from rsoconsole.pipeline.held_frames import HeldFrames
 from rsoconsole.records import FollowedAgain, Measurement, Record, Ruling
 from rsoconsole.tracking.following import Following
 
 KEPT = 12
 """Frames that a word may still be said on: some minutes."""
+TAKEN_BACK = 60
+"""So many frames on, a word on a frame that was held for it can be taken back."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,19 +43,45 @@ def on_record_again(ruling: Ruling, again: tuple[Fold, ...]) -> tuple[Record, ..
 
 
 class Folds:
-    """The last frames followed without anything from outside between them."""
+    """The last frames followed without anything from outside between them.
+
+    Where one is held (somebody is marking in it), all since then are kept: they are followed
+    again by the word on it.
+    """
 
     def __init__(self) -> None:
         self._folds: tuple[Fold, ...] = ()
         # Replaced as a whole, never changed: other threads look in.
+        self._held = HeldFrames(TAKEN_BACK)
+        self._lock = threading.Lock()
 
     def add(self, fold_: Fold) -> None:
         """One more frame."""
-        self._folds = (*self._folds, fold_)[-KEPT:]
+        with self._lock:
+            self._held.count()
+            folds = (*self._folds, fold_)
+            first = max(len(folds) - KEPT, 0)
+            self._folds = folds[min((first, *self._held_places(folds))) :]
+
+    def _held_places(self, folds: tuple[Fold, ...]) -> list[int]:
+        return [n for n, each in enumerate(folds) if each.shown.taken.frame_id in self._held]
+
+    def hold(self, frame_id: int) -> None:
+        """Keep a frame to be ruled on, if it is there still or comes (any thread)."""
+        with self._lock:
+            self._held.hold(frame_id)
+
+    def let_go(self, frame_id: int) -> None:
+        """It need not be kept any more (any thread)."""
+        with self._lock:
+            is_ruled = any(r.frame_id == frame_id for r in self.rulings())
+            (self._held.ruled if is_ruled else self._held.let_go)(frame_id)
 
     def forget(self) -> None:
         """Something from outside has changed what is followed: these do not lead there."""
-        self._folds = ()
+        with self._lock:
+            self._folds = ()
+            self._held.forget()
 
     def shown(self, frame_id: int) -> Shown:
         """What a frame showed. Raises ValueError where nothing can be said on it any more."""
@@ -64,12 +94,12 @@ class Folds:
 
     def said_last(self) -> int | None:
         """The newest frame that a word was said on; None where there is none."""
-        said = [f.shown.taken.frame_id for f in self._folds if f.shown.ruling is not None]
+        said = [f.shown.taken.frame_id for f in self._open() if f.shown.ruling is not None]
         return said[-1] if said else None
 
     def rulings(self) -> tuple[Ruling, ...]:
         """The operator's words on these frames, oldest first."""
-        return tuple(f.shown.ruling for f in self._folds if f.shown.ruling is not None)
+        return tuple(f.shown.ruling for f in self._open() if f.shown.ruling is not None)
 
     def newest(self) -> Shown:
         """The last frame. Raises ValueError where there is none."""
@@ -80,7 +110,17 @@ class Folds:
 
     def frame_ids(self) -> tuple[int, ...]:
         """The frames on which something can still be said, oldest first."""
-        return tuple(each.shown.taken.frame_id for each in self._folds)
+        return tuple(each.shown.taken.frame_id for each in self._open())
+
+    def _open(self) -> tuple[Fold, ...]:
+        """The last ones and those that are held; what is kept between them is not to be said on."""
+        folds = self._folds  # another thread may put others in their place meanwhile
+        first = len(folds) - KEPT
+        return tuple(
+            each
+            for n, each in enumerate(folds)
+            if n >= first or each.shown.taken.frame_id in self._held
+        )
 
     def rule(self, ruling: Ruling) -> tuple[Fold, ...]:
         """The frame and those after it, followed again. Raises ValueError as ``shown`` does."""
@@ -95,10 +135,12 @@ class Folds:
             again.append(replace(old, before=before, shown=shown, folded=folded))
             before = folded.following
         self._folds = (*self._folds[:place], *again)
+        with self._lock:
+            self._held.ruled(ruling.frame_id)
         return tuple(again)
 
     def _fold(self, frame_id: int) -> Fold:
-        folds = self._folds  # another thread may put others in their place meanwhile
+        folds = self._open()
         return folds[_place(folds, frame_id)]
 
 
@@ -106,6 +148,6 @@ def _place(folds: tuple[Fold, ...], frame_id: int) -> int:
     for number, each in enumerate(folds):
         if each.shown.taken.frame_id == frame_id:
             return number
-    known = [each.shown.taken.frame_id for each in folds]
+    known = [each.shown.taken.frame_id for each in folds[-KEPT:]]
     reach = f", only on frames {known[0]} to {known[-1]}" if known else " until the next one"
     raise ValueError(f"nothing can be said on frame {frame_id} any more{reach}")

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import assert_never
 
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.pipeline.held_frames import BEGIN_MARK, HELD
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -31,7 +32,7 @@ from rsoconsole.records import (
 
 WHOLE = 32
 """So many of a track's last steps stay whole, more than an operator's word reaches back; of older
-ones only counts which measurement was taken."""
+ones only counts which measurement was taken. A mark that has been begun reaches further."""
 
 
 @dataclass(slots=True)
@@ -74,7 +75,7 @@ class _Frame:
 class TracksTaken:
     """Takes a session's records in order."""
 
-    KINDS = (Measurement, TrackState, FollowedAgain)
+    KINDS = (Measurement, TrackState, FollowedAgain, OperatorAction)
     """Those that it needs; others pass by."""
 
     def __init__(self) -> None:
@@ -86,6 +87,7 @@ class TracksTaken:
         self._known: dict[int, Track] = {}
         """The tracks up to a frame, so that each frame is gone through once."""
         self._known_to = -1
+        self._most_whole = WHOLE
 
     def hear(self, record: Record) -> None:
         """One record."""
@@ -105,6 +107,8 @@ class TracksTaken:
                 else:
                     steps.corrected = record
                     self._let_go(record.track_id, steps)
+            case OperatorAction() if record.verb == BEGIN_MARK:
+                self._most_whole = WHOLE + HELD
             case (
                 FrameTaken()
                 | Detections()
@@ -147,7 +151,7 @@ class TracksTaken:
         whole = self._whole.setdefault(track_id, deque())
         if not whole or whole[-1] is not newest:
             whole.append(newest)
-        if len(whole) > WHOLE:
+        if len(whole) > self._most_whole:
             old = whole.popleft()
             old.predicted = None
             if old.corrected is not None:
