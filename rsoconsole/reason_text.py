@@ -206,7 +206,7 @@ def _mark_text(result: CommandResult, sigma_arcsec: tuple[float, float]) -> str:
         off = _figure(result.off_arcsec)
         words += f", {off}″ from the automatic measurement, which is set aside"
         others -= 1
-    if result.ruled in {"first of a track", "second of a track"}:
+    if result.ruled in {"first of a track", "second of a track", "leads"}:
         words += f"; {_RULED[result.ruled]}"
     return words + (f"; {others} more not taken" if others > 0 else "")
 

@@ -13,6 +13,7 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.panes import LinesPane, StopBanner
 from rsoconsole.control import Command, Outcome
+from rsoconsole.control.commands import BeginMark
 from rsoconsole.errors import ControlError
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night
@@ -30,6 +31,8 @@ class FakeWire:
 
     def __init__(self, session: Path) -> None:
         self.sent: list[tuple[str, dict[str, Any]]] = []
+        self.begun: list[tuple[int | None, bool]] = []
+        """Marks that were begun, or left off: (frame, whether begun)."""
         self.outcomes: dict[str, Outcome] = {
             "stop": Outcome(ok=True, data={"stopped": True, "ms": 12.0, "path": "mount"})
         }
@@ -59,7 +62,9 @@ class FakeWire:
 
     def send(self, command: Command, *, timeout_s: float = 5.0) -> Outcome:
         verb = command.verb
-        if verb != "status":
+        if isinstance(command, BeginMark):
+            self.begun.append((command.frame_id, command.is_on))
+        elif verb != "status":
             self.sent.append((verb, command.arguments()))
         if verb in self.hangs:
             self.hangs[verb].wait(PATIENCE_S)

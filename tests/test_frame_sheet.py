@@ -7,6 +7,7 @@ import re
 import shutil
 import sys
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,17 +18,21 @@ from textual.pilot import Pilot
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.dialogs import help_text
 from rsoconsole.console.frame_sheet import FrameSheet
+from rsoconsole.console.key_line import MARKABLE
 from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.sheet import Sheet
-from rsoconsole.console.sheet_actions import SendMark
+from rsoconsole.console.sheet_actions import FAR, MarkTo
 from rsoconsole.console.sheet_view import STEPS
 from rsoconsole.console.sheet_worker import Opened
 from rsoconsole.control.commands import MarkByHand
 from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.pipeline import reprocess
+from rsoconsole.pipeline.held_frames import HELD
 from rsoconsole.pipeline.reprocess import Reprocessor, recorded_frame
+from rsoconsole.pipeline.rulings import KEPT as KEPT_FRAMES
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.vision.network import Network
 from tests.samples import SCHEMA_1
@@ -78,8 +83,7 @@ def look(
     config: Config | None = None,
     size: tuple[int, int] = (80, 24),
     wire: FakeWire | None = None,
-    send_mark: SendMark | None = None,
-    mark_refusal: Callable[[int], str] = lambda _frame_id: "",
+    mark_to: MarkTo | None = None,
     **of_app: object,
 ) -> None:
     """Open a frame over a seat, wait until all is said of it, and act."""
@@ -95,8 +99,8 @@ def look(
                 frame_id,
                 config,
                 keymap=app.live.keymap,
-                send_mark=send_mark,
-                mark_refusal=mark_refusal,
+                mark_to=mark_to,
+                seat=app.live,
             )
             app.push_screen(sheet)
             await calm(pilot, sheet)
@@ -119,6 +123,35 @@ async def calm(pilot: Pilot[str], sheet: FrameSheet) -> None:
 async def press(pilot: Pilot[str], sheet: FrameSheet, *keys: str) -> None:
     await pilot.press(*keys)
     await calm(pilot, sheet)
+
+
+class Engine:
+    """Takes the marks of an opened frame, or says why not."""
+
+    def __init__(self) -> None:
+        self.sent: list[MarkByHand] = []
+        self.begun: list[int] = []
+        self.left: list[int] = []
+        self.refusal = ""
+        self.refuses_late = ""
+
+    def begin(self, frame_id: int, refused: Callable[[str], None]) -> None:
+        self.begun.append(frame_id)
+        if self.refuses_late:
+            refused(self.refuses_late)
+
+    def send(self, mark: MarkByHand) -> str:
+        self.sent.append(mark)
+        return f"mark sent, frame {mark.frame_id} …"
+
+    @property
+    def mark_to(self) -> MarkTo:
+        return MarkTo(
+            send=self.send,
+            begin=self.begin,
+            leave=self.left.append,
+            refusal=lambda _frame_id: self.refusal,
+        )
 
 
 def words(sheet: FrameSheet, name: str) -> str:
@@ -145,7 +178,7 @@ def drawn(sheet: FrameSheet) -> str:
 
 def test_the_kept_frame_shows_its_streak_between_its_marks(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
-        assert "whole field" in title(sheet)
+        assert "whole field" in title(sheet), sheet.sheet.fault
         # The cross is on the streak: signs above and below it, none upon it.
         assert re.search(r"\{\[[ ▖-▟▀-▐]+\]\}", drawn(sheet))
         assert "▾" in drawn(sheet)
@@ -411,63 +444,168 @@ def test_enter_opens_the_frame_that_is_shown_and_escape_goes_back(impatient_seat
     asyncio.run(run())
 
 
-def test_a_streak_is_marked_at_full_resolution(impatient_seat: None):
-    sent: list[MarkByHand] = []
-
-    def send(mark: MarkByHand) -> str:
-        sent.append(mark)
-        return "the mark is sent"
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
+def test_a_streak_is_marked_at_full_resolution(impatient_seat: None, size: tuple[int, int]):
+    engine = Engine()
 
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         await press(pilot, sheet, "d", "plus", "plus", "plus", "left_square_bracket")
         await pilot.press("m")
+        await pilot.pause()
         assert "mark the first end" in title(sheet), sheet.sheet.fault
+        said = " ".join(words(sheet, "keys").split())
+        assert f"frame {KEPT} stays markable meanwhile, for {HELD} frames" in said
+        assert "enter Set" in said
+        assert "esc Leave off" in said
+        assert "Next candidate" not in said
         await pilot.press("escape")
         assert app.screen is sheet
         assert "mark" not in title(sheet)
+        assert "enter Set" not in words(sheet, "keys")
         view = sheet.sheet.view
         assert view is not None
         await pilot.press("m", "enter")
         assert "mark the second end" in title(sheet)
         assert "1" in drawn(sheet)
         await pilot.press(*["right"] * 6, "enter")
-        (mark,) = sent
+        (mark,) = engine.sent
         assert mark.frame_id == KEPT
         assert (mark.x_a_px, mark.y_a_px) == (view.x_px, view.y_px)
         assert mark.x_b_px - mark.x_a_px == pytest.approx(6 * view.px_per_square)
         # As finely as one can point there: the picture's squares are 97 px.
         assert mark.sigma_px == 1.0
-        assert "the mark is sent" in title(sheet)
+        assert f"mark sent, frame {KEPT} …" in words(sheet, "keys")
+        assert engine.begun == [KEPT, KEPT]
+        assert engine.left == [KEPT]
+        # It is still said on the screen below.
+        await pilot.press("escape")
+        assert app.screen is app.live
+        assert app.live.notice[0] == f"mark sent, frame {KEPT} …"
 
-    look(act, size=(120, 40), send_mark=send)
+    look(act, size=size, mark_to=engine.mark_to)
 
 
-def test_a_frame_that_takes_no_mark_any_more_says_so_at_the_first_end(impatient_seat: None):
-    refusals: list[str] = []
+def test_a_frame_that_is_too_old_to_mark_says_so_before_anything_is_done(impatient_seat: None):
+    engine = Engine()
+    too_old = "frame 3 is too old to mark"
 
     async def act(_app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
+        engine.refusal = too_old
         await pilot.press("m")
-        assert "mark the first end" in title(sheet)
-        refusals.append("no mark in frame 3 any more")
+        assert too_old in words(sheet, "keys")
+        assert not sheet.sheet.is_marking
+        # The engine's own word may come a moment later.
+        engine.refusal, engine.refuses_late = "", "no mark in frame 3: too late"
+        await pilot.press("m")
+        assert "too late" in words(sheet, "keys")
+        assert not sheet.sheet.is_marking
+        # It may have forgotten the frame: a limit, a STOP.
+        engine.refuses_late = ""
+        await pilot.press("m")
+        assert sheet.sheet.is_marking
+        engine.refusal = too_old
         await pilot.press("enter")
-        assert "no mark in frame 3 any more" in title(sheet)
+        assert too_old in words(sheet, "keys")
         assert not sheet.sheet.is_marking
+        assert not engine.sent
+
+    look(act, mark_to=engine.mark_to)
+
+
+def test_while_a_mark_is_made_no_sign_lies_over_the_streak(impatient_seat: None):
+    engine = Engine()
+
+    async def act(_app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
+        assert "[" in drawn(sheet)
         await pilot.press("m")
-        assert "no mark in frame 3 any more" in title(sheet)
-        assert not sheet.sheet.is_marking
+        assert "[" not in drawn(sheet)
+        await pilot.press("O")
+        assert "[" in drawn(sheet)
+        await pilot.press("O")
+        assert "[" not in drawn(sheet)
+        await pilot.press("escape")
+        assert "[" in drawn(sheet)
 
-    def refusal(_frame_id: int) -> str:
-        return refusals[0] if refusals else ""
-
-    look(act, size=(120, 40), send_mark=lambda _mark: "sent", mark_refusal=refusal)
+    look(act, mark_to=engine.mark_to)
 
 
-def test_in_a_night_that_is_over_nothing_is_marked(impatient_seat: None):
-    async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
-        await pilot.press("m")
-        assert "no marks in a night that is over" in title(sheet)
+def test_a_shifted_arrow_moves_the_cross_further(impatient_seat: None):
+    async def act(_app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
+        await press(pilot, sheet, "d", "plus")
+        before = sheet.sheet.view
+        assert before is not None
+        await pilot.press("shift+right")
+        after = sheet.sheet.view
+        assert after is not None
+        step = STEPS[sheet.sheet.step] * before.px_per_square
+        assert after.x_px - before.x_px == pytest.approx(FAR * step)
+        assert f"╋ {after.x_px:.0f}" in caption(sheet)
 
     look(act, size=(120, 40))
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
+def test_a_step_is_said_in_squares_and_in_pixels(impatient_seat: None, size: tuple[int, int]):
+    async def act(_app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
+        await press(pilot, sheet, "d")
+        view = sheet.sheet.view
+        assert view is not None
+        sheet.sheet.view = replace(view, zoom=2)
+        await pilot.press("right_square_bracket", "left_square_bracket")
+        assert "step 4 squares = 16 px ([ smaller, ] larger)" in words(sheet, "keys")
+        assert "step 16 px" in caption(sheet)
+        await pilot.press("plus", "plus")
+        assert "step 4 px" in caption(sheet)
+
+    look(act, size=size)
+
+
+def test_the_other_kept_frames_are_reached_from_an_opened_one(tmp_path: Path, impatient_seat: None):
+    folder = tmp_path / "night"
+    shutil.copytree(SCHEMA_1, folder)
+    _keep_newest_too(folder)
+
+    async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
+        await press(pilot, sheet, "d", "plus", "f")
+        view, stretch = sheet.sheet.view, sheet.sheet.stretch
+        await pilot.press("pageup")
+        assert f"frame {KEPT} is the oldest" in words(sheet, "keys")
+        await pilot.press("pagedown")
+        await until(pilot, lambda: app.screen is not sheet)
+        other = app.screen
+        assert isinstance(other, FrameSheet)
+        await calm(pilot, other)
+        assert other.sheet.frame_id == NEWEST
+        assert "frame 0022" in title(other)
+        # In the same place, as near: so a streak is compared.
+        assert (other.sheet.view, other.sheet.stretch) == (view, stretch)
+        await pilot.press("pagedown")
+        assert f"frame {NEWEST} is the newest" in words(other, "keys")
+        await pilot.press("escape")
+        assert app.screen is app.live
+        assert await asyncio.to_thread(other._worker.join, PATIENCE_S)
+
+    look(act, folder=folder, size=(120, 40))
+
+
+def test_where_nothing_can_be_marked_no_mark_is_offered(impatient_seat: None):
+    async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
+        assert "m Mark" not in words(sheet, "keys")
+        await pilot.press("m")
+        assert "no marks in a night that is over" in words(sheet, "keys")
+
+    look(act, size=(120, 40))
+
+
+def test_a_frame_whose_pixels_were_not_kept_offers_no_mark(impatient_seat: None):
+    engine = Engine()
+
+    async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
+        assert "m Mark" not in words(sheet, "keys")
+        await pilot.press("m")
+        assert "its pixels were not kept" in words(sheet, "keys")
+
+    look(act, frame_id=LEFT_OUT, mark_to=engine.mark_to)
 
 
 def test_enter_sets_an_end_while_a_mark_is_made(wire: FakeWire):
@@ -555,9 +693,11 @@ def test_keys_of_ones_own_hold_here_too(impatient_seat: None):
 def test_help_tells_this_screens_keys(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         await pilot.press("f1")
-        assert "Network's view" in app.export_screenshot().replace("&#x27;", "'").replace(
-            "&#160;", " "
-        )
+        text = app.export_screenshot().replace("&#x27;", "'").replace("&#160;", " ")
+        assert "the map that the network looks at" in text
+        assert "step by which arrows move the mount" in " ".join(help_text(mode="sheet").split())
+        assert f"in the last {MARKABLE} frames" in " ".join(help_text(mode="sheet").split())
+        assert KEPT_FRAMES == MARKABLE
         await pilot.press("escape")
         assert app.screen is sheet
 
@@ -621,6 +761,22 @@ def test_kitty_is_sent_the_frame_with_what_is_seen_now(tmp_path: Path):
         assert not is_pink(terminal.written)
         terminal.press("\r")
         wait_for(lambda: is_pink(terminal.written), "the mark of what is seen now")
+
+
+def _keep_newest_too(folder: Path) -> None:
+    """The pixels of the kept frame as those of the newest, too."""
+    import sqlite3
+    from contextlib import closing
+
+    path = SessionReader(folder).frame_path(KEPT)
+    assert path is not None
+    other = path.with_name(path.name.replace(f"{KEPT:06d}", f"{NEWEST:06d}"))
+    shutil.copy(path, other)
+    with closing(sqlite3.connect(folder / "session.db")) as database, database:
+        database.execute(
+            "UPDATE files SET path = ?, reason = NULL WHERE frame_id = ? AND role = 'frame'",
+            (str(other.relative_to(folder)), NEWEST),
+        )
 
 
 def _keep_as_newest(folder: Path) -> None:

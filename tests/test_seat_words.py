@@ -399,7 +399,7 @@ def test_a_plate_solution_says_where_the_frame_looks_beside_the_mount_s_word():
 
 
 def test_a_mark_in_a_frame_that_takes_none_any_more_is_refused_at_its_first_end(wire: FakeWire):
-    too_late = f"no mark in frame {FRAMES}: only in frames 22, 24"
+    too_late = f"frame {FRAMES} is too old to mark: only frames 22, 24 can be"
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         wire.status |= {"markable_frames": [FRAMES]}
@@ -416,7 +416,7 @@ def test_a_mark_in_a_frame_that_takes_none_any_more_is_refused_at_its_first_end(
         await pilot.press("m")
         assert too_late in pane(app, "keys")
         assert app.live.marking is None
-        assert app.live.mark_refusal(FRAMES) == too_late
+        assert app.live.mark_refusal(FRAMES).startswith(too_late)
         assert app.live.mark_refusal(22) == ""
         assert wire.verbs == []
 
@@ -427,8 +427,10 @@ def test_which_frames_take_a_mark_is_said_shortly():
     def said(*frames: int, newest: int = 40) -> str:
         return too_late_to_mark(tracking(markable_frames=frames, frame_id=newest), 3)
 
-    assert said(*range(20, 32)) == "no mark in frame 3: only in frames 20 to 31"
-    assert said(20) == "no mark in frame 3: only in frame 20"
+    next_key = "; on the main screen enter opens the newest"
+    too_old = "frame 3 is too old to mark: only"
+    assert said(*range(20, 32)) == f"{too_old} frames 20 to 31 can be{next_key}"
+    assert said(20) == f"{too_old} frame 20 can be{next_key}"
     assert said() == "no mark in frame 3: the next one takes one"
     assert said(2, 3) == ""
     # The record is ahead of the engine's last word.

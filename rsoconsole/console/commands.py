@@ -103,10 +103,16 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "smaller_step",
         "left_square_bracket",
         "Smaller step",
-        "of the nudges: 30′, 10′, 3′, 1′, 20″, 5″",
+        "of the mount's nudges by arrows: 30′, 10′, 3′, 1′, 20″, 5″",
         "telescope",
     ),
-    _command("larger_step", "right_square_bracket", "Larger step", "of the nudges", "telescope"),
+    _command(
+        "larger_step",
+        "right_square_bracket",
+        "Larger step",
+        "of the nudges; in an opened frame both are of its cross",
+        "telescope",
+    ),
     _command(
         "aim",
         "i",
@@ -198,7 +204,8 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "m",
         "Mark by hand",
         "the streak's two ends: arrows and enter twice, or drag; a measurement of your own, and"
-        " two of them in two frames start a track",
+        " two of them in two frames start a track. It can be begun in the last 12 frames; while"
+        " you mark, the frame is kept for 600 more",
         "streaks",
         acts=True,
     ),

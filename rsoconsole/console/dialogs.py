@@ -51,7 +51,13 @@ def help_text(
     lines: list[str] = []
     if MODE_WORDS[mode]:
         lines.append(MODE_WORDS[mode])
-        lines += [f"  {key.key:<9}{key.name}" for key in mode_keys(mode)]
+        for key in mode_keys(mode):
+            lines += textwrap.wrap(
+                key.words or key.name,
+                HELP_COLUMNS,
+                initial_indent=f"  {key.key:<9}",
+                subsequent_indent=" " * 11,
+            )
         lines.append("")
     for group, title in GROUPS.items():
         here = [command for command in commands_in(place) if command.group == group]

@@ -5,6 +5,7 @@ import contextlib
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Protocol
 
 from textual import events
 from textual.app import ComposeResult
@@ -13,21 +14,35 @@ from textual.message import Message
 from rsoconsole.config import Config
 from rsoconsole.console.commands import BY_NAME
 from rsoconsole.console.engine_view import EngineView
-from rsoconsole.console.key_line import Key, Mode, key_at, key_line, keys_for
+from rsoconsole.console.key_line import Key, Mode, key_at, key_line, keys_for, notice_rows
 from rsoconsole.console.panes import LinesPane
-from rsoconsole.console.plot import Line
+from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.sheet import Sheet
-from rsoconsole.console.sheet_actions import SendMark, SheetActions
+from rsoconsole.console.sheet_actions import SAID_S, MarkTo, SheetActions
 from rsoconsole.console.sheet_boxes import sheet_boxes
 from rsoconsole.console.sheet_pane import SheetPane
 from rsoconsole.console.sheet_panel import panel_lines
 from rsoconsole.console.sheet_view import whole
+from rsoconsole.console.sheet_words import mark_words, step_px
 from rsoconsole.console.sheet_worker import Done, Fault, Loaded, News, Opened, SheetWorker
 from rsoconsole.console.words import wrapped
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.session.reader import SessionReader
 
 LOOK_S = 0.25
 """How often what is under way says for how long, and the first line is made anew."""
 MOST_ALERT_ROWS = 3
+
+
+class SaysTo(Protocol):
+    """The screen below."""
+
+    @property
+    def notice(self) -> tuple[str, Ink]:
+        """What is to be said at this moment."""
+
+    def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
+        """A word over the last line, for a while."""
 
 
 class SheetNews(Message):
@@ -59,12 +74,16 @@ class FrameSheet(SheetActions):
         status: Callable[[int, int], list[Line]] | None = None,
         alert: Callable[[], str] | None = None,
         keymap: Mapping[str, str] | None = None,
-        send_mark: SendMark | None = None,
-        mark_refusal: Callable[[int], str] = lambda _frame_id: "",
+        mark_to: MarkTo | None = None,
+        seat: SaysTo | None = None,
     ) -> None:
         """``config``: None takes the session's own; ``status`` builds the first line and ``alert``
-        what must not be missed, where a telescope is at work meanwhile."""
-        super().__init__(Sheet(frame_id=frame_id), send_mark, mark_refusal)
+        what must not be missed, where a telescope is at work meanwhile; ``seat``: the screen below,
+        which says what it says here, and goes on saying it; None: there is none."""
+        super().__init__(Sheet(frame_id=frame_id), mark_to)
+        self._folder, self._config, self._seat = folder, config, seat
+        self._said: tuple[str, Ink, float] = ("", "", 0.0)
+        self._notice_shown: tuple[str, Ink] = ("", "")
         self.keymap = dict(keymap or {})
         self._status, self._alert = status, alert
         self._is_list_open = False
@@ -102,7 +121,24 @@ class FrameSheet(SheetActions):
     @property
     def mode(self) -> Mode:
         """What the keys are for."""
-        return "sheet"
+        return "sheet mark" if self.sheet.is_marking else "sheet"
+
+    def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
+        """A word over the last line, for a while; the screen below says it too."""
+        if self._seat is not None:
+            self._seat.say(text, ink, seconds)
+        self._said = (text, ink, time.monotonic() + seconds)
+        self._show_keys()
+
+    @property
+    def notice(self) -> tuple[str, Ink]:
+        """What is to be said at this moment: while a mark is made, how it goes on."""
+        said: tuple[str, Ink] = self._said[:2] if time.monotonic() < self._said[2] else ("", "")
+        if self._seat is not None:
+            said = self._seat.notice
+        if self.sheet.is_marking and said[1] != "warn":
+            return mark_words(self.sheet), "title"
+        return said
 
     # -- what the worker says ------------------------------------------------------------------
 
@@ -120,8 +156,11 @@ class FrameSheet(SheetActions):
             case Loaded():
                 sheet.pixels = news.pixels
                 height, width = news.pixels.pixels.shape
+                before = sheet.view
                 sheet.view = whole(width, height, *self.picture.room)
-                if sheet.candidates:
+                if before is not None and (before.width_px, before.height_px) == (width, height):
+                    sheet.view = before.resized(*self.picture.room)
+                elif sheet.candidates:
                     likeliest = sheet.candidates[0].shown
                     sheet.view = sheet.view.at(likeliest.x_px, likeliest.y_px)
                 self.process()
@@ -155,6 +194,8 @@ class FrameSheet(SheetActions):
         if self.sheet.pixels is None and not self.sheet.fault:
             self.picture.redraw()
         self._show_status()
+        if self.notice != self._notice_shown:
+            self._show_keys()
 
     def show(self) -> None:
         self.picture.redraw()
@@ -188,8 +229,19 @@ class FrameSheet(SheetActions):
         return len(wrapped(f" {text}", self.size.width, MOST_ALERT_ROWS)) if text else 0
 
     def _show_keys(self) -> None:
-        self._drawn_keys = keys_for(EngineView(), can_act=False, mode="sheet", keymap=self.keymap)
-        self.query_one("#keys", LinesPane).show(key_line(self._drawn_keys))
+        keys = keys_for(EngineView(), can_act=False, mode=self.mode, keymap=self.keymap)
+        if not self.can_mark:
+            keys = [key for key in keys if key.command != "mark"]
+        step = f"Step {step_px(self.sheet):.3g} px"
+        self._drawn_keys = [k._replace(name=step) if k.name == "Step" else k for k in keys]
+        before, self._notice_shown = self._notice_shown, self.notice
+        if self._rows_of(before) != self._rows_of(self._notice_shown):
+            self._place_panes()
+            self.call_after_refresh(self._fit_view)
+        self.query_one("#keys", LinesPane).show(key_line(self._drawn_keys, self._notice_shown))
+
+    def _rows_of(self, notice: tuple[str, Ink]) -> int:
+        return notice_rows(notice[0], *self.size)
 
     def _place_panes(self) -> None:
         self._rows_of_alert = self._alert_rows()
@@ -197,6 +249,7 @@ class FrameSheet(SheetActions):
             *self.size,
             has_status=self._status is not None,
             alert_rows=self._rows_of_alert,
+            keys_rows=1 + self._rows_of(self._notice_shown),
             is_list_open=self._is_list_open,
         )
         for name in ("status", "alert", "picture", "panel", "keys"):
@@ -216,11 +269,47 @@ class FrameSheet(SheetActions):
     def action_back(self) -> None:
         """A mark first, then the list, then the screen below."""
         if self.sheet.is_marking:
-            self.end_mark("")
+            self.leave_mark()
         elif self._is_list_open:
             self.action_list()
         else:
             self.dismiss(None)
+
+    def action_other_frame(self, by: int) -> None:
+        """The one before or after of those whose pixels are kept, looked at in the same place."""
+        own = self.sheet
+        if own.is_marking:
+            self.say("a mark is being made in this frame: esc leaves it off", "warn")
+            return
+        try:
+            kept = sorted(SessionReader(self._folder).frames_with_pixels())
+        except RsoconsoleError as error:
+            self.say(str(error), "warn")
+            return
+        if by < 0:
+            others = [each for each in kept if each < own.frame_id][::-1]
+        else:
+            others = [each for each in kept if each > own.frame_id]
+        if not others:
+            which = "oldest" if by < 0 else "newest"
+            self.say(f"frame {own.frame_id} is the {which} whose pixels are kept")
+            return
+        other = FrameSheet(
+            self._folder,
+            others[0],
+            self._config,
+            status=self._status,
+            alert=self._alert,
+            keymap=self.keymap,
+            mark_to=self._mark_to,
+            seat=self._seat,
+        )
+        its = other.sheet
+        its.view, its.step, its.stretch, its.has_marks = (
+            *(own.view, own.step),
+            *(own.stretch, own.has_marks),
+        )
+        self.app.switch_screen(other)
 
     def action_list(self) -> None:
         """The whole screen to the panel, and back."""
@@ -232,8 +321,9 @@ class FrameSheet(SheetActions):
         """A key of the last line."""
         pane = self.query_one("#keys", LinesPane)
         key = None
-        if event.widget is pane:
-            key = key_at(self._drawn_keys, "", pane.size.width, event.x)
+        if event.widget is pane and event.y == pane.size.height - 1:
+            notice = self._notice_shown[0] if pane.size.height == 1 else ""
+            key = key_at(self._drawn_keys, notice, pane.size.width, event.x)
         if key is not None and key.command:
             command = BY_NAME.get(key.command)
             is_apps = command is not None and command.is_everywhere

@@ -7,6 +7,7 @@ from rsoconsole.console.commands import first_key
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.words import clipped, wrapped
+from rsoconsole.pipeline.held_frames import HELD
 
 Mode = Literal[
     "live",
@@ -19,6 +20,7 @@ Mode = Literal[
     "review tracks",
     "review log",
     "sheet",
+    "sheet mark",
 ]
 """What the keys are for at this moment."""
 
@@ -31,12 +33,24 @@ class Key(NamedTuple):
     is_weighty: bool = False
     command: str = ""
     """What a click on it does; empty: nothing."""
+    words: str = ""
+    """What it does, for the help; empty: its name says it."""
 
 
 _GAP = "  "
 LEAST_LINES = 8
 """Of a terminal in which a notice has rows of its own."""
 MOST_NOTICE_ROWS = 3
+MARKABLE = 12
+"""The last frames in which a mark can be begun (``rulings.KEPT``)."""
+MARK_HELP = (
+    f"a streak's two ends. A mark can be begun in the last {MARKABLE} frames; its frame can be"
+    f" marked from then on, while {HELD} more frames come"
+)
+STEP_HELP = (
+    "how many squares an arrow goes: 1, 4, 16, 64 (on the main screen these keys set the step by"
+    " which arrows move the mount)"
+)
 _OF_MODES: dict[Mode, tuple[Key, ...]] = {
     "live": (),
     "review": (),
@@ -64,7 +78,8 @@ _OF_MODES: dict[Mode, tuple[Key, ...]] = {
     "mark": (
         Key("↑↓←→", "Move"),
         Key("enter", "Set", is_weighty=True),
-        Key("shift", "Far"),
+        Key("shift", "Far", words="with an arrow: five squares"),
+        Key("O", "Signs", words="the signs of the streaks, hidden meanwhile"),
         Key("esc", "Leave off", is_weighty=True),
     ),
     "tune": (
@@ -92,19 +107,34 @@ _OF_MODES: dict[Mode, tuple[Key, ...]] = {
     ),
     "sheet": (
         Key("esc", "Back", is_weighty=True, command="back"),
-        Key(", .", "τ", is_weighty=True),
-        Key("+ -", "Zoom", is_weighty=True),
-        Key("m", "Mark", command="mark"),
-        Key("d", "Next candidate", command="next_candidate"),
-        Key("↑↓←→", "Move"),
-        Key("[ ]", "Step"),
-        Key("M", "Map", command="map_mode"),
-        Key("V", "Network's view", command="network_view"),
-        Key("f", "Stretch", command="stretch"),
-        Key("O", "Marks", command="marks"),
-        Key("P", "Solve again", command="plate"),
-        Key("R", "As recorded", command="as_recorded"),
-        Key("L", "List", command="list"),
+        Key(", .", "τ", is_weighty=True, words="τ smaller, larger: the frame is processed again"),
+        Key("+ -", "Zoom", is_weighty=True, words="nearer, farther, by two"),
+        Key("m", "Mark", is_weighty=True, command="mark", words=MARK_HELP),
+        Key("PgUp PgDn", "Frame", words="the frame before, after, of those whose pixels are kept"),
+        Key("d", "Next candidate", command="next_candidate", words="to the next candidate"),
+        Key("↑↓←→", "Move", words="move the cross ╋; with shift five steps"),
+        Key("[ ]", "Step", words=STEP_HELP),
+        Key("M", "Map", command="map_mode", words="fast or paper map for the network, and again"),
+        Key(
+            "V",
+            "Network's view",
+            command="network_view",
+            words="the map that the network looks at, instead of the frame; and back",
+        ),
+        Key("f", "Stretch", command="stretch", words="how light becomes grey: the next way"),
+        Key("O", "Marks", command="marks", words="signs over the picture off, to see beneath; on"),
+        Key("P", "Solve again", command="plate", words="a plate from this frame's stars alone"),
+        Key("R", "As recorded", command="as_recorded", words="nothing tried any more"),
+        Key("L", "List", command="list", words="all candidates on the whole screen, and back"),
+    ),
+    "sheet mark": (
+        Key("enter", "Set", is_weighty=True, command="set_end", words="the cross ╋ is an end"),
+        Key("↑↓←→", "Move", is_weighty=True, words="the cross ╋"),
+        Key("shift", "Far", words="with an arrow: five steps"),
+        Key("[ ]", "Step", is_weighty=True, words=STEP_HELP),
+        Key("+ -", "Zoom", words="nearer, farther: the closer, the surer the mark"),
+        Key("O", "Signs", command="marks", words="the signs of the streaks, hidden meanwhile"),
+        Key("esc", "Leave off", is_weighty=True, command="back", words="no mark is sent"),
     ),
 }
 
@@ -120,6 +150,7 @@ MODE_WORDS: dict[Mode, str] = {
     "review tracks": "Now: the list of tracks at this moment",
     "review log": "Now: the log of the whole night; what came later is dim",
     "sheet": "Now: one frame at full resolution",
+    "sheet mark": "Now: a streak's two ends are marked in one frame at full resolution",
 }
 
 

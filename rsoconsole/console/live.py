@@ -18,14 +18,18 @@ from rsoconsole.console.night_screen import NightScreen
 from rsoconsole.console.orbit_lines import target_words
 from rsoconsole.console.review import HEAD, ReviewScreen
 from rsoconsole.console.second_press import has_track
-from rsoconsole.console.sheet_actions import SendMark
+from rsoconsole.console.sheet_actions import MarkTo
+from rsoconsole.console.sheet_worker import detail_of
 from rsoconsole.console.streak_actions import StreakActions, too_late_to_mark
 from rsoconsole.console.telescope_actions import TelescopeActions
 from rsoconsole.console.tour import intro_text
 from rsoconsole.console.track_orders import TrackOrders
+from rsoconsole.console.verdicts import VerdictsDialog
 from rsoconsole.control.commands import MarkByHand, Note, Shutdown
 from rsoconsole.control.mount_words import motion_words
 from rsoconsole.control.stop import StopNews
+from rsoconsole.errors import RsoconsoleError
+from rsoconsole.session.reader import SessionReader
 
 AFTER_STOP = {"track": ", the mount tracks on", "stand still": ", the mount stands still"}
 """By ``mount.after_stop``."""
@@ -60,6 +64,7 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
             self.forget_mark()
         before, self.night = self.night, message.night
         self.see_refusals(before)
+        self.see_marks(before)
         self.take_picture(message.picture)
         if has_other_shape:
             self.place_panes()
@@ -88,6 +93,11 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
     def marks_by_hand(self) -> tuple[Mark, ...]:
         """What is being marked at this moment."""
         return self.mark_marks()
+
+    @property
+    def hides_signs(self) -> bool:
+        """Whether the signs of streaks would cover what is being marked."""
+        return self.mark_hides_signs
 
     def stop_words(self, news: StopNews) -> str:
         """With how things stand since, and the next key."""
@@ -170,19 +180,45 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
 
     def mark_refusal(self, frame_id: int) -> str:
         """The engine takes words on the last frames only."""
+        if not self.can_act:
+            return f"no mark in frame {frame_id}: no engine takes one from this console"
         return too_late_to_mark(self.engine, frame_id)
 
     @property
-    def send_mark(self) -> SendMark | None:
+    def mark_to(self) -> MarkTo | None:
         """To the engine, as from the picture."""
+        if self.read_only:
+            return None
 
         def send(mark: MarkByHand) -> str:
-            if not self.may_act():
-                return "no engine takes a mark from this console"
+            self.marked(mark.frame_id or 0)
             self.send(mark)
-            return "the mark is sent: esc goes back, and shows what came of it"
+            return f"mark sent, frame {mark.frame_id} …"
 
-        return send
+        return MarkTo(
+            send=send,
+            begin=self.begin_marking,
+            leave=self.leave_marking,
+            refusal=self.mark_refusal,
+        )
+
+    def action_verdicts(self) -> None:
+        """Of the frame that was just marked, where one was; else of the shown one."""
+        frame_id = self.marked_lately()
+        if frame_id is None or self.night.folder is None or self._is_shown(frame_id):
+            super().action_verdicts()
+            return
+        try:
+            detail = detail_of(SessionReader(self.night.folder), frame_id)
+        except RsoconsoleError as error:
+            self.say(str(error), "warn")
+            return
+        self.app.push_screen(
+            VerdictsDialog(detail, self.night.tau, self.keymap, which="which you marked")
+        )
+
+    def _is_shown(self, frame_id: int) -> bool:
+        return self.picture is not None and self.picture.frame_id == frame_id
 
     def action_note(self) -> None:
         """A remark into the session."""

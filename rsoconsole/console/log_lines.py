@@ -6,7 +6,17 @@ from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
 from rsoconsole.control import command_words, one_line
-from rsoconsole.control.commands import Arm, Disarm, Note, Resume, Seek, Set, Stop
+from rsoconsole.control.commands import (
+    Arm,
+    BeginMark,
+    Disarm,
+    MarkByHand,
+    Note,
+    Resume,
+    Seek,
+    Set,
+    Stop,
+)
 from rsoconsole.control.stop import IN_ENGINE, counted
 from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.reason_text import ruled_text, text
@@ -92,6 +102,8 @@ class LogLine:
     """Of a change of state; of a command that is done, that of the change that says it all."""
     refused_by: str = ""
     """Whose command was refused; empty: nobody's."""
+    marked_by: str = ""
+    """Whose mark by hand is used; empty: nobody's."""
     setting: str = ""
     """Which setting was changed, or wanted to be."""
     tracks: tuple[int, ...] = ()
@@ -166,10 +178,15 @@ def line_of(
         said=one_line(record.text) if isinstance(record, Event) else "",
         cause=_told_by(action) if action else kind,
         refused_by=action.by if action and action.outcome.kind == "refused" else "",
+        marked_by=action.by if action is not None and _is_used_mark(action) else "",
         setting=_setting_of(record),
     )
     track_id = record.track_id if isinstance(record, Miss | NotFollowed | Identified) else None
     return line if track_id is None or not is_one_of_several else line.of((track_id,))
+
+
+def _is_used_mark(action: OperatorAction) -> bool:
+    return action.verb == MarkByHand.verb and action.outcome.sigma_arcsec is not None
 
 
 def _not_taken(record: Record) -> str:
@@ -213,7 +230,9 @@ def _words(record: Record) -> tuple[Level, str] | None:  # noqa: PLR0911 -- one 
         case NotSolved():
             return "warning", f"not plate-solved: {record.reason}"
         case NotFollowed():
-            return "info", f"not taken: {text(record.reason)}"
+            said = text(record.reason)
+            is_set_aside = _not_taken(record) == "not chosen"
+            return "info", f"automatic measurement {said}" if is_set_aside else f"not taken: {said}"
         case Event():
             prefix = {"info": "", "warning": "warning: ", "alarm": "ALARM: "}[record.level]
             return record.level, prefix + record.text
@@ -222,6 +241,8 @@ def _words(record: Record) -> tuple[Level, str] | None:  # noqa: PLR0911 -- one 
         case Detections():
             said = remarkable(record.detections)
             return ("info", f"detected: {said}") if said else None
+        case OperatorAction(verb=BeginMark.verb) if record.outcome.kind == "done":
+            return None
         case OperatorAction():
             return _of_action(record)
         case ParameterChange():
@@ -277,6 +298,8 @@ def _of_action(record: OperatorAction) -> tuple[Level, str]:
     if record.verb == Stop.verb:
         said = counted(text(result), result.stop_ordered_ms, IN_ENGINE)
         return "alarm", f"{by}: STOP: {said}"
+    if _is_used_mark(record):
+        return "good", f"{by}: mark in frame {result.frame_id} is {ruled_text(result)}"
     wanted = command_words(record.verb, record.arguments)
     return "warning" if result.kind == "refused" else "info", f"{by}: {wanted}{_came_of(record)}"
 

@@ -25,6 +25,8 @@ class Marking:
     high_px: tuple[float, float]
     cursor_px: tuple[float, float]
     first_px: tuple[float, float] | None = None
+    shows_signs: bool = False
+    """Whether the signs of streaks stay over the picture."""
     coarsest_px: float = 0.0
     """Of the squares in which the ends were set: how well they are known."""
 

@@ -1,5 +1,6 @@
 """What the watches and the commands tell the screens, from their threads."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,14 @@ class NightSeen(Message):
         self.night, self.picture = night, picture
         self.is_taken = False
         """A screen has looked at it: what comes now needs a message of its own."""
+
+
+class MarkHeld(Message):
+    """The engine keeps a frame in which a mark has been begun, or says why it cannot."""
+
+    def __init__(self, frame_id: int, outcome: Outcome, refused: Callable[[str], None]) -> None:
+        super().__init__()
+        self.frame_id, self.outcome, self.refused = frame_id, outcome, refused
 
 
 class EngineSeen(Message):

@@ -37,7 +37,7 @@ from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBa
 from rsoconsole.console.picture import STRETCHES, Drawing, Picture, fitted_cells
 from rsoconsole.console.plot import Line
 from rsoconsole.console.reading import ReadingActions
-from rsoconsole.console.sheet_actions import SendMark
+from rsoconsole.console.sheet_actions import MarkTo
 from rsoconsole.console.sky_view import sky_lines
 from rsoconsole.console.track_actions import TracksPane
 from rsoconsole.console.tune import TunePane
@@ -158,9 +158,11 @@ class NightScreen(ReadingActions):
         """The sight chosen in the large pane; in the small one the other."""
         large, stretch = SIGHTS[self._sight_now], STRETCHES[self._stretch]
         small: Sight = "close-up" if large == "field" else "field"
-        told, marks = (self.night.frame, stretch), self.marks_by_hand()
-        self.query_one("#frame", FramePane).show(self.picture, large, stretch, told, marks)
-        self.query_one("#closeup", FramePane).show(self.picture, small, stretch, told, marks)
+        told, marks = (self.night.frame, stretch, self.hides_signs), self.marks_by_hand()
+        for name, sight in (("frame", large), ("closeup", small)):
+            pane = self.query_one(f"#{name}", FramePane)
+            pane.hides_signs = self.hides_signs
+            pane.show(self.picture, sight, stretch, told, marks)
 
     @property
     def _sight_now(self) -> int:
@@ -201,6 +203,11 @@ class NightScreen(ReadingActions):
             columns = drawing.window.columns - 1 if drawing is not None else words.BADGE_COLUMNS
             caption = words.closeup_caption(picture, columns)
         return title if stretch == "streaks" else [*title, stretch], caption
+
+    @property
+    def hides_signs(self) -> bool:
+        """Whether the signs of streaks would cover what is being marked."""
+        return False
 
     def marks_by_hand(self) -> tuple[Mark, ...]:
         """What is being marked at this moment."""
@@ -430,18 +437,13 @@ class NightScreen(ReadingActions):
                 status=self.top,
                 alert=self._alert_elsewhere,
                 keymap=self.keymap,
-                send_mark=self.send_mark,
-                mark_refusal=self.mark_refusal,
+                mark_to=self.mark_to,
+                seat=self,
             )
         )
 
-    def mark_refusal(self, frame_id: int) -> str:
-        """Why a frame takes no mark any more; empty: it does, or nothing is known against it."""
-        _ = frame_id
-        return ""
-
     @property
-    def send_mark(self) -> SendMark | None:
+    def mark_to(self) -> MarkTo | None:
         """Where a mark of the opened frame goes; a night that is over takes none."""
         return None
 

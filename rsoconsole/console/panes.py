@@ -155,6 +155,9 @@ class FramePane(Widget):
             self._pixels.styles.offset = (0, 1)
             yield self._pixels
 
+    hides_signs = False
+    """The picture's own marks are left out."""
+
     @property
     def picture(self) -> Picture | None:
         """What is shown."""
@@ -265,7 +268,8 @@ class FramePane(Widget):
 
     def _shown_marks(self) -> tuple[Mark, ...]:
         """What is pointed at; afar a rejected candidate is no more than clutter."""
-        marks = (*(self._picture.marks if self._picture is not None else ()), *self._marks)
+        own = () if self._picture is None or self.hides_signs else self._picture.marks
+        marks = (*own, *self._marks)
         return tuple(m for m in marks if m.kind != "rejected" or self._sight != "field")
 
     def _absent(self) -> str:

@@ -21,7 +21,14 @@ from rsoconsole.console.orders import Orders
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.plot import Ink
 from rsoconsole.control import ON_RECORD, Command, LastStop, Outcome, Sender, command_words
-from rsoconsole.control.commands import AnswerSeat, Arm, AskSeat, MarkByHand, Shutdown
+from rsoconsole.control.commands import (
+    AnswerSeat,
+    Arm,
+    AskSeat,
+    BeginMark,
+    MarkByHand,
+    Shutdown,
+)
 from rsoconsole.control.mount_words import mount_words
 from rsoconsole.control.stop import StopNews
 
@@ -31,6 +38,8 @@ if TYPE_CHECKING:
 NOTICE_S = 4.0
 SEEN_AFTER_NS = 1_000_000_000
 REFUSAL_S = 10.0
+MARK_SAID_S = 30.0
+"""What came of a mark is said so long: it was made in a frame that lies over this screen."""
 NEW_LINES = 20
 """Among so many of the log's last lines a refusal is looked for."""
 BANNER_S = 15.0
@@ -168,7 +177,9 @@ class Seat(Screen[None]):
         if message.stops != self._stops and not isinstance(command, Shutdown):
             return
         name = command.label()
-        if outcome.ok:
+        if outcome.ok and isinstance(command, MarkByHand):
+            self.mark_is_taken(command, outcome)
+        elif outcome.ok:
             self.say(f"{name}: {outcome.message or 'done'}", "good")
             if isinstance(command, Arm):
                 self.show_stop(None)
@@ -186,6 +197,11 @@ class Seat(Screen[None]):
             self.say("")
             self._open_unasked(MessageDialog(f"{name}: not done", outcome.message))
 
+    def mark_is_taken(self, mark: MarkByHand, outcome: Outcome) -> None:
+        """By the engine, and with the next frame by the track."""
+        said = f"your mark in frame {mark.frame_id} is {outcome.message or 'sent'}"
+        self.say(said, "good", MARK_SAID_S)
+
     def _open_unasked(
         self, dialog: Dialog[Result], decided: Callable[[Result | None], None] | None = None
     ) -> None:
@@ -199,6 +215,9 @@ class Seat(Screen[None]):
         def decided(is_wanted: bool | None) -> None:
             if is_wanted:
                 self.send(replace(mark, replaces=True))
+            else:
+                self.say(f"your mark in frame {mark.frame_id} is not used", "title", MARK_SAID_S)
+                self.leave_marking(mark.frame_id)
 
         self.say("the mark waits for your word", "warn")
         own, better = (
@@ -301,6 +320,20 @@ class Seat(Screen[None]):
                 self._refused_at_once.remove(refused)
             elif refused:
                 self.say(line.text.partition(": ")[2], "warn", REFUSAL_S)
+
+    def leave_marking(self, frame_id: int | None) -> None:
+        """A mark that was begun is left off: the engine need not keep the frame for it."""
+        if frame_id is not None and self.can_act:
+            self.orders.send(BeginMark(frame_id=frame_id, is_on=False), lambda _outcome: None)
+
+    def see_marks(self, before: NightView) -> None:
+        """What came of a mark that was made here, when it is on record."""
+        if not self.seat_name or before.folder != self.night.folder or not before.is_read:
+            return
+        own = Sender.console(self.seat_name).words
+        for line in self._lines_after(before.seq):
+            if line.marked_by == own:
+                self.say(f"your {line.text.partition(': ')[2]}", "good", MARK_SAID_S)
 
     def see_stop(self) -> None:
         """A STOP that was not confirmed is an alarm until the mount is seen to stand."""

@@ -47,10 +47,22 @@ class Sheet:
     """The first end of the mark that is made."""
     coarsest_px: float = 0.0
     """Of the views in which its ends were set."""
-    word: str = ""
-    """What is said of it."""
+    shows_beside_mark: bool = False
+    """Whether the marks stay over the picture while another one is made."""
     began_s: float = field(default_factory=time.monotonic)
     """When what is under way began."""
+
+    @property
+    def are_marks_shown(self) -> bool:
+        """What is pointed at, over the picture; while a mark is made its ends lie beneath it."""
+        return self.has_marks and (not self.is_marking or self.shows_beside_mark)
+
+    @property
+    def end_words(self) -> str:
+        """Which end is to be marked; empty: none."""
+        if not self.is_marking:
+            return ""
+        return f"mark the {'first' if self.first_px is None else 'second'} end"
 
     @property
     def recorded_tau(self) -> float | None:

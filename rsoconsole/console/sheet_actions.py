@@ -1,7 +1,7 @@
 """What the keys and the mouse do in a frame at full resolution."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from textual.app import SystemCommand
@@ -10,9 +10,12 @@ from textual.screen import Screen
 
 from rsoconsole.console.messages import Pointed
 from rsoconsole.console.picture import STRETCHES
+from rsoconsole.console.plot import Ink
+from rsoconsole.console.seat import MARK_SAID_S
 from rsoconsole.console.sheet import Sheet
 from rsoconsole.console.sheet_pane import SheetPane
 from rsoconsole.console.sheet_view import STEPS
+from rsoconsole.console.sheet_words import step_words
 from rsoconsole.console.streak_actions import why_no_mark
 from rsoconsole.control.commands import MarkByHand
 from rsoconsole.records import MapMode
@@ -21,6 +24,26 @@ FINEST_MARK_PX = 1.0
 """Nobody points more finely."""
 SendMark = Callable[[MarkByHand], str]
 """Hands a mark to the engine; gives what is to be said of it."""
+SAID_S = 4.0
+REFUSED_S = 15.0
+FAR = 5
+"""Steps that a shifted arrow goes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarkTo:
+    """Where a mark goes that is made in an opened frame."""
+
+    send: SendMark
+    """Gives what is to be said of it."""
+    begin: Callable[[int, Callable[[str], None]], None]
+    """A mark is begun in that frame, which is kept for it; calls back with why it cannot be."""
+    leave: Callable[[int], None]
+    """Left off: the frame need not be kept."""
+    refusal: Callable[[int], str]
+    """Why a frame takes none any more; empty: it does, as far as is known."""
+
+
 ROOM_PX = 20.0
 """Seen beyond both ends of a candidate that is gone to."""
 _MOVES = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
@@ -34,6 +57,9 @@ class SheetActions(Screen[None]):
         Binding("enter", "set_end", "Set an end", show=False),
         Binding("q", "app.leave", "Leave", id="leave", show=False),
         *(Binding(key, f"move('{key}')", show=False) for key in _MOVES),
+        *(Binding(f"shift+{key}", f"move('{key}', {FAR})", show=False) for key in _MOVES),
+        Binding("pageup", "other_frame(-1)", "Frame before", show=False),
+        Binding("pagedown", "other_frame(1)", "Frame after", show=False),
         Binding("left_square_bracket", "step(-1)", "Smaller step", id="smaller_step", show=False),
         Binding("right_square_bracket", "step(1)", "Larger step", id="larger_step", show=False),
         Binding("plus,equals_sign", "zoom_by(-1)", "Nearer", show=False),
@@ -52,21 +78,17 @@ class SheetActions(Screen[None]):
         Binding("L", "list", "List", show=False),
     ]
 
-    def __init__(
-        self,
-        sheet: Sheet,
-        send_mark: SendMark | None = None,
-        mark_refusal: Callable[[int], str] = lambda _frame_id: "",
-    ) -> None:
-        """``send_mark``: hands a mark to the engine, and says why it cannot be; None: there is
-        none, as of a night that is over. ``mark_refusal``: why a frame takes none any more."""
+    def __init__(self, sheet: Sheet, mark_to: MarkTo | None = None) -> None:
+        """``mark_to``: where a mark goes; None: nowhere, as in a night that is over."""
         super().__init__()
         self.sheet = sheet
-        self._send_mark = send_mark
-        self._mark_refusal = mark_refusal
+        self._mark_to = mark_to
 
     def show(self) -> None:
         """Draw everything again; the screen does."""
+
+    def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
+        """A word over the last line, for a while; the screen has it."""
 
     def process(self) -> None:
         """Ask for the frame with what is tried now; the screen does."""
@@ -77,6 +99,9 @@ class SheetActions(Screen[None]):
     def action_back(self) -> None:
         """To the screen below; the screen does."""
 
+    def action_other_frame(self, by: int) -> None:
+        """To the frame before or after, of those whose pixels are kept; the screen does."""
+
     @property
     def picture(self) -> SheetPane:
         """The frame's widget."""
@@ -84,24 +109,25 @@ class SheetActions(Screen[None]):
 
     # -- the view ------------------------------------------------------------------------------
 
-    def action_move(self, key: str) -> None:
+    def action_move(self, key: str, times: int = 1) -> None:
         """The cross, and the view with it."""
         across, down = _MOVES[key]
         if self.sheet.view is not None:
-            step = STEPS[self.sheet.step]
+            step = STEPS[self.sheet.step] * times
             self.sheet.view = self.sheet.view.moved(step * across, step * down)
             self.picture.redraw()
 
     def action_step(self, by: int) -> None:
         """How far an arrow goes."""
         self.sheet.step = min(max(self.sheet.step + by, 0), len(STEPS) - 1)
-        self.picture.redraw()
+        self.say(f"{step_words(self.sheet)} ([ smaller, ] larger)")
+        self.show()
 
     def action_zoom_by(self, by: int) -> None:
         """Nearer or farther, by two."""
         if self.sheet.view is not None:
             self.sheet.view = self.sheet.view.zoomed(by)
-            self.picture.redraw()
+            self.show()
 
     def action_zoom(self) -> None:
         """Nearer; from the nearest back to the whole field."""
@@ -111,7 +137,7 @@ class SheetActions(Screen[None]):
         else:
             nearer = view.zoomed(-1)
             self.sheet.view = replace(view, zoom=None) if nearer == view else nearer
-            self.picture.redraw()
+            self.show()
 
     def action_stretch(self) -> None:
         """How light becomes grey."""
@@ -121,7 +147,10 @@ class SheetActions(Screen[None]):
 
     def action_marks(self) -> None:
         """What is pointed at, or the pixels beneath it."""
-        self.sheet.has_marks = not self.sheet.has_marks
+        if self.sheet.is_marking:
+            self.sheet.shows_beside_mark = not self.sheet.shows_beside_mark
+        else:
+            self.sheet.has_marks = not self.sheet.has_marks
         self.picture.redraw()
 
     def action_next_candidate(self) -> None:
@@ -142,43 +171,61 @@ class SheetActions(Screen[None]):
 
     # -- a mark by hand ------------------------------------------------------------------------
 
+    @property
+    def can_mark(self) -> bool:
+        """Whether this frame may take a mark, as far as the screen knows."""
+        return self._mark_to is not None and not self.sheet.fault
+
     def action_mark(self) -> None:
         """Begin a mark at the cross, or leave off."""
-        sheet = self.sheet
+        sheet, mark_to = self.sheet, self._mark_to
         if sheet.is_marking:
-            self.end_mark("")
+            self.leave_mark()
             return
         detail = None if sheet.opened is None else sheet.opened.detail
-        if self._send_mark is None:
+        if mark_to is None:
             why_not = "no marks in a night that is over"
+        elif sheet.fault:
+            why_not = f"no mark in frame {sheet.frame_id}: its pixels were not kept"
         elif detail is None or sheet.view is None:
-            why_not = "no mark yet: the frame is still being read"
+            why_not = "no mark yet: the frame is still being read, press it again then"
         else:
-            why_not = why_no_mark(sheet.frame_id, detail) or self._mark_refusal(sheet.frame_id)
-        if why_not:
-            self.end_mark(why_not)
+            why_not = why_no_mark(sheet.frame_id, detail) or mark_to.refusal(sheet.frame_id)
+        if why_not or mark_to is None:
+            self.say(why_not, "warn", REFUSED_S)
             return
-        sheet.is_marking, sheet.word = True, "mark the first end: arrows, enter"
-        self.picture.redraw()
+        sheet.is_marking, sheet.shows_beside_mark = True, False
+        self.show()
+        mark_to.begin(sheet.frame_id, self.refuse_mark)
 
-    def end_mark(self, word: str) -> None:
-        """No mark is made any more."""
+    def refuse_mark(self, why_not: str) -> None:
+        """The engine takes none in this frame any more."""
+        self._end_mark()
+        self.say(why_not, "warn", REFUSED_S)
+
+    def leave_mark(self) -> None:
+        """Nothing is sent."""
+        self._end_mark()
+        if self._mark_to is not None:
+            self._mark_to.leave(self.sheet.frame_id)
+
+    def _end_mark(self) -> None:
         sheet = self.sheet
-        sheet.is_marking, sheet.first_px, sheet.coarsest_px, sheet.word = False, None, 0.0, word
-        self.picture.redraw()
+        sheet.is_marking, sheet.first_px, sheet.coarsest_px = False, None, 0.0
+        self.show()
 
     def action_set_end(self) -> None:
         """The cross is an end; with the second the mark is sent."""
-        sheet, view = self.sheet, self.sheet.view
-        if not sheet.is_marking or view is None or self._send_mark is None:
+        sheet, view, mark_to = self.sheet, self.sheet.view, self._mark_to
+        if not sheet.is_marking or view is None or mark_to is None:
             return
-        if why_not := self._mark_refusal(sheet.frame_id):
-            self.end_mark(why_not)
+        if why_not := mark_to.refusal(sheet.frame_id):
+            self.refuse_mark(why_not)
             return
         sheet.coarsest_px = max(sheet.coarsest_px, view.px_per_square, FINEST_MARK_PX)
         if sheet.first_px is None:
-            sheet.first_px, sheet.word = (view.x_px, view.y_px), "mark the second end"
-            self.picture.redraw()
+            sheet.first_px = (view.x_px, view.y_px)
+            self.show()
             return
         (x_a, y_a), sigma_px = sheet.first_px, sheet.coarsest_px
         mark = MarkByHand(
@@ -189,7 +236,8 @@ class SheetActions(Screen[None]):
             y_b_px=view.y_px,
             sigma_px=sigma_px,
         )
-        self.end_mark(self._send_mark(mark))
+        self._end_mark()
+        self.say(mark_to.send(mark), "title", MARK_SAID_S)
 
     # -- the settings --------------------------------------------------------------------------
 
@@ -267,6 +315,8 @@ class SheetActions(Screen[None]):
             ("Frame: nearer", "by two", lambda: self.action_zoom_by(-1)),
             ("Frame: farther", "by two", lambda: self.action_zoom_by(1)),
             ("Frame: mark by hand", "the streak's two ends", self.action_mark),
+            ("Frame: the one before", "whose pixels are kept", lambda: self.action_other_frame(-1)),
+            ("Frame: the one after", "whose pixels are kept", lambda: self.action_other_frame(1)),
             ("Frame: stretch", "how light becomes grey", self.action_stretch),
             ("Frame: marks", "on and off", self.action_marks),
             ("Frame: smaller tau", "by a quarter; processes again", lambda: self.action_tau(-1)),

@@ -20,11 +20,15 @@ def sheet_boxes(
     *,
     has_status: bool = False,
     alert_rows: int = 0,
+    keys_rows: int = 1,
     is_list_open: bool = False,
 ) -> dict[Name, Box]:
-    """The box of each part that has room. ``is_list_open`` gives the panel the picture's too."""
+    """The box of each part that has room. ``is_list_open`` gives the panel the picture's too.
+
+    ``keys_rows``: of the last line and what is said over it.
+    """
     boxes: dict[Name, Box] = {}
-    top, bottom = 0, height - 1
+    top, bottom = 0, height - keys_rows
     if has_status:
         boxes["status"] = Box(x=0, y=0, width=width, height=1)
         top = 1
@@ -32,7 +36,7 @@ def sheet_boxes(
         boxes["alert"] = Box(x=0, y=top, width=width, height=alert_rows)
         top += alert_rows
     if bottom >= 0:
-        boxes["keys"] = Box(x=0, y=bottom, width=width, height=1)
+        boxes["keys"] = Box(x=0, y=bottom, width=width, height=keys_rows)
     rows = bottom - top
     if rows <= 0:
         return boxes

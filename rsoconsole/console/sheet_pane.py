@@ -77,7 +77,7 @@ class SheetPane(FramePane):
             return ()
         candidates = sheet.candidates if sheet.done is not None else ()
         marks = sheet_marks(sheet.opened.detail, candidates, sheet.chosen)
-        marks = marks if sheet.has_marks else ()
+        marks = marks if sheet.are_marks_shown else ()
         if sheet.view is None or sheet.pixels is None:
             return marks
         if sheet.first_px is not None:

@@ -5,12 +5,13 @@ import time
 
 from rsoconsole.console.sheet import Sheet
 from rsoconsole.console.sheet_view import STEPS, View
+from rsoconsole.pipeline.held_frames import HELD
 from rsoconsole.sky.angles import format_dec, format_ra
 
 
 def title_parts(sheet: Sheet) -> list[str]:
     """Which frame, how close, in which light."""
-    parts = [f"frame {sheet.frame_id:04d}", *([sheet.word] if sheet.word else [])]
+    parts = [f"frame {sheet.frame_id:04d}", *([sheet.end_words] if sheet.is_marking else [])]
     opened = sheet.opened
     if opened is not None and sheet.pixels is None and not sheet.fault:
         seconds = time.monotonic() - sheet.began_s
@@ -25,6 +26,27 @@ def title_parts(sheet: Sheet) -> list[str]:
     if opened is not None and opened.recorded.taken.exposure_s is not None:
         parts.append(f"{opened.recorded.taken.exposure_s:g} s")
     return [*parts, sheet.stretch]
+
+
+def step_px(sheet: Sheet) -> float:
+    """Pixels that an arrow goes."""
+    squares = STEPS[sheet.step]
+    return squares * (1.0 if sheet.view is None else sheet.view.px_per_square)
+
+
+def step_words(sheet: Sheet) -> str:
+    """How far an arrow goes: step 4 squares = 16 px."""
+    squares, px = STEPS[sheet.step], step_px(sheet)
+    if squares == px:
+        return f"step {px:g} px"
+    return f"step {squares} square{'s' if squares > 1 else ''} = {px:.3g} px"
+
+
+def mark_words(sheet: Sheet) -> str:
+    """How a mark that is being made goes on."""
+    keys = "arrows move ╋ (shift: far), enter sets it"
+    kept = f"frame {sheet.frame_id} stays markable meanwhile, for {HELD} frames"
+    return f"{sheet.end_words}: {keys}; {step_words(sheet)}, [ ] changes it; {kept}"
 
 
 def scale_words(view: View) -> str:
@@ -42,7 +64,7 @@ def readout_parts(sheet: Sheet) -> list[str]:
     if view is None or pixels is None:
         return []
     x, y = math.floor(view.x_px + 0.5), math.floor(view.y_px + 0.5)
-    parts = [f"╋ {x},{y}"]
+    parts = [f"╋ {x},{y}", f"step {step_px(sheet):.3g} px"]
     frame_map = sheet.map
     if frame_map is not None and frame_map.mode == "fast":
         from rsoconsole.console.sheet_pixels import map_sigma
@@ -58,5 +80,4 @@ def readout_parts(sheet: Sheet) -> list[str]:
 
         ra, dec = (float(angle) for angle in pixel_to_sky(solution.wcs, x, y))
         parts.append(f"α {format_ra(ra, 1)} δ {format_dec(dec, 0)}")
-    parts.append(f"step {STEPS[sheet.step]}")
     return parts

@@ -1,24 +1,28 @@
 """What the operator says of the streaks in a frame: this one, not that one, here it is."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.marking import Marking
 from rsoconsole.console.marks import Mark
-from rsoconsole.console.messages import Pointed
+from rsoconsole.console.messages import MarkHeld, Pointed
 from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.reject_dialog import RejectDialog
-from rsoconsole.console.seat import REFUSAL_S
+from rsoconsole.console.seat import MARK_SAID_S, REFUSAL_S
 from rsoconsole.console.second_press import SETTLES_S, WITHIN_S, CarefulSeat, has_track
-from rsoconsole.control.commands import Accept, Choose, MarkByHand, Reject
+from rsoconsole.control import Outcome
+from rsoconsole.control.commands import Accept, BeginMark, Choose, MarkByHand, Reject
+from rsoconsole.pipeline.held_frames import HELD
 from rsoconsole.records import Detection, NotSolved
 
 CLICK_PX = 60.0
 """A click so far from a streak is not meant for it, unless the picture is coarser than that."""
+DETAILS_S = 300.0
+"""So long after a mark the details that are asked for first are of its frame."""
 CLICKED_S = 8.0
 """So long after a click on a streak the key means that one."""
 
@@ -40,6 +44,8 @@ class StreakActions(CarefulSeat):
     """The newest, while a mark is made in an older one."""
     marking: Marking | None = None
     """The mark that is being made; None while none is."""
+    _marked: tuple[int | None, float] = (None, 0.0)
+    """The frame in which a mark was made last, and when."""
     _chosen, _chosen_in = -1, -1
     _picked: Pick | None = None
     _picked_until_s = 0.0
@@ -150,9 +156,34 @@ class StreakActions(CarefulSeat):
             return
         self.marking = Marking.begin(self.picture.frame_id, drawing)
         self._show_mark()
+        self.begin_marking(frame_id, self._refuse_mark)
+
+    def begin_marking(self, frame_id: int, refused: Callable[[str], None]) -> None:
+        """Have the engine keep that frame; ``refused`` is called with why it cannot."""
+
+        def came(outcome: Outcome) -> None:
+            self.post_from_thread(MarkHeld(frame_id, outcome, refused))
+
+        self.orders.send(BeginMark(frame_id=frame_id), came)
+
+    def on_mark_held(self, message: MarkHeld) -> None:
+        """A mark that the engine cannot take ends where it begins."""
+        outcome = message.outcome
+        if outcome.ok:
+            return
+        seat = outcome.data.get("seat")
+        why = f"{seat} has control" if seat else outcome.message
+        message.refused(f"no mark in frame {message.frame_id}: {why}")
+
+    def _refuse_mark(self, why_not: str) -> None:
+        if self.marking is not None:
+            self._leave_mark()
+        self.say(why_not, "warn", REFUSAL_S)
 
     def end_mark(self) -> None:
         """Leave off; nothing is sent."""
+        if self.marking is not None:
+            self.leave_marking(self.marking.frame_id)
         self._leave_mark()
         self.say("")
 
@@ -190,6 +221,9 @@ class StreakActions(CarefulSeat):
             return False
         if key == "enter":
             self._set_end()
+        elif key in {"O", "upper_o"}:
+            self.marking.shows_signs = not self.marking.shows_signs
+            self.show_picture()
         elif not self.marking.move(key):
             return False
         else:
@@ -232,6 +266,7 @@ class StreakActions(CarefulSeat):
             self._show_mark()
             return
         (x_a, y_a), (x_b, y_b) = ends
+        self.marked(self.marking.frame_id)
         self.send(
             MarkByHand(
                 frame_id=self.marking.frame_id,
@@ -247,9 +282,24 @@ class StreakActions(CarefulSeat):
     def _show_mark(self) -> None:
         assert self.marking is not None
         which = "first" if self.marking.first_px is None else "second"
-        waits = ": a newer frame waits" if self.picture_waiting is not None else ""
-        self.say(f"mark the {which} end{waits}")
+        waits = "; a newer one waits" if self.picture_waiting is not None else ""
+        kept = f"frame {self.marking.frame_id} stays markable meanwhile, for {HELD} frames{waits}"
+        self.say(f"mark the {which} end: arrows, enter; {kept}", "title", MARK_SAID_S)
         self.show_picture()
+
+    def marked(self, frame_id: int) -> None:
+        """A mark in that frame is on its way: its details are what is asked for next."""
+        self._marked = frame_id, self.now_s()
+
+    def marked_lately(self) -> int | None:
+        """The frame marked last, once: the details of the newest are for the next asking."""
+        (frame_id, at_s), self._marked = self._marked, (None, 0.0)
+        return frame_id if self.now_s() - at_s < DETAILS_S else None
+
+    @property
+    def mark_hides_signs(self) -> bool:
+        """While a mark is made: they stand where its ends are."""
+        return self.marking is not None and not self.marking.shows_signs
 
     def mark_marks(self) -> tuple[Mark, ...]:
         """What the mark being made adds to the picture."""
@@ -275,7 +325,10 @@ def too_late_to_mark(engine: EngineView, frame_id: int) -> str:
         return ""  # newer than the engine's last word
     if not frames:
         return f"no mark in frame {frame_id}: the next one takes one"
-    return f"no mark in frame {frame_id}: only in {_frames_text(frames)}"
+    return (
+        f"frame {frame_id} is too old to mark: only {_frames_text(frames)} can be;"
+        " on the main screen enter opens the newest"
+    )
 
 
 def _frames_text(frames: Sequence[int]) -> str:

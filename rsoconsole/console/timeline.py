@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple, assert_never
 from rsoconsole.console.alerts import FOLLOWING
 from rsoconsole.console.night import FrameRow
 from rsoconsole.console.panels import refused_of
-from rsoconsole.control.commands import Note
+from rsoconsole.control.commands import BeginMark, Note
 from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.records import (
     Closeup,
@@ -235,11 +235,12 @@ def _told(record: Record) -> Kind | None:
                 return "alarm"
             is_given_up = record.before in FOLLOWING and record.after == "SEARCH"
             return "loss" if is_given_up or record.after == "LOST" else None
+        case OperatorAction(verb=Note.verb):
+            return "note"
         case OperatorAction():
-            if record.verb == Note.verb:
-                return "note"
-            # Of what waits the log has later what came of it.
-            return None if record.outcome.kind == "accepted" else "operator"
+            # Of what waits, and of a mark that begins, the log has later what came of it.
+            is_to_come = record.outcome.kind == "accepted" or record.verb == BeginMark.verb
+            return None if is_to_come else "operator"
         case Event():
             return "alarm" if record.level == "alarm" else None
         case (

@@ -14,7 +14,7 @@ from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.words import short
 from rsoconsole.reason_text import text
-from rsoconsole.records import Detection
+from rsoconsole.records import Detection, Measurement
 from rsoconsole.streak_text import name_of, pulse_of
 
 COLUMNS = 70
@@ -28,9 +28,16 @@ class VerdictsDialog(Dialog[None]):
     BINDINGS: ClassVar[list[BindingType]] = [Binding("v,q", "put_away", "Back", show=False)]
 
     def __init__(
-        self, detail: FrameDetail, tau: float, keymap: Mapping[str, str] | None = None
+        self,
+        detail: FrameDetail,
+        tau: float,
+        keymap: Mapping[str, str] | None = None,
+        *,
+        which: str = "",
     ) -> None:
+        """``which``: more that is said of the frame, where it is not the shown one."""
         super().__init__()
+        self._which = which
         self._detail, self._tau = detail, tau
         keys = [first_key(name, keymap) for name in ("follow_next", "accept", "reject")]
         self._help = (
@@ -43,7 +50,8 @@ class VerdictsDialog(Dialog[None]):
         taken = self._detail.taken
         with VerticalScroll() as box:
             number = "" if taken is None else f" of frame {taken.frame_id:04d}"
-            box.border_title = f"streaks{number}"
+            which = f", {self._which}" if self._which else ""
+            box.border_title = f"streaks{number}{which}"
             box.border_subtitle = "esc back"
             lines = [*verdict_lines(self._detail, self._tau), "", self._help]
             yield Static("\n".join(lines), markup=False)
@@ -61,7 +69,7 @@ def verdict_lines(detail: FrameDetail, tau: float) -> list[str]:
     for one in rejected[:MOST_REJECTED]:
         lines += _lines(one.detection, "rejected", text(one.reason))
     by_hand = [m for m in detail.measurements if m.source == "operator"]
-    lines += [f"  by your hand, at {m.x_px:.0f}, {m.y_px:.0f}" for m in by_hand]
+    lines += [f"  by your hand, at {m.x_px:.0f}, {m.y_px:.0f}: {_sigmas(m)}" for m in by_hand]
     if not lines:
         lines = ["  None: the network proposed nothing."]
     left = len(rejected) - MOST_REJECTED
@@ -69,6 +77,11 @@ def verdict_lines(detail: FrameDetail, tau: float) -> list[str]:
         lines.append(f"  and {left} less likely ones, rejected")
     head = f"confidence against τ {short(tau)}; x, y in pixels of the frame"
     return [head, "", *lines]
+
+
+def _sigmas(measured: Measurement) -> str:
+    east, _, north = measured.cov_sky_arcsec2
+    return f"±{short(east**0.5)}″ RA ±{short(north**0.5)}″ Dec"
 
 
 def fate(streak: Detection, detail: FrameDetail) -> tuple[str, str]:

@@ -242,6 +242,8 @@ def closeup_title(picture: Picture | None, drawing: Drawing | None) -> list[str]
     if found is not None:
         parts.append(f"SNR {found.snr:.0f}")
         parts.append(f"{found.length_px:.0f}×{found.width_px:.1f} px")
+    elif picture.detail.followed is None and picture.detail.predicted is not None:
+        parts.append("predicted place")
     return parts
 
 

@@ -27,7 +27,7 @@ WIDEST_MARK_PX = 10_000.0
 BETTER = 1.5
 """From so many times its sigma on a mark that would take a measurement's place asks first."""
 SAME_STREAK_ARCSEC = 30.0
-"""An automatic measurement farther from the mark is of something else."""
+"""An automatic measurement farther from the mark is of something else, if the mark is sure."""
 
 
 def marked_ruling(shown: Shown, mark: MarkByHand, by: str, config: Config) -> Ruling:
@@ -150,7 +150,8 @@ def automatic_of(mark: Measurement, shown: Shown, taken: Measurement | None) -> 
     ``taken``: what the track has of the frame.
     """
     known = [m for m in (taken, *shown.measurements) if m is not None and m.source != "operator"]
-    near = [m for m in known if _is_at(m, mark, SAME_STREAK_ARCSEC)]
+    within = max(SAME_STREAK_ARCSEC, 3.0 * sigma_arcsec(mark))
+    near = [m for m in known if _is_at(m, mark, within)]
     return min(near, key=lambda m: _away_arcsec(m, mark), default=None)
 
 

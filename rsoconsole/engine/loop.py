@@ -29,7 +29,7 @@ from rsoconsole.engine.modes import Modes
 from rsoconsole.engine.pace import Pace
 from rsoconsole.engine.parking import Parking
 from rsoconsole.engine.plan import Plan, Planner
-from rsoconsole.engine.preview import place_of_interest
+from rsoconsole.engine.preview import PlacesOfInterest
 from rsoconsole.engine.seek import Seeking
 from rsoconsole.engine.settings import Settings
 from rsoconsole.engine.slews import NowhereError, Slews
@@ -140,6 +140,7 @@ class Engine:
         self.temporary = Temporary()
         """Settings that hold for some frames only."""
         self._pace = Pace()
+        self._places = PlacesOfInterest()
         parts = Parts(
             hands=hands,
             planner=self.planner,
@@ -472,7 +473,7 @@ class Engine:
         try:
             self._exposures.pass_processing_time()
             reduction = self._reduce_and_go_on(frame, read_ms, plan.blocked)
-            place_px = place_of_interest(reduction, self.following)
+            place_px = self._places.of(frame, reduction, self.following)
         finally:
             # Also the frame that could not be used: it is the one somebody will want to see.
             self._exposures.keep(frame, self.following.state, place_px)
@@ -495,7 +496,7 @@ class Engine:
         try:
             self._exposures.pass_processing_time()
             reduction, records = self.cycle.look(frame)
-            place_px = place_of_interest(reduction, self.following)
+            place_px = self._places.of(frame, reduction, self.following)
             if isinstance(reduction.solution, Solution):
                 self.planner.solved(reduction.solution)
             self.chronicle.tell(records)

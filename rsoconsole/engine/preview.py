@@ -1,10 +1,12 @@
 """Two small pictures a frame: all of it, and what matters in it at full resolution."""
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.pipeline.reduce import Reduction
-from rsoconsole.records import PixelArray, Solution
+from rsoconsole.records import Frame, PixelArray, Solution, Wcs
 from rsoconsole.sky.wcs import sky_to_pixel
 from rsoconsole.tracking.following import Following
 
@@ -42,6 +44,39 @@ def place_of_interest(reduction: Reduction, following: Following) -> tuple[float
     candidates = [*found.detections, *(each.detection for each in found.rejected)]
     best = max(candidates, key=lambda d: d.confidence, default=None)
     return None if best is None else (best.x_px, best.y_px)
+
+
+class PlacesOfInterest:
+    """The same, also for a frame without stars: by the plate of the last one that had some."""
+
+    def __init__(self) -> None:
+        self._last: tuple[Wcs, float, float] | None = None
+        """Its plate, and where the mount said that it pointed then, degrees."""
+
+    def of(
+        self, frame: Frame, reduction: Reduction, following: Following
+    ) -> tuple[float, float] | None:
+        """Where in a frame (x, y, px) its close-up belongs; None: nothing speaks for any place."""
+        ra, dec, solution = (
+            *(frame.pointing_ra_icrs_deg, frame.pointing_dec_icrs_deg),
+            reduction.solution,
+        )
+        if isinstance(solution, Solution):
+            self._last = None if ra is None or dec is None else (solution.wcs, ra, dec)
+            return place_of_interest(reduction, following)
+        track = following.track
+        if track is None or self._last is None or ra is None or dec is None:
+            return place_of_interest(reduction, following)
+        wcs, ra_then, dec_then = self._last
+        moved = replace(
+            wcs,
+            crval_ra_deg=(wcs.crval_ra_deg + ra - ra_then) % 360.0,
+            crval_dec_deg=wcs.crval_dec_deg + dec - dec_then,
+        )
+        x_px, y_px = (float(v) for v in sky_to_pixel(moved, track.x[0], track.x[2]))
+        found = reduction.detections
+        is_within = 0.0 <= x_px < found.width_px and 0.0 <= y_px < found.height_px
+        return (x_px, y_px) if is_within else place_of_interest(reduction, following)
 
 
 def closeup_of(

@@ -1,0 +1,123 @@
+"""A mark by hand on the main screen: what is said when, and what its frame's details are."""
+
+from typing import Any
+
+from textual.pilot import Pilot
+from textual.widgets import Static
+
+from rsoconsole.console.app import ConsoleApp
+from rsoconsole.console.marks import Mark
+from rsoconsole.console.panes import FramePane
+from rsoconsole.console.verdicts import VerdictsDialog
+from rsoconsole.control import Outcome
+from rsoconsole.reasons import CommandResult
+from rsoconsole.records import OperatorAction
+from rsoconsole.session.writer import SessionWriter
+from tests import made_up_night as night
+from tests.seat_rig import FRAMES, FakeWire, pane, play, until
+
+USED = CommandResult(
+    kind="ruled",
+    ruled="taken by hand",
+    frame_id=FRAMES,
+    left_alone=1,
+    sigma_arcsec=(0.29, 0.14),
+    off_arcsec=0.6,
+)
+LARGE = 120, 40
+WORDS = "used: ±0.29″ RA ±0.14″ Dec, 0.6″ from the automatic measurement, which is set aside"
+
+
+def said(app: ConsoleApp) -> str:
+    return " ".join(pane(app, "keys").split())
+
+
+def action(app: ConsoleApp, verb: str, outcome: CommandResult, **arguments: Any) -> OperatorAction:
+    by = f"console {app.live.seat_name}"
+    return OperatorAction(verb=verb, arguments=arguments, outcome=outcome, by=by)
+
+
+async def mark(app: ConsoleApp, pilot: Pilot[str], wire: FakeWire) -> None:
+    await until(pilot, lambda: app.live.engine.is_attached)
+    await pilot.press("m", "enter", *["right"] * 5, "enter")
+    await until(pilot, lambda: wire.verbs == ["mark"])
+
+
+def test_the_engine_is_asked_to_keep_the_frame_and_to_let_it_go(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("m")
+        await until(pilot, lambda: wire.begun == [(FRAMES, True)])
+        assert "stays markable meanwhile, for 600 frames" in said(app)
+        await pilot.press("escape")
+        await until(pilot, lambda: wire.begun == [(FRAMES, True), (FRAMES, False)])
+        assert wire.verbs == []
+
+    play(wire, scene, LARGE)
+
+
+def test_a_frame_that_the_engine_does_not_keep_ends_the_mark_where_it_begins(wire: FakeWire):
+    wire.outcomes["begin_mark"] = Outcome(ok=False, message="too old, only frames 30 to 41")
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("m")
+        await until(pilot, lambda: "too old, only frames 30 to 41" in said(app))
+        assert app.live.marking is None
+
+    play(wire, scene, LARGE)
+
+
+def test_what_came_of_a_mark_is_said_and_is_in_the_log(wire: FakeWire, writer: SessionWriter):
+    how = "taken up with the next frame: ±0.29″, refined on the light beneath it"
+    wire.outcomes["mark"] = Outcome(ok=True, message=how)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await mark(app, pilot, wire)
+        await until(pilot, lambda: f"your mark in frame {FRAMES} is {how}" in said(app))
+        t = night.t_of(FRAMES + 1)
+        writer.append(action(app, "begin_mark", CommandResult(kind="done"), frame=FRAMES), t)
+        writer.append(action(app, "mark", USED, frame=FRAMES), t)
+        await until(pilot, lambda: f"your mark in frame {FRAMES} is {WORDS}" in said(app))
+        log = [line.text for line in app.live.night.log]
+        assert any(f"mark in frame {FRAMES} is {WORDS}" in text for text in log)
+        assert not any("begin a mark" in text for text in log)
+
+    play(wire, scene, LARGE, seat_name="a@b")
+
+
+def test_the_details_after_a_mark_are_those_of_its_frame(wire: FakeWire, writer: SessionWriter):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await mark(app, pilot, wire)
+        night.add_frames(writer, [FRAMES + 1])
+        night.add_previews(writer, range(FRAMES + 1, FRAMES + 2))
+        await until(pilot, lambda: app.live.picture.frame_id == FRAMES + 1)
+        for frame_id, which in ((FRAMES, ", which you marked"), (FRAMES + 1, "")):
+            await pilot.press("v")
+            await until(pilot, lambda: isinstance(app.screen, VerdictsDialog))
+            box = app.screen.query_one(Static).parent
+            assert box.border_title == f"streaks of frame {frame_id:04d}{which}"
+            await pilot.press("escape")
+            await until(pilot, lambda: app.screen is app.live)
+
+    play(wire, scene, LARGE)
+
+
+def test_signs_give_way_to_the_mark_that_is_made(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        frame = app.live.query_one("#frame", FramePane)
+
+        def signs() -> list[Mark]:
+            return [each for each in frame._shown_marks() if each.kind != "cursor"]
+
+        before = signs()
+        assert before
+        await pilot.press("m")
+        assert signs() == []
+        await pilot.press("O")
+        assert signs() == before
+        await pilot.press("escape")
+        assert signs() == before
+
+    play(wire, scene, LARGE)
