@@ -447,6 +447,9 @@ def test_two_slow_marks_start_a_track_and_a_replay_agrees():
     assert mark(r, second).ok
     assert r.engine.charge.kept is not None
     assert "a track begins with it" in results(r)[-1]
+    assert say(r, "resume").ok
+    r.engine.run(frames=second + 2 * KEPT + 3)
+    assert r.engine.following.last_track_id == 1
     assert_replayed_alike(r)
 
 
