@@ -282,7 +282,7 @@ class StreakActions(CarefulSeat):
     def _show_mark(self) -> None:
         assert self.marking is not None
         which = "first" if self.marking.first_px is None else "second"
-        waits = "; a newer one waits" if self.picture_waiting is not None else ""
+        waits = "; a newer frame waits" if self.picture_waiting is not None else ""
         kept = f"frame {self.marking.frame_id} stays markable meanwhile, for {HELD} frames{waits}"
         self.say(f"mark the {which} end: arrows, enter; {kept}", "title", MARK_SAID_S)
         self.show_picture()
