@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from rsoconsole.pipeline.tracks_taken import Track
 from rsoconsole.records import Measurement
 
-AT_ONCE = 2
-"""Tracks beside the lead whose orbits one frame refines; with no more, none waits."""
+AT_ONCE, MANY = 2, 6
+"""Tracks beside the lead whose orbits one frame refines; with no more, none waits. Of a group
+larger than ``MANY`` one."""
 
 
 def in_turn(
@@ -28,5 +29,6 @@ def in_turn(
     missed = [n for n in waiting if tracks[n].last.frame_id < newest_frame_id]
     others = [n for n in waiting if n not in missed]
     others.sort(key=lambda n: -len(tracks[n].measurements) / max(len(known[n]), 1))
-    room = max(AT_ONCE - len(missed), 1)
+    at_once = AT_ONCE if len(tracks) <= MANY else 1
+    room = max(at_once - len(missed), 1)
     return sorted([0, *missed, *others[:room]])
