@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
-PathKind = Literal["straight", "curved", "orbits"]
+PathKind = Literal["straight", "curved"]
 """What a closest approach was found from: how both moved to each other so far, by a straight line
-or with its bend, or the orbits of both."""
+or with its bend."""
 ClosestKind = Literal["now", "ahead", "beyond"]
 """Where the least separation of the horizon is: at its beginning, as they part; inside; at its
 end, as they still approach."""

@@ -347,7 +347,7 @@ closest_high_arcsec real upper end of it
 closest_lowest_arcsec real lower end of the interval of 95 %
 closest_highest_arcsec real upper end of it
 horizon_s real how far ahead was looked
-path text straight, curved or orbits: what the approach was found from
+path text straight or curved: what the approach was found from
 close_probability real that they come nearer than the angle of the warning
 is_close truth the operator is warned of them
 """

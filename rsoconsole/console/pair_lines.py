@@ -127,7 +127,7 @@ def _closest_words(pair: PairMotion) -> str:
         return f"still nearing in {hours:.1f} h: {within}"
     when = clock_text(pair.closest_utc_ns)[:5]
     off = max(pair.sigma_closest_s / 60.0, 0.5)
-    how = "by both orbits" if pair.path == "orbits" else f"{pair.path} path"
+    how = f"{pair.path} path"
     return f"least {within} at {when} ± {off:.0f} min, {how}"
 
 

@@ -33,7 +33,7 @@ class PairNow:
     closest_high_arcsec: float | None = None
     horizon_s: float | None = None
     path: str = ""
-    """straight, curved or orbits."""
+    """straight or curved."""
     is_close: bool = False
     """The operator is warned of it."""
 

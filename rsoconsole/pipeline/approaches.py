@@ -88,7 +88,7 @@ def _warning(pair: PairMotion) -> str:
         f'{pair.closest_arcsec:.0f}" ({pair.closest_low_arcsec:.0f} to'
         f' {pair.closest_high_arcsec:.0f}")'
     )
-    how = "by the orbits of both" if pair.path == "orbits" else f"by a {pair.path} path"
+    how = f"by a {pair.path} path"
     return (
         f"{now}, closest approach {within} at {when} UTC"
         f" ± {max(pair.sigma_closest_s / 60.0, 0.5):.0f} min, {how}"
