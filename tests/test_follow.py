@@ -1,6 +1,7 @@
 """What is followed: how a track starts, what it takes, what it refuses, when it is lost."""
 
 import dataclasses
+import math
 
 import pytest
 from hypothesis import given
@@ -162,6 +163,39 @@ def test_a_streak_across_the_motion_is_refused_even_at_the_right_place():
     )
     after, _ = follow(locked(), seen(5, crossing), SETTINGS)
     assert after.state == "COAST"
+
+
+def turned(m: Measurement, by_deg: float, stretched: float = 1.0) -> Measurement:
+    """The same middle; its ends turned about it."""
+    (ra_a, dec_a), (ra_b, dec_b) = m.ends_icrs_deg
+    angle = math.radians(by_deg)
+    cos_dec = math.cos(math.radians(m.dec_icrs_deg))
+    ends = []
+    for ra, dec in ((ra_a, dec_a), (ra_b, dec_b)):
+        east, north = (ra - m.ra_icrs_deg) * cos_dec * stretched, (dec - m.dec_icrs_deg) * stretched
+        x = east * math.cos(angle) - north * math.sin(angle)
+        y = east * math.sin(angle) + north * math.cos(angle)
+        ends.append((m.ra_icrs_deg + x / cos_dec, m.dec_icrs_deg + y))
+    return dataclasses.replace(m, ends_icrs_deg=tuple(ends))
+
+
+@pytest.mark.parametrize(
+    ("by_deg", "stretched", "is_taken"),
+    [(15.0, 1.0, True), (-19.0, 1.0, True), (22.0, 1.0, False), (15.0, 0.65, False)],
+)
+def test_drift_bends_a_whole_streak_at_the_right_place_and_it_is_taken(
+    by_deg: float, stretched: float, is_taken: bool
+):
+    """Fifteen pixels of drift and wind over a streak of 118; what is cut short points as ever."""
+    following = locked(frames=6)
+    bent = turned(geo_measurement(7), by_deg, stretched)
+    after, records = follow(following, seen(7, bent), SETTINGS)
+    assert after.state == ("TRACK" if is_taken else "COAST")
+    refused = [r.reason.kind for r in records if isinstance(r, NotFollowed)]
+    assert refused == ([] if is_taken else ["moves otherwise"])
+    pairs = SETTINGS.filter.model_copy(update={"initiation": "pairs"})
+    as_ever, _ = follow(following, seen(7, bent), dataclasses.replace(SETTINGS, filter=pairs))
+    assert as_ever.state == "COAST"
 
 
 def test_a_track_is_lost_when_its_bounds_outgrow_the_field():

@@ -18,6 +18,9 @@ from rsoconsole.sky.angles import wrap_180
 DIRECTION_TOLERANCE_DEG = 12.0
 LENGTH_TOLERANCE = 0.25
 SHORTEST_WITH_DIRECTION_ARCSEC = 20.0
+BENT_TOLERANCE_DEG = 20.0
+"""Of one that is as long as the motion and lies where it is expected: stars that drift during the
+exposure, wind and a jumping mount bend it against them by as much."""
 SHORTER_TOLERANCE = 0.4
 """Of what a streak may have lost of its length and fit a rival."""
 PART_TOLERANCE, LONGER_TOLERANCE = 0.48, 1.0
@@ -70,18 +73,22 @@ def disagreement(
     expected: Motion,
     shorter: float = LENGTH_TOLERANCE,
     longer: float = LENGTH_TOLERANCE,
+    bent_deg: float = DIRECTION_TOLERANCE_DEG,
 ) -> MotionMismatch | None:
     """Why the streak cannot be this motion during the exposure; None when it can.
 
     ``expected`` is the motion over one exposure; ``shorter`` and ``longer``: by which share of
-    it a streak may be so. A clipped streak has no length to compare, and a short one no direction.
+    it a streak may be so; ``bent_deg``: by how much one of its length may point otherwise. A
+    clipped streak has no length to compare, and a short one no direction.
     """
     streak = streak_motion(measurement)
     if streak is None:
         return None
     if min(streak.length_arcsec, expected.length_arcsec) > SHORTEST_WITH_DIRECTION_ARCSEC:
         off_deg = axis_difference_deg(streak.axis_deg, expected.axis_deg)
-        if off_deg > DIRECTION_TOLERANCE_DEG:
+        off_arcsec = abs(streak.length_arcsec - expected.length_arcsec)
+        is_whole = off_arcsec <= LENGTH_TOLERANCE * expected.length_arcsec
+        if off_deg > (bent_deg if is_whole else DIRECTION_TOLERANCE_DEG):
             return MotionMismatch.of_direction(off_deg)
     if measurement.is_clipped:
         return None

@@ -8,8 +8,10 @@ from rsoconsole.records import (
     NotFollowed,
     TrackState,
 )
-from rsoconsole.tracking import adaptive, estimator, lqe
+from rsoconsole.tracking import adaptive, chains, estimator, lqe
 from rsoconsole.tracking.association import (
+    BENT_TOLERANCE_DEG,
+    DIRECTION_TOLERANCE_DEG,
     LENGTH_TOLERANCE,
     LONGER_TOLERANCE,
     PART_TOLERANCE,
@@ -74,8 +76,9 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     shares = (LENGTH_TOLERANCE, LENGTH_TOLERANCE)
     if is_adaptive:
         shares = (PART_TOLERANCE, LONGER_TOLERANCE)
+    bent_deg = BENT_TOLERANCE_DEG if chains.is_wide(settings) else DIRECTION_TOLERANCE_DEG
     for measurement in updated:
-        mismatch = disagreement(measurement, expected, *shares)
+        mismatch = disagreement(measurement, expected, *shares, bent_deg)
         reason = None if mismatch is None else NotTaken(kind="moves otherwise", mismatch=mismatch)
         if reason is None and measurement.is_clipped:
             reason = _too_far_for_clipped(measurement, predicted, expected)
