@@ -1,7 +1,7 @@
-"""The verb identify: from the tracks of a night to names."""
+"""The verb identify: from the tracks of a night, or the streaks of frames, to names."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -18,10 +18,24 @@ def register(app: typer.Typer) -> None:
 
 
 def identify(
-    path: Annotated[
-        Path, typer.Argument(metavar="SESSION-or-FILE", help="Session or file of observations.")
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SESSION-or-FILE | FRAME...",
+            help="Session or file of observations; with --field frames (FITS).",
+        ),
     ],
     *,
+    field: Annotated[
+        bool, typer.Option("--field", help="What was in these frames: each by itself, and movers.")
+    ] = False,
+    plate: Annotated[
+        Literal["auto", "solve", "header"],
+        typer.Option(
+            help="With --field: solve each frame, take its header's WCS, or (auto) the header's"
+            " where solving fails."
+        ),
+    ] = "auto",
     tle: Annotated[
         list[Path] | None,
         typer.Option(help="Element sets: TLE, or OMM as XML, JSON or CSV; may be repeated."),
@@ -58,7 +72,34 @@ def identify(
     nights have a ledger of their own.
 
     Example: rsoconsole identify sessions/intelsat-14 --tle catalogue.tle
+
+    With --field the arguments are frames: what was in each of them? Every
+    catalogued object whose path comes into the frame during the exposure is
+    compared with every streak and crossing that the detector finds: how far
+    ahead of its elements or behind them (seconds), how far off its path
+    (arcsec), direction, and rate times exposure against length. One streak
+    is one object. Listed are the streaks with their names or 'in no
+    catalogue', and what is catalogued and was not seen. Points that move
+    through three frames or more, and are no star, are measured in each.
+
+    How far off an object may be is a stated assumption from the literature
+    (element age and kind of orbit; no measurement of your nights): low ones
+    are sought a minute along their path at least, older elements further,
+    and no set more than 60 days from the frame is used. The frames need
+    DATE-OBS (UTC) and EXPTIME, the configuration your site.
+
+    Example: rsoconsole identify --field night/*.fits --tle catalogue.tle
     """
+    if field:
+        from rsoconsole.cli.identify_field import identify_field
+
+        if keep or track is not None:
+            raise typer.BadParameter("--keep and --track are for sessions", param_hint="--field")
+        identify_field(paths, tle or [], plate, config, json_=json_)
+        return
+    if len(paths) > 1:
+        raise typer.BadParameter("one session or file at a time; frames need --field")
+    (path,) = paths
     from rsoconsole.cli.identify_ledger import SessionLedger
     from rsoconsole.orbit.identify_jointly import identify_jointly
     from rsoconsole.pipeline.catalogue_files import read_catalogue

@@ -70,8 +70,13 @@ def regime_of(revolutions_a_day: float, eccentricity: float) -> Regime:
 
 def manoeuvred_probability(regime: Regime, age_days: float) -> float:
     """That an object of which no more is known has been moved since its elements' epoch."""
+    return float(manoeuvred_probabilities(regime, np.array(age_days)))
+
+
+def manoeuvred_probabilities(regime: Regime, age_days: FloatArray) -> FloatArray:
+    """The same at ages (...)."""
     interval = _BETWEEN_MANOEUVRES_DAYS[regime]
-    return _CONTROLLED[regime] * (1.0 - float(np.exp(-abs(age_days) / interval)))
+    return np.asarray(_CONTROLLED[regime] * (1.0 - np.exp(-np.abs(age_days) / interval)))
 
 
 def covariance_rtn(spread: Spread, age_days: float, mean_motion_rad_s: float) -> FloatArray:
@@ -82,7 +87,7 @@ def covariance_rtn(spread: Spread, age_days: float, mean_motion_rad_s: float) ->
     Wiltshire 1960).
     """
     along, across, shape = (
-        _grown(each, age_days) for each in (spread.along, spread.across, spread.shape)
+        float(_grown(each, age_days)) for each in (spread.along, spread.across, spread.shape)
     )
     n = mean_motion_rad_s
     covariance = np.diag(
@@ -99,7 +104,17 @@ def covariance_rtn(spread: Spread, age_days: float, mean_motion_rad_s: float) ->
     return covariance
 
 
-def _grown(terms: tuple[float, float, float], age_days: float) -> float:
+def position_sigmas_km(
+    spread: Spread, age_days: float | FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """One-sigma errors radial, along (the swing of the shape with it) and across at ages (...)."""
+    along, across, shape = (
+        _grown(each, age_days) for each in (spread.along, spread.across, spread.shape)
+    )
+    return shape, np.sqrt(along**2 + 4.0 * shape**2), across
+
+
+def _grown(terms: tuple[float, float, float], age_days: float | FloatArray) -> FloatArray:
     at_epoch, by_day, by_day_2 = terms
-    age = abs(age_days)
-    return float(np.sqrt(at_epoch**2 + (by_day * age) ** 2 + (by_day_2 * age * age) ** 2))
+    age = np.abs(age_days)
+    return np.asarray(np.sqrt(at_epoch**2 + (by_day * age) ** 2 + (by_day_2 * age * age) ** 2))

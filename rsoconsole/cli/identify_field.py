@@ -1,0 +1,88 @@
+"""identify --field: what was in the frames."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from rsoconsole.cli import output
+from rsoconsole.config import load_config
+from rsoconsole.config_file import effective_settings
+from rsoconsole.errors import ConfigError, FrameError, OrbitError
+from rsoconsole.pipeline.field_frame import FieldFrame, PlateMode
+
+
+def identify_field(
+    paths: Sequence[Path],
+    tle: Sequence[Path],
+    plate: PlateMode,
+    config_path: Path | None,
+    *,
+    json_: bool,
+) -> None:
+    """Read the frames one after another, then answer. A frame that cannot be used ends nothing."""
+    from rsoconsole.cli.field_words import frame_lines, movers_lines
+    from rsoconsole.instruments.frame_files import read_frame
+    from rsoconsole.pipeline.catalogue_files import read_catalogue
+    from rsoconsole.pipeline.field import FieldRun
+    from rsoconsole.pipeline.field_frame import open_field_reader
+    from rsoconsole.pipeline.field_points import FEWEST
+    from rsoconsole.pipeline.field_report import frame_report, movers_report, named_movers
+
+    config = load_config(config_path)
+    _expect_site(config_path)
+    files = list(tle) or list(config.catalogue.tle_files)
+    if not files:
+        raise OrbitError(
+            "no catalogue: name element sets with --tle FILE, or in catalogue.tle_files of the"
+            " configuration"
+        )
+    run = FieldRun(config, read_catalogue(files))
+    read: list[tuple[str, FieldFrame]] = []
+    failures = 0
+    with open_field_reader(config, plate) as reader:
+        for number, path in enumerate(paths, start=1):
+            try:
+                read.append((str(path), reader.read(read_frame(path, number))))
+            except FrameError as error:
+                failures += 1
+                if json_:
+                    output.emit_json({"frame": str(path), "error": str(error)})
+                output.complain(f"rsoconsole: {error}")
+    read.sort(key=lambda each: each[1].t_mid_utc_ns)
+    frames = [frame for _, frame in read]
+    movers = run.movers(frames) if len(frames) >= FEWEST else ()
+    named = named_movers(movers)
+    said: set[str] = set()
+    for name, frame in read:
+        found = frame_report(name, run.frame(frame), named)
+        output.emit_json(found) if json_ else output.say(*frame_lines(found))
+        _warn(found, said)
+    if len(read) > 1:
+        report = movers_report([name for name, _ in read], frames, movers)
+        output.emit_json(report) if json_ else output.say(*movers_lines(report, FEWEST))
+    if failures:
+        raise typer.Exit(1)
+
+
+def _expect_site(config_path: Path | None) -> None:
+    """Raises ConfigError where nobody has set a site: a default one would name wrong objects."""
+    wanted = ("site.latitude_deg", "site.longitude_deg")
+    missing = [
+        each.name
+        for each in effective_settings(config_path)
+        if each.name in wanted and each.origin == "default"
+    ]
+    if missing:
+        raise ConfigError(
+            f"the configuration sets no site ({', '.join(missing)}): where the frames were taken"
+            " decides what crossed them; set latitude, longitude (east positive) and elevation"
+        )
+
+
+def _warn(found: dict[str, Any], said: set[str]) -> None:
+    for note in found["notes"]:
+        if note not in said:
+            said.add(note)
+            output.complain(f"rsoconsole: {found['frame']}: {note}")
