@@ -279,6 +279,11 @@ def mark_id_of(frame_id: int, mark: int) -> str:
     return f"{frame_id}-m{mark}"
 
 
+def is_mark_id(measurement_id: str) -> bool:
+    """Whether that is the id of a mark by hand."""
+    return measurement_id.partition("-")[2].startswith("m")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ruling:
     """The operator's word on a frame's measurements: the frame is followed again by it."""

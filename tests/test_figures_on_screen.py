@@ -21,12 +21,13 @@ from rsoconsole.console.leaving import left_in_field_s
 from rsoconsole.console.log_lines import LogLine, line_of
 from rsoconsole.console.log_merging import append_line
 from rsoconsole.console.night import ELSEWHERE, FrameRow, Night, NightView
-from rsoconsole.console.orbit_lines import orbit_lines
+from rsoconsole.console.orbit_lines import orbit_lines, target_words
 from rsoconsole.console.orbit_view import orbit_shown
 from rsoconsole.console.panels import confidence_lines, nis_lines, residual_lines
 from rsoconsole.console.plot import Line
-from rsoconsole.console.track_quality import track_quality
-from rsoconsole.console.tune import TuneWords, Tuning, tune_lines
+from rsoconsole.console.track_quality import frames_of_track, of_settings_now, track_quality
+from rsoconsole.console.tune import NAMES, Tuning
+from rsoconsole.console.tune_lines import TuneWords, tune_lines
 from rsoconsole.pipeline.what_if import TrackFigures, as_recorded
 from rsoconsole.reasons import Missed
 from rsoconsole.records import Event, Miss, Solution
@@ -84,9 +85,45 @@ def test_where_nothing_is_tried_the_old_comparison_is_gone():
 
 
 def test_figures_of_frames_by_two_settings_say_so():
-    assert "12 of 40 by what is in force now" in tuned(figures(), None, False, since_change=12)
-    for all_of_one in (None, 40, 90):
-        assert "in force now" not in tuned(figures(), None, False, since_change=all_of_one)
+    assert "12 of 40 by what is in force now" in tuned(figures(), None, False, of_present=12)
+    for all_of_one in (None, 40):
+        assert "in force now" not in tuned(figures(), None, False, of_present=all_of_one)
+
+
+def test_frames_by_the_same_settings_count_whenever_they_were():
+    q = "filter.q_multiplier"
+    rows = tuple(
+        FrameRow(frame_id=n, is_reduced=True, settings={q: 2.25} if n in {5, 6, 7} else {})
+        for n in range(1, 11)
+    )
+    back = NightView(rows=rows, config=Config(), changed={q: 1.0})
+    assert of_settings_now(back, 10) == 7
+    assert of_settings_now(dataclasses.replace(back, changed={q: 2.25}), 10) == 3
+    assert of_settings_now(dataclasses.replace(back, changed={"log.level": "x"}), 4) == 3
+
+
+def test_what_is_tried_is_judged_over_the_same_frames():
+    def said(change: float, **words: Any) -> str:
+        then = dataclasses.replace(figures(), log_likelihood_mean=-1.0 + change)
+        return " ".join(tuned(figures(), then, True, **words).split())
+
+    assert "τ 0.125 against 0.1: no difference (Δ log L -0.01 over 40 frames)" in said(-0.01)
+    assert ": better (Δ log L +0.20" in said(0.2)
+    assert ": worse (Δ log L -0.20" in said(-0.2)
+    assert "τ 0.125 against as it was: no difference" in said(0.0, of_present=12)
+    fewer = dataclasses.replace(figures(), updates=26)
+    assert "Δ log L" not in tuned(figures(), fewer, True)
+
+
+def test_what_was_applied_is_named_with_both_values():
+    tuning = Tuning()
+    tuning.see({"filter.q_multiplier": 1.0})
+    tuning.row = NAMES.index("filter.q_multiplier")
+    tuning.tried = {"filter.q_multiplier": 2.25}
+    tuning.apply()
+    tuning.see({"filter.q_multiplier": 2.25})
+    lines = plain(tune_lines(tuning, figures(), None)(60, 30))
+    assert "nothing tried, Q× 1 → 2.25 in force" in lines
 
 
 def test_a_cross_at_the_mean_nis_has_its_band():
@@ -133,22 +170,63 @@ def test_the_orbit_s_pane_says_how_good_the_track_is():
     assert "NIS 12.5 (ideal 2, " in said
     assert "3σ holds 50%" in said
     assert "1 missed" in said
+    assert "NIS 12.5 /2 (ideal 2" in said
+    assert "lag-1" not in said  # too few
     assert track_quality(dataclasses.replace(view, track=None)) is None
+
+
+@pytest.mark.parametrize(("signs", "is_white"), [((1, 1), False), ((1, -1, -1, 1), True)])
+def test_residuals_that_resemble_each_other_are_said_to(signs: tuple[int, ...], is_white: bool):
+    rows = tuple(measured(n, 2.0 * signs[n % len(signs)], 2.0) for n in range(1, 41))
+    view = dataclasses.replace(
+        folded(state(5), to(5, "ACQUIRE", "TRACK"), estimate_of(5)).view(), rows=rows
+    )
+    view = dataclasses.replace(view, track_frame_id=1, folder=None)
+    found = track_quality(view)
+    assert found is not None
+    assert found.lag_one is not None
+    assert (abs(found.lag_one) < found.lag_one_bound) == is_white
+    lines = orbit_lines(orbit_shown(view, EngineView(reach="recorded"), None), 90, 20)
+    (ink,) = [ink for line in lines for text, ink in line if "lag-1 " in text]
+    assert ink == ("" if is_white else "warn")
+
+
+def test_a_size_that_the_prior_gives_says_so():
+    def words(prior: str) -> str:
+        estimate = dataclasses.replace(estimate_of(5), prior=prior)
+        shown = orbit_shown(
+            folded(state(5), to(5, "ACQUIRE", "TRACK"), estimate).view(),
+            EngineView(reach="recorded"),
+            None,
+        )
+        return plain(orbit_lines(shown, 90, 20)) + " | " + target_words(shown)[1]
+
+    assert words("geo").count("km by prior") == 2
+    assert "by prior" not in words("none").replace("constrained by prior", "")
 
 
 def test_the_track_s_quality_agrees_with_the_tuning_pane_s_figures(tmp_path: Path):
     """Two ways to the same figures: the fold's rows, and the log's records."""
     writer = night.begin(tmp_path / "n")
     night.armed(writer)
-    night.add_frames(writer, range(1, 31))
+    night.add_frames(writer, range(1, 31), missed=(12, 20))
     reader, fold = SessionReader(tmp_path / "n"), Night(tmp_path / "n", {}, Config())
-    records = list(reader.records())
+    away = night.solution_of(20, 10.0, 0.0)
+    records = [
+        (seq, t, away if isinstance(record, Solution) and record.frame_id == 20 else record)
+        for seq, t, record in reader.records()
+    ]
     for _, t_utc_ns, record in records:
         fold.take(t_utc_ns, record)
     writer.close()
-    view = dataclasses.replace(fold.view(), track_frame_id=0)
-    ours, theirs = track_quality(view, 1000), as_recorded(record for *_, record in records)
+    view = fold.view()
+    assert view.rows[-11].miss == ELSEWHERE
+    told = [record for *_, record in records]
+    theirs = as_recorded(told, len(frames_of_track(view, 20)), of_lead=True)
+    ours = track_quality(view, 20)
     assert ours is not None
+    assert ours.frames == theirs.frames
+    assert ours.misses == 1  # the other frame looked elsewhere
     assert ours.residual_rms_arcsec == pytest.approx(theirs.residual_rms_arcsec)
     assert ours.nis_mean == pytest.approx(theirs.nis_mean)
     assert ours.inside_3sigma == pytest.approx(theirs.inside_3sigma)

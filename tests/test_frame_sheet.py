@@ -577,8 +577,16 @@ def test_the_other_kept_frames_are_reached_from_an_opened_one(tmp_path: Path, im
         await calm(pilot, other)
         assert other.sheet.frame_id == NEWEST
         assert "frame 0022" in title(other)
-        # In the same place, as near: so a streak is compared.
-        assert (other.sheet.view, other.sheet.stretch) == (view, stretch)
+        # As near, with the cross on that frame's own streak: so two are compared.
+        assert other.sheet.opened is not None
+        own = other.sheet.opened.detail.followed
+        assert own is not None
+        assert view is not None
+        its = other.sheet.view
+        assert its is not None
+        assert (its.x_px, its.y_px, its.zoom) == (own.x_px, own.y_px, view.zoom)
+        assert (own.x_px, own.y_px) != (view.x_px, view.y_px)
+        assert other.sheet.stretch == stretch
         await pilot.press("pagedown")
         assert f"frame {NEWEST} is the newest" in words(other, "keys")
         await pilot.press("escape")

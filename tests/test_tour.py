@@ -98,6 +98,18 @@ def test_the_first_f1_is_the_tour_and_the_next_the_help(wire: FakeWire, tmp_path
     play(wire, scene)
 
 
+def test_in_a_pane_with_keys_of_its_own_f1_explains_those_first(wire: FakeWire, tmp_path: Path):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        app._tour = TourMemory(tmp_path / "state")
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("t", "f1")
+        await until(pilot, lambda: isinstance(app.screen, HelpDialog))
+        page = str(app.screen.query_one("#page").render())
+        assert page.startswith("Now: the tuning pane")
+
+    play(wire, scene)
+
+
 def test_stop_works_in_the_tour(wire: FakeWire, tmp_path: Path):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         app._tour = TourMemory(tmp_path)

@@ -13,7 +13,8 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.fold import THREE_COLUMNS, fold, tune_box
 from rsoconsole.console.presets import load_presets, save_preset
-from rsoconsole.console.tune import NAMES, TUNABLES, TunePane, Tuning, tune_lines
+from rsoconsole.console.tune import NAMES, TUNABLES, TunePane, Tuning
+from rsoconsole.console.tune_lines import tune_lines
 from rsoconsole.engine.tunables import TUNABLE
 from rsoconsole.errors import ConfigError
 from rsoconsole.pipeline.what_if import as_recorded, figures_of, what_if
@@ -423,3 +424,41 @@ def test_a_figure_on_the_keyboard_begins_a_number_for_the_chosen_setting(wire: F
         await until(pilot, lambda: "sent" in pane(app, "tune"))
 
     play(wire, scene)
+
+
+def test_a_key_right_behind_escape_counts_too(wire: FakeWire):
+    """As a terminal hands both over: alt and the letter."""
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("t")
+        assert app.live.is_tune_open
+        await pilot.press("alt+o")
+        await until(pilot, lambda: app.live.is_orbit_open)
+        assert not app.live.is_tune_open
+        assert app.screen is app.live
+
+    play(wire, scene, (100, 30))
+
+
+def test_beside_the_open_pane_no_figure_is_cut(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        facts, tune = app.live.query_one("#facts"), app.live.query_one("#tune")
+        wide = facts.size.width
+        await pilot.press("t")
+        await until(pilot, lambda: facts.size.width < wide)
+        assert facts.region.right <= tune.region.x
+        await pilot.press("escape")
+        await until(pilot, lambda: facts.size.width == wide)
+
+    play(wire, scene, (100, 30))
+
+
+def test_what_the_engine_took_of_a_setting_is_said_with_both_values(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("t", "right", "enter")
+        await until(pilot, lambda: "τ 0.1 → 0.125 from the next frame" in pane(app, "keys"))
+
+    play(wire, scene, (100, 30))

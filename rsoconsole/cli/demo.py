@@ -280,8 +280,8 @@ def _say_summary(found: dict[str, Any]) -> None:
         if len(tracks) > 1:
             output.say(f"  of {found['target']}:")
         names = {
-            "measured_rms_arcsec": "measured, rms against truth (arcsec)",
-            "prediction_rms_arcsec": "predicted one step ahead, rms (arcsec)",
+            "measured_rms_arcsec": "one measurement, rms against truth (arcsec)",
+            "prediction_rms_arcsec": "filter (averages many), one step ahead",
             "nis_mean": "NIS, mean (ideal 2)",
             "inside_3sigma": "inside 3 sigma",
         }

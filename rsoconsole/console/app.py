@@ -27,6 +27,7 @@ from rsoconsole.console.commands import bindings, commands_in
 from rsoconsole.console.dialogs import HelpDialog
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.frame_sheet import FrameSheet
+from rsoconsole.console.key_line import MODE_WORDS, Mode
 from rsoconsole.console.live import LiveScreen
 from rsoconsole.console.messages import EngineSeen, NightSeen, OrbitSeen, OutlookSeen
 from rsoconsole.console.night import NightView
@@ -80,6 +81,10 @@ def _given_environment() -> Mapping[str, str]:
     return dict(entry.partition("=")[::2] for entry in entries if "=" in entry)
 
 
+AFTER_ESCAPE_S = 0.05
+"""So long what escape closes has to be closed."""
+
+
 def action_of(owner: Any, key: KeyCommand) -> Callable[[], Any]:
     """What its key does, for the palette."""
     if key.sends is not None:
@@ -97,6 +102,11 @@ class ConsoleApp(App[str]):
         *bindings(None),
         # As a terminal hands over an x right behind the escape key.
         Binding("alt+x", "stop", "STOP", priority=True, show=False),
+        # Any other key right behind it: both count, the first of them first.
+        *(
+            Binding(f"alt+{key}", f"after_escape('{key}')", priority=True, show=False)
+            for key in "abcdefghijklmnopqrstuvwyz0123456789"
+        ),
         # Leaving is never by accident: the screen asks first.
         Binding("ctrl+q,ctrl+c", "leave", "Leave", priority=True, show=False),
     ]
@@ -259,18 +269,29 @@ class ConsoleApp(App[str]):
         """STOP."""
         self.root.stop()
 
+    def action_after_escape(self, key: str) -> None:
+        """Escape, and when that has put away what it does, the key typed right behind it."""
+        self.simulate_key("escape")
+        self.set_timer(AFTER_ESCAPE_S, partial(self.simulate_key, key))
+
     def action_help(self) -> None:
-        """Keys, signs and terms; the first time the tour."""
+        """Keys, signs and terms; the first time the tour, but where the keys are a pane's own."""
         if isinstance(self.screen, HelpDialog | TourDialog):
             return
-        if self._tour is not None and self._tour.is_due and not isinstance(self.screen, FrameSheet):
+        has_own_keys = bool(MODE_WORDS[self._mode])
+        if self._tour is not None and self._tour.is_due and not has_own_keys:
             self._tour.has_been_shown()
             self._show_tour()
         else:
             self._show_help()
 
+    @property
+    def _mode(self) -> Mode:
+        """What the keys are for."""
+        return self.screen.mode if isinstance(self.screen, FrameSheet) else self.shown.mode
+
     def _show_help(self) -> None:
-        mode = self.screen.mode if isinstance(self.screen, FrameSheet) else self.shown.mode
+        mode = self._mode
 
         def decided(wanted: str | None) -> None:
             if wanted == "tour":

@@ -178,7 +178,8 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "verdicts",
         "v",
         "Verdicts",
-        "every streak of the frame, what became of it and why",
+        "every streak of the frame, what became of it and why; first after a mark those of"
+        " the marked one, tab shows the other",
         "streaks",
         where=BOTH,
     ),

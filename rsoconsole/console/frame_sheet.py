@@ -20,6 +20,7 @@ from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.sheet import Sheet
 from rsoconsole.console.sheet_actions import SAID_S, MarkTo, SheetActions
 from rsoconsole.console.sheet_boxes import sheet_boxes
+from rsoconsole.console.sheet_marks import place_in
 from rsoconsole.console.sheet_pane import SheetPane
 from rsoconsole.console.sheet_panel import panel_lines
 from rsoconsole.console.sheet_view import whole
@@ -152,7 +153,9 @@ class FrameSheet(SheetActions):
         sheet, news = self.sheet, message.news
         match news:
             case Opened():
-                sheet.opened = news
+                sheet.opened, place = news, place_in(news.detail)
+                if sheet.view is not None and place is not None:
+                    sheet.view = sheet.view.at(*place)  # as near as the frame before was seen
             case Loaded():
                 sheet.pixels = news.pixels
                 height, width = news.pixels.pixels.shape
@@ -276,7 +279,7 @@ class FrameSheet(SheetActions):
             self.dismiss(None)
 
     def action_other_frame(self, by: int) -> None:
-        """The one before or after of those whose pixels are kept, looked at in the same place."""
+        """The one before or after whose pixels are kept, as near, the cross on its streak."""
         own = self.sheet
         if own.is_marking:
             self.say("a mark is being made in this frame: esc leaves it off", "warn")

@@ -27,9 +27,9 @@ TERMS: tuple[tuple[str, str], ...] = (
     ),
     (
         "NIS",
-        "Normalised innovation squared: 2 on average when Q and R are right. '95% 0.05-7.4' is"
-        " where 19 of 20 values lie then. Necessary, not sufficient: residuals must also not"
-        " resemble those of the frame before.",
+        "Normalised innovation squared: 2 on average when Q and R are right; /40: the mean of 40."
+        " '95% 0.05-7.4' is where 19 of 20 lie then. Not sufficient: residuals must also not"
+        " resemble those of the frame before: 'lag-1' in the orbit's pane, their correlation.",
     ),
     (
         "log L",

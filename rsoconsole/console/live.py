@@ -24,7 +24,7 @@ from rsoconsole.console.streak_actions import StreakActions, too_late_to_mark
 from rsoconsole.console.telescope_actions import TelescopeActions
 from rsoconsole.console.tour import intro_text
 from rsoconsole.console.track_orders import TrackOrders
-from rsoconsole.console.verdicts import VerdictsDialog
+from rsoconsole.console.verdicts import MARKED, VerdictsDialog
 from rsoconsole.control.commands import MarkByHand, Note, Shutdown
 from rsoconsole.control.mount_words import motion_words
 from rsoconsole.control.stop import StopNews
@@ -191,7 +191,6 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
             return None
 
         def send(mark: MarkByHand) -> str:
-            self.marked(mark.frame_id or 0)
             self.send(mark)
             return f"mark sent, frame {mark.frame_id} …"
 
@@ -203,19 +202,20 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
         )
 
     def action_verdicts(self) -> None:
-        """Of the frame that was just marked, where one was; else of the shown one."""
-        frame_id = self.marked_lately()
-        if frame_id is None or self.night.folder is None or self._is_shown(frame_id):
+        """Of the frame that was just marked, once; else of the shown one. Both are at hand."""
+        marked_id, is_first = self.marked_lately()
+        shown, folder = self.picture, self.night.folder
+        if marked_id is None or folder is None or shown is None or self._is_shown(marked_id):
             super().action_verdicts()
             return
         try:
-            detail = detail_of(SessionReader(self.night.folder), frame_id)
+            marked = detail_of(SessionReader(folder), marked_id)
         except RsoconsoleError as error:
             self.say(str(error), "warn")
             return
-        self.app.push_screen(
-            VerdictsDialog(detail, self.night.tau, self.keymap, which="which you marked")
-        )
+        pages = [(shown.detail, ""), (marked, MARKED)]
+        ordered = pages[::-1] if is_first else pages
+        self.app.push_screen(VerdictsDialog(ordered, self.night.tau, self.keymap))
 
     def _is_shown(self, frame_id: int) -> bool:
         return self.picture is not None and self.picture.frame_id == frame_id

@@ -137,13 +137,6 @@ def left_out(found: Detections | None, tau: float) -> str:
     return f"a streak of confidence {confidence} was left out: {text(best.reason)}"
 
 
-def is_without_detection(record: Record) -> bool:
-    """Whether it says that a frame had none."""
-    reason = record.reason if isinstance(record, Miss | StateChange) else None
-    missed = reason.missed if isinstance(reason, Cause) else reason
-    return isinstance(missed, Missed) and missed.kind == "no detection" and not missed.hidden_by
-
-
 def line_of(
     record: Record, t_utc_ns: int, beside: str = "", *, is_one_of_several: bool = False
 ) -> LogLine | None:

@@ -7,7 +7,7 @@ from typing import Any, assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.console.last_measured import LastMeasured, last_measured
-from rsoconsole.console.log_lines import LogLine, is_without_detection, left_out, line_of
+from rsoconsole.console.log_lines import LogLine, left_out, line_of
 from rsoconsole.console.log_merging import append_line
 from rsoconsole.console.track_fold import (
     FollowedTrack,
@@ -19,6 +19,7 @@ from rsoconsole.console.track_fold import (
     with_track,
 )
 from rsoconsole.field_records import ExpectedMembers, PairMotion, PairMotions
+from rsoconsole.pipeline.pointed_at import is_without_detection, looked_elsewhere
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Closeup,
@@ -86,6 +87,8 @@ class FrameRow:
     """Of its plate."""
     was_sought: bool = True
     """False where nobody looked for anything, or not there: what it does not show is no miss."""
+    settings: Mapping[str, float | int | str] = field(default_factory=dict)
+    """What had been changed since the session began when it was processed."""
     is_solved: bool | None = None
     """Whether its stars gave its place; None while that is not known."""
 
@@ -221,10 +224,14 @@ class NightView:
         orbit = self.orbit
         return orbit is not None and (self.track is None or orbit.track_id != self.track.track_id)
 
-    def setting(self, name: str) -> Any:
-        """What a setting is now; None where the session does not say."""
-        if name in self.changed:
-            return self.changed[name]
+    def setting(self, name: str, changed: Mapping[str, Any] | None = None) -> Any:
+        """What a setting is now; None where the session does not say.
+
+        ``changed``: as it was when these had been changed.
+        """
+        changed = self.changed if changed is None else changed
+        if name in changed:
+            return changed[name]
         section, _, key = name.partition(".")
         return getattr(getattr(self.config, section, None), key, None)
 
@@ -492,6 +499,7 @@ class Night:
             record.frame_id,
             confidence=best,
             is_reduced=True,
+            settings=self._now.changed,
             refused=refused,
             fwhm_px=record.star_fwhm_px,
             star_count=record.star_count,
@@ -621,14 +629,7 @@ class Night:
         if not is_without_detection(record):
             return False
         detail = self.detail(getattr(record, "frame_id", 0))
-        predicted, solution, taken = detail.predicted, detail.solution, detail.taken
-        if predicted is None or taken is None or not isinstance(solution, Solution):
-            return False
-        from rsoconsole.sky.wcs import sky_to_pixel
-
-        x_px, y_px = sky_to_pixel(solution.wcs, predicted.x[0] % 360.0, predicted.x[2])
-        is_inside = 0.0 <= x_px <= taken.width_px and 0.0 <= y_px <= taken.height_px
-        return not is_inside
+        return looked_elsewhere(detail.predicted, detail.solution, detail.taken)
 
     def _beside(self, record: Record) -> str:
         """Why a streak that somebody sees in the picture was none for the track."""

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -343,9 +344,18 @@ class NightScreen(ReadingActions):
             )
             tune.styles.offset = (place.x, place.y)
             tune.styles.width, tune.styles.height = place.width, place.height
+            self._make_room(boxes, place)
         banner, box = self.query_one("#stop"), banner_box(width, height, alert_rows=alert_rows)
         banner.styles.height = box.height
         banner.styles.offset = (0, box.y)
+
+    def _make_room(self, boxes: Mapping[Name, Box], over: Box) -> None:
+        """What reaches beneath the tuning pane from its left ends before it: no word is cut."""
+        box = boxes.get("facts")
+        if box is None or not box.x < over.x < box.x + box.width:
+            return
+        if box.y < over.y + over.height and over.y < box.y + box.height:
+            self.query_one("#facts").styles.width = over.x - box.x
 
     def _place_orbit(self, standing: Box | None, alert_rows: int) -> None:
         """Over the plots when it is opened; else where it always stands, if it does."""
@@ -552,7 +562,9 @@ class NightScreen(ReadingActions):
         if self.picture is None:
             self.say("no frame has been shown yet", "warn")
             return
-        self.app.push_screen(VerdictsDialog(self.picture.detail, self.night.tau, self.keymap))
+        self.app.push_screen(
+            VerdictsDialog([(self.picture.detail, "")], self.night.tau, self.keymap)
+        )
 
     def action_leave(self) -> None:
         """Out of the console; a screen that has something to ask before does."""

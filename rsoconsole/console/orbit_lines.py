@@ -77,10 +77,15 @@ def target_words(shown: OrbitShown) -> tuple[str, str]:
         return "", ""
     has_size = estimate is not None and estimate.label != "not observable"
     return "" if found is None else _name_of(found), (
-        f"a = {_with_sigma(estimate.a_km, estimate.sigma_a_km)} km"
+        f"a = {_with_sigma(estimate.a_km, estimate.sigma_a_km)} km{_by_prior(estimate)}"
         if has_size and estimate is not None
         else ""
     )
+
+
+def _by_prior(estimate: OrbitEstimate) -> str:
+    """Behind a size that was assumed rather than measured, its sigma too."""
+    return "" if estimate.prior == "none" else " by prior"
 
 
 def _name_of(identified: Identified) -> str:
@@ -182,7 +187,7 @@ def _element_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> li
     ink = LABEL_INKS.get(estimate.label, "")
     ink = "" if ink == "good" else ink
     items: list[Item] = [
-        (f"a {_with_sigma(estimate.a_km, estimate.sigma_a_km)} km", ink),
+        (f"a {_with_sigma(estimate.a_km, estimate.sigma_a_km)} km{_by_prior(estimate)}", ink),
         (f"e {_with_sigma(estimate.e, sigmas.get('e'))}", ""),
         (f"i {_with_sigma(estimate.i_deg, sigmas.get('i_deg'))}°", ""),
     ]
@@ -204,9 +209,11 @@ def _ahead_lines(shown: OrbitShown, width: int) -> list[Ranked]:
     lines: list[Ranked] = []
     if width < WIDE_COLUMNS:
         azimuth = "  az" if width >= NARROW_COLUMNS else ""
-        lines.append((6, [(f" in    α        δ         ±       alt{azimuth}", "dim")]))
+        lines.append((6, [(f" in    α        δ         ±1σ     alt{azimuth}", "dim")]))
     lines += [(3, _place_line(each, ahead.from_utc_ns, width)) for each in ahead.outlook.ahead]
     events = _event_items(ahead.outlook, ahead.from_utc_ns, shown.now_utc_ns)
+    if width >= WIDE_COLUMNS and ahead.outlook.ahead:
+        events.append(("± is 1σ", "dim"))
     return [*lines, *_ranked(packed(events, width, 2), 3, 7)]
 
 
@@ -274,10 +281,15 @@ def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
         (f"3σ holds {quality.inside_3sigma:.0%}", ""),
         (f"{quality.misses} missed", "warn" if quality.misses else ""),
         (
-            f"NIS {quality.nis_mean:.1f} (ideal 2, sound {low:.1f}-{high:.1f})",
+            f"NIS {quality.nis_mean:.1f} /{quality.measured} (ideal 2, sound {low:.1f}-{high:.1f})",
             "" if quality.is_sound else "warn",
         ),
     ]
+    if quality.lag_one is not None:
+        bound = quality.lag_one_bound
+        is_white = abs(quality.lag_one) <= bound
+        said = f"lag-1 {quality.lag_one:+.2f} (sound ±{bound:.2f})"
+        items.append((said, "" if is_white else "warn"))
     return _ranked(packed(items, width, MOST_ROWS), 2, 3)
 
 
@@ -288,7 +300,7 @@ def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> li
         items.append((f"aims by the {'orbit' if estimate.is_guide else 'filter'}", ""))
     if estimate.nis is not None:
         is_far = estimate.nis > NIS_BAND[1]
-        items.append((f"orbit's NIS {estimate.nis:.1f} (ideal 2)", "warn" if is_far else ""))
+        items.append((f"orbit's NIS {estimate.nis:.1f} /1 (ideal 2)", "warn" if is_far else ""))
     items.append((f"rms {_fine(estimate.rms_arcsec)}", ""))
     items.append((f"{estimate.observations} directions in {duration_text(estimate.arc_s)}", ""))
     if estimate.outliers:

@@ -90,7 +90,7 @@ def nis_lines(
         return [rule(f"{_of(of)}NIS: no update yet", "", width)]
     judged = consistency(values, [r.residual_arcsec for r in judged_rows if r.residual_arcsec])
     frames = window.frames_words(night.rows, width)
-    mean = f"{_of(of)}NIS {judged.mean:.1f} (ideal 2)"
+    mean = f"{_of(of)}NIS {judged.mean:.1f} /{judged.count} (ideal 2)"
     if height <= 1:
         spark = sparkline(values[-NIS_FRAMES:], 12.0, NIS_FRAMES)
         words = {

@@ -44,7 +44,8 @@ from rsoconsole.console.review_words import (
 from rsoconsole.console.timeline import Timeline
 from rsoconsole.console.timeline_lines import Place, timeline_lines
 from rsoconsole.console.timeline_pane import MomentField, TimelinePane
-from rsoconsole.console.tune import LAST_FRAMES, TunePane, TuneWords
+from rsoconsole.console.tune import TunePane
+from rsoconsole.console.tune_lines import TuneWords
 
 if TYPE_CHECKING:
     from rsoconsole.console.live import LiveScreen
@@ -381,13 +382,13 @@ class ReviewScreen(ReviewCompare):
         which = "the last frames" if self._tunes_all else "all frames"
         return TuneWords(
             frames=frames,
-            since_change=self.since_change(),
+            of_present=self.of_present(),
             keys=f"{scope} {which}  u undo  w save  o load",
         )
 
     def tune_scope(self) -> tuple[int | None, int | None]:
         """Up to the moment."""
-        return self.seq, None if self._tunes_all else LAST_FRAMES
+        return self.seq, None if self._tunes_all else self.last_frames()
 
     def action_tune_scope(self) -> None:
         """The last frames, or all."""

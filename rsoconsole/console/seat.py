@@ -180,7 +180,7 @@ class Seat(Screen[None]):
         if outcome.ok and isinstance(command, MarkByHand):
             self.mark_is_taken(command, outcome)
         elif outcome.ok:
-            self.say(f"{name}: {outcome.message or 'done'}", "good")
+            self.say(self.done_words(command, outcome), "good")
             if isinstance(command, Arm):
                 self.show_stop(None)
             elif isinstance(command, Shutdown):
@@ -196,6 +196,10 @@ class Seat(Screen[None]):
         else:
             self.say("")
             self._open_unasked(MessageDialog(f"{name}: not done", outcome.message))
+
+    def done_words(self, command: Command, outcome: Outcome) -> str:
+        """What is said of a command that the engine has taken."""
+        return f"{command.label()}: {outcome.message or 'done'}"
 
     def mark_is_taken(self, mark: MarkByHand, outcome: Outcome) -> None:
         """By the engine, and with the next frame by the track."""

@@ -1,6 +1,7 @@
 """What is pointed at in a frame that is processed once more: then and now, each by its own sign."""
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -11,6 +12,11 @@ from rsoconsole.console.night import FrameDetail
 if TYPE_CHECKING:
     from rsoconsole.pipeline.reprocess import Compared, Verdict
 
+FAINT_FROM_PX = 3.0
+"""In larger squares a streak that is to be marked has its ends pointed at."""
+BEYOND_SQUARES = 2.0
+OUTSIDE_PX = -1e6
+"""A mark of points alone has no middle in the frame."""
 BOX_POINTS = 24
 """Along each side of a box."""
 SAME_PLACE_PX = 10.0
@@ -49,6 +55,43 @@ def _making_room(mark: Mark, others: list[Mark]) -> Mark:
         for other in others
     )
     return replace(mark, gap=1) if is_within else mark
+
+
+def place_in(detail: FrameDetail) -> tuple[float, float] | None:
+    """Where the frame shows the lead, else where the track had it; None: neither is known."""
+    if detail.followed is not None:
+        return detail.followed.x_px, detail.followed.y_px
+    marks = marks_of(detail)
+    found = (m for kind in ("predicted", "coasted") for m in marks if m.kind == kind)
+    found = (m for m in found if _is_in(m, detail))
+    mark = next(found, None)
+    return None if mark is None else (mark.x_px, mark.y_px)
+
+
+def _is_in(mark: Mark, detail: FrameDetail) -> bool:
+    size = detail.detections
+    return size is not None and 0 <= mark.x_px < size.width_px and 0 <= mark.y_px < size.height_px
+
+
+def faint_ends(marks: Sequence[Mark], px_per_square: float) -> tuple[Mark, ...]:
+    """A point beyond each end of every streak, where it is too small to be seen without; else none.
+
+    Of a view with squares of that many pixels.
+    """
+    if px_per_square <= FAINT_FROM_PX:
+        return ()
+    points: list[tuple[float, float]] = []
+    for mark in marks:
+        if mark.ends_px is None:
+            continue
+        (xa, ya), (xb, yb) = mark.ends_px
+        length = math.hypot(xb - xa, yb - ya) or 1.0
+        across, down = (xb - xa) / length, (yb - ya) / length
+        far = BEYOND_SQUARES * px_per_square
+        points += [(xa - across * far, ya - down * far), (xb + across * far, yb + down * far)]
+    if not points:
+        return ()
+    return (Mark(x_px=OUTSIDE_PX, y_px=OUTSIDE_PX, kind="box", outline_px=tuple(points)),)
 
 
 def _boxes(detail: FrameDetail) -> list[Mark]:

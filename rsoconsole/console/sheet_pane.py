@@ -4,7 +4,7 @@ from rsoconsole.console.marks import Mark
 from rsoconsole.console.panes import SIGHTS, FramePane, Sight
 from rsoconsole.console.picture import Drawing, LightImage, Picture, greys
 from rsoconsole.console.sheet import Sheet
-from rsoconsole.console.sheet_marks import sheet_marks
+from rsoconsole.console.sheet_marks import faint_ends, sheet_marks
 from rsoconsole.console.sheet_words import readout_parts, title_parts
 
 MOST_FINER = 4
@@ -77,7 +77,9 @@ class SheetPane(FramePane):
             return ()
         candidates = sheet.candidates if sheet.done is not None else ()
         marks = sheet_marks(sheet.opened.detail, candidates, sheet.chosen)
-        marks = marks if sheet.are_marks_shown else ()
+        if not sheet.are_marks_shown:
+            is_faint = sheet.is_marking and sheet.view is not None and sheet.pixels is not None
+            marks = faint_ends(marks, sheet.view.px_per_square) if is_faint and sheet.view else ()
         if sheet.view is None or sheet.pixels is None:
             return marks
         if sheet.first_px is not None:

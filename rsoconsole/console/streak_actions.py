@@ -21,8 +21,10 @@ from rsoconsole.records import Detection, NotSolved
 
 CLICK_PX = 60.0
 """A click so far from a streak is not meant for it, unless the picture is coarser than that."""
-DETAILS_S = 300.0
+DETAILS_S = 60.0
 """So long after a mark the details that are asked for first are of its frame."""
+RECALLED_S = 600.0
+"""So long they are at hand beside those of the newest."""
 CLICKED_S = 8.0
 """So long after a click on a streak the key means that one."""
 
@@ -45,7 +47,9 @@ class StreakActions(CarefulSeat):
     marking: Marking | None = None
     """The mark that is being made; None while none is."""
     _marked: tuple[int | None, float] = (None, 0.0)
-    """The frame in which a mark was made last, and when."""
+    """The frame of the last mark that the engine took, and when."""
+    _is_mark_unseen = False
+    """Whether its details have not been asked for since."""
     _chosen, _chosen_in = -1, -1
     _picked: Pick | None = None
     _picked_until_s = 0.0
@@ -266,7 +270,6 @@ class StreakActions(CarefulSeat):
             self._show_mark()
             return
         (x_a, y_a), (x_b, y_b) = ends
-        self.marked(self.marking.frame_id)
         self.send(
             MarkByHand(
                 frame_id=self.marking.frame_id,
@@ -287,14 +290,18 @@ class StreakActions(CarefulSeat):
         self.say(f"mark the {which} end: arrows, enter; {kept}", "title", MARK_SAID_S)
         self.show_picture()
 
-    def marked(self, frame_id: int) -> None:
-        """A mark in that frame is on its way: its details are what is asked for next."""
-        self._marked = frame_id, self.now_s()
+    def mark_is_taken(self, mark: MarkByHand, outcome: Outcome) -> None:
+        """By the engine: its frame's details are what is asked for next."""
+        self._marked, self._is_mark_unseen = (mark.frame_id, self.now_s()), True
+        super().mark_is_taken(mark, outcome)
 
-    def marked_lately(self) -> int | None:
-        """The frame marked last, once: the details of the newest are for the next asking."""
-        (frame_id, at_s), self._marked = self._marked, (None, 0.0)
-        return frame_id if self.now_s() - at_s < DETAILS_S else None
+    def marked_lately(self) -> tuple[int | None, bool]:
+        """The frame marked last, while it is recalled; whether its details come first, once."""
+        (frame_id, at_s), is_first = self._marked, self._is_mark_unseen
+        since_s, self._is_mark_unseen = self.now_s() - at_s, False
+        if frame_id is None or since_s >= RECALLED_S:
+            return None, False
+        return frame_id, is_first and since_s < DETAILS_S
 
     @property
     def mark_hides_signs(self) -> bool:

@@ -3,8 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from rsoconsole.console.night import NightView
-from rsoconsole.tracking.consistency import mean_band
+from rsoconsole.console.night import FrameRow, NightView
+from rsoconsole.console.tune import NAMES
+from rsoconsole.tracking.consistency import lag_one, mean_band
 
 LAST_FRAMES = 40
 
@@ -23,6 +24,15 @@ class TrackQuality:
     """Within which that mean lies for a sound filter, 95 times in 100."""
     inside_3sigma: float
     """Share of the residuals that lie within 3 sigma on both axes."""
+    measured: int
+    """Of the frames those that have a residual and a NIS."""
+    lag_one: float | None
+    """Correlation of each residual, in its sigmas, with the next: None where there are too few."""
+
+    @property
+    def lag_one_bound(self) -> float:
+        """Within which that lies for a sound filter, 95 times in 100."""
+        return 2.0 / math.sqrt(self.measured)
 
     @property
     def is_sound(self) -> bool:
@@ -32,8 +42,7 @@ class TrackQuality:
 
 def track_quality(night: NightView, last: int = LAST_FRAMES) -> TrackQuality | None:
     """Of the lead's last so many frames; None before it has been measured against a prediction."""
-    own = [row for row in night.rows if row.frame_id >= night.track_frame_id and row.was_sought]
-    rows = own[-last:]
+    rows = frames_of_track(night, last)
     measured = [
         (row.residual_arcsec, row.sigma_arcsec, row.nis)
         for row in rows
@@ -54,4 +63,28 @@ def track_quality(night: NightView, last: int = LAST_FRAMES) -> TrackQuality | N
         nis_mean=sum(nis) / len(nis),
         nis_band=mean_band(len(nis)),
         inside_3sigma=sum(inside) / len(inside),
+        measured=len(measured),
+        lag_one=lag_one(
+            [
+                (residual[0] / sigma[0], residual[1] / sigma[1])
+                for residual, sigma, _ in measured
+                if sigma is not None and min(sigma) > 0.0
+            ]
+        ),
+    )
+
+
+def frames_of_track(night: NightView, last: int = LAST_FRAMES) -> list[FrameRow]:
+    """The lead's last so many frames: processed, and pointed at it. The tuning pane's are these."""
+    first = night.track_frame_id if night.track is not None else 0
+    own = (row for row in night.rows if row.frame_id >= first)
+    return [row for row in own if row.was_sought and row.is_reduced][-last:]
+
+
+def of_settings_now(night: NightView, last: int) -> int:
+    """How many of those frames were processed with what is in force now, whenever that was."""
+    now = {name: night.setting(name) for name in NAMES}
+    return sum(
+        all(night.setting(name, row.settings) == value for name, value in now.items())
+        for row in frames_of_track(night, last)
     )

@@ -1,6 +1,7 @@
 """Tuning, from the key that opens the pane to the settings that the engine is sent."""
 
 import time
+from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -9,16 +10,18 @@ from rsoconsole.console.ask import LineDialog
 from rsoconsole.console.messages import WhatIfSeen
 from rsoconsole.console.presets import load_presets, save_preset
 from rsoconsole.console.seat import Seat
+from rsoconsole.console.track_quality import frames_of_track, of_settings_now
 from rsoconsole.console.tune import (
+    BY_NAME,
     LAST_FRAMES,
     NAMES,
     TunePane,
-    TuneWords,
     Tuning,
     Value,
-    tune_lines,
 )
+from rsoconsole.console.tune_lines import TuneWords, tune_lines
 from rsoconsole.console.what_if_watch import WhatIfWatch
+from rsoconsole.control import Command, Outcome
 from rsoconsole.control.commands import MOST_FRAMES, Set
 from rsoconsole.errors import ConfigError
 
@@ -89,23 +92,22 @@ class TuneActions(Seat):
     @property
     def tune_words(self) -> TuneWords:
         """What the pane says of its figures and its keys."""
-        return TuneWords(since_change=self.since_change())
+        return TuneWords(of_present=self.of_present())
 
-    def since_change(self) -> int | None:
-        """Frames since one of the settings was changed; None where none was."""
-        changed = (
-            line.t_utc_ns
-            for line in reversed(self.night.log)
-            if line.kind == "ParameterChange" and line.setting in NAMES
-        )
-        at_ns = next(changed, None)
-        if at_ns is None:
+    def of_present(self) -> int | None:
+        """How many of the figures' frames ran with the settings in force now, whenever that was."""
+        now = self._figures[0]
+        if now is None:
             return None
-        return sum((row.t_utc_ns or 0) >= at_ns for row in self.night.rows)
+        return of_settings_now(self.night, now.frames)
 
     def tune_scope(self) -> tuple[int | None, int | None]:
         """(until which place of the log, over how many of its last frames) figures are reckoned."""
-        return None, LAST_FRAMES
+        return None, self.last_frames()
+
+    def last_frames(self) -> int:
+        """Of the lead, as many as the orbit's pane says how good it is by."""
+        return len(frames_of_track(self.night)) or LAST_FRAMES
 
     def reckon(self) -> None:
         """Have the figures reckoned."""
@@ -208,8 +210,7 @@ class TuneActions(Seat):
             if not (text.isdecimal() and 1 <= int(text) <= MOST_FRAMES):
                 self.say(f"{text!r} is no number of frames from 1 to {MOST_FRAMES}", "warn")
                 return
-            for name, value in self.tuning.tried.items():
-                self.send(Set(name=name, value=value, frames=int(text)))
+            self._set(self.tuning.tried, int(text))
 
         dialog = LineDialog("apply for so many frames", "how many", f"{USUAL_FRAMES}")
         self.app.push_screen(dialog, decided)
@@ -223,9 +224,19 @@ class TuneActions(Seat):
             self.say("nothing to undo")
         self._try()
 
-    def _set(self, wanted: dict[str, Value]) -> None:
+    def _set(self, wanted: Mapping[str, Value], frames: int | None = None) -> None:
         for name, value in wanted.items():
-            self.send(Set(name=name, value=value))
+            self.tuning.replaced[name] = self.tuning.present.get(name)
+            self.send(Set(name=name, value=value, frames=frames))
+
+    def done_words(self, command: Command, outcome: Outcome) -> str:
+        """A setting with its values: the engine's word says only that it took it."""
+        if not isinstance(command, Set) or command.name not in self.tuning.replaced:
+            return super().done_words(command, outcome)
+        before = self.tuning.replaced[command.name]
+        change = BY_NAME[command.name].change_words(before, command.value)
+        lasts = "" if command.frames is None else f", for {command.frames} frames"
+        return f"{change} from the next frame{lasts}"
 
     def _save(self) -> None:
         present = self.tuning.present | self.tuning.tried

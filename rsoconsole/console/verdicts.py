@@ -1,7 +1,8 @@
 """Every streak of a frame, what became of it, and the reason."""
 
+import math
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from textual.app import ComposeResult
@@ -14,47 +15,63 @@ from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.words import short
 from rsoconsole.reason_text import text
-from rsoconsole.records import Detection, Measurement
+from rsoconsole.records import Detection, Measurement, is_mark_id
 from rsoconsole.streak_text import name_of, pulse_of
 
 COLUMNS = 70
+MARKED = "the frame you marked"
+SAME_STREAK_PX = 25.0
+"""A streak's middle so far from a mark's, or half the streak, is of the same one."""
 MOST_REJECTED = 12
 """The likeliest ones: of the others nobody will ask."""
 
 
 class VerdictsDialog(Dialog[None]):
-    """The streaks of one frame, the likeliest first."""
+    """The streaks of one frame, the likeliest first; of two frames, one after the other."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("v,q", "put_away", "Back", show=False)]
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("v,q", "put_away", "Back", show=False),
+        Binding("tab", "other_frame", "Other frame", show=False),
+    ]
 
     def __init__(
         self,
-        detail: FrameDetail,
+        frames: Sequence[tuple[FrameDetail, str]],
         tau: float,
         keymap: Mapping[str, str] | None = None,
-        *,
-        which: str = "",
     ) -> None:
-        """``which``: more that is said of the frame, where it is not the shown one."""
+        """``frames``: what each showed, and what is said of it where it is not the shown one."""
         super().__init__()
-        self._which = which
-        self._detail, self._tau = detail, tau
-        keys = [first_key(name, keymap) for name in ("follow_next", "accept", "reject")]
-        self._help = (
-            "Back on the screen: {} follows the next one, {} takes the likeliest,"
-            " {} rejects.".format(*keys)
-        )
+        self._frames, self._tau, self._at = frames, tau, 0
+        self._keys = [first_key(name, keymap) for name in ("follow_next", "accept", "reject")]
 
     def compose(self) -> ComposeResult:
-        """One page of text."""
-        taken = self._detail.taken
-        with VerticalScroll() as box:
-            number = "" if taken is None else f" of frame {taken.frame_id:04d}"
-            which = f", {self._which}" if self._which else ""
-            box.border_title = f"streaks{number}{which}"
-            box.border_subtitle = "esc back"
-            lines = [*verdict_lines(self._detail, self._tau), "", self._help]
-            yield Static("\n".join(lines), markup=False)
+        """One page of text a frame."""
+        with VerticalScroll():
+            yield Static("", markup=False)
+
+    def on_mount(self) -> None:
+        """The first one."""
+        super().on_mount()
+        self._show()
+
+    def action_other_frame(self) -> None:
+        """The marked one, or the newest."""
+        self._at = (self._at + 1) % len(self._frames)
+        self._show()
+
+    def _show(self) -> None:
+        detail, which = self._frames[self._at]
+        box, taken = self.query_one(VerticalScroll), detail.taken
+        number = "" if taken is None else f" of frame {taken.frame_id:04d}"
+        box.border_title = f"streaks{number}{f', {which}' if which else ''}"
+        other = self._frames[(self._at + 1) % len(self._frames)][1] or "the newest frame"
+        box.border_subtitle = f"tab {other} · esc back" if len(self._frames) > 1 else "esc back"
+        help_ = (
+            "Back on the screen, in the newest frame: {} follows the next one,"
+            " {} takes the likeliest, {} rejects.".format(*self._keys)
+        )
+        self.query_one(Static).update("\n".join([*verdict_lines(detail, self._tau), "", help_]))
 
 
 def verdict_lines(detail: FrameDetail, tau: float) -> list[str]:
@@ -68,7 +85,7 @@ def verdict_lines(detail: FrameDetail, tau: float) -> list[str]:
     rejected = sorted(found.rejected, key=lambda r: -r.detection.confidence)
     for one in rejected[:MOST_REJECTED]:
         lines += _lines(one.detection, "rejected", text(one.reason))
-    by_hand = [m for m in detail.measurements if m.source == "operator"]
+    by_hand = _by_hand(detail)
     lines += [f"  by your hand, at {m.x_px:.0f}, {m.y_px:.0f}: {_sigmas(m)}" for m in by_hand]
     if not lines:
         lines = ["  None: the network proposed nothing."]
@@ -79,6 +96,14 @@ def verdict_lines(detail: FrameDetail, tau: float) -> list[str]:
     return [head, "", *lines]
 
 
+def _by_hand(detail: FrameDetail) -> list[Measurement]:
+    """What the operator marked in it, each once."""
+    found = (
+        m for m in detail.all_measured if m.source == "operator" and is_mark_id(m.measurement_id)
+    )
+    return list({m.measurement_id: m for m in found}.values())
+
+
 def _sigmas(measured: Measurement) -> str:
     east, _, north = measured.cov_sky_arcsec2
     return f"±{short(east**0.5)}″ RA ±{short(north**0.5)}″ Dec"
@@ -87,7 +112,10 @@ def _sigmas(measured: Measurement) -> str:
 def fate(streak: Detection, detail: FrameDetail) -> tuple[str, str]:
     """What became of a detection above tau, and why where it was not followed."""
     followed = detail.followed
-    if followed is not None and _is_at(streak, followed.x_px, followed.y_px):
+    if followed is not None and is_mark_id(followed.measurement_id):
+        if _is_same(streak, followed, detail):
+            return "set aside", "your mark in its place is followed"
+    elif followed is not None and _is_at(streak, followed.x_px, followed.y_px):
         nis = detail.updated.nis if detail.updated is not None else None
         return "followed", "" if nis is None else f"NIS {nis:.1f}"
     for refused in detail.not_followed:
@@ -96,6 +124,17 @@ def fate(streak: Detection, detail: FrameDetail) -> tuple[str, str]:
     if any(_is_at(streak, m.x_px, m.y_px) for m in detail.measurements):
         return "measured", ""
     return "not measured", "the frame has no place on the sky"
+
+
+def _is_same(streak: Detection, mark: Measurement, detail: FrameDetail) -> bool:
+    """Whether it is the streak that was marked: the nearest one, and near."""
+    found = () if detail.detections is None else detail.detections.detections
+
+    def away(each: Detection) -> float:
+        return math.hypot(each.x_px - mark.x_px, each.y_px - mark.y_px)
+
+    is_nearest = away(streak) == min(map(away, found), default=math.inf)
+    return is_nearest and away(streak) < max(SAME_STREAK_PX, 0.5 * streak.length_px)
 
 
 def _is_at(streak: Detection, x_px: float, y_px: float) -> bool:

@@ -49,7 +49,12 @@ class WhatIfWatch:
         None: over all.
         """
         self._asked = Question(
-            folder=folder, config=config, tried=dict(tried), until_seq=until_seq, last=last
+            folder=folder,
+            config=config,
+            tried=dict(tried),
+            until_seq=until_seq,
+            last=last,
+            of_lead=True,
         )
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="console-what-if", daemon=True)
@@ -90,7 +95,8 @@ class WhatIfWatch:
     def _answer(self, asked: Question) -> None:
         from rsoconsole.pipeline.what_if import as_recorded
 
-        now = as_recorded(self._log.until(asked.folder, asked.until_seq), asked.last)
+        records = self._log.until(asked.folder, asked.until_seq)
+        now = as_recorded(records, asked.last, of_lead=asked.of_lead)
         then = self._process.ask(asked) if asked.tried else None
         if self._asked is None and not self._is_closing:
             self._on_seen(now, then, "")

@@ -15,6 +15,7 @@ import numpy as np
 
 from rsoconsole.records import Detection, Identified, Measurement, TrackState
 from rsoconsole.sky.angles import wrap_180
+from rsoconsole.tracking.consistency import lag_one
 from rsoconsole.tracking.lqe import sky_covariance_arcsec2
 
 VISIBLE_SNR = 20.0
@@ -307,16 +308,6 @@ def _judge_theft(tally: _Tally, is_wrong: bool) -> None:
     tally.longest_wrong = max(tally.longest_wrong, tally.wrong_in_a_row)
 
 
-def _lag_one(innovations: Sequence[tuple[float, float]]) -> float | None:
-    """Correlation of each innovation with the next, both axes together."""
-    if len(innovations) < 3:
-        return None
-    values = np.array(innovations)
-    total = float(np.sum(values**2))
-    share = len(values) / (len(values) - 1)
-    return float(np.sum(values[1:] * values[:-1])) * share / total if total > 0.0 else None
-
-
 def taken_of(frame: JudgedFrame) -> Measurement | None:
     """The measurement that the lead took; None where it took none."""
     lead = lead_of(frame.steps)
@@ -380,7 +371,7 @@ def _figures(number: int, tally: _Tally) -> dict[str, Any]:
         "tracked_after_lock": tally.tracked_after_lock,
         "inside_3sigma": statistics.fmean(tally.inside_3sigma) if tally.inside_3sigma else None,
         "nis_mean": statistics.fmean(tally.nis) if tally.nis else None,
-        "whiteness": _lag_one(tally.innovations),
+        "whiteness": lag_one(tally.innovations),
         "longest_wrong": tally.longest_wrong,
         "swapped_frames": tally.swapped_frames,
     }

@@ -43,6 +43,8 @@ class RecordedFold:
     """TrackState, NotFollowed, Miss, StateChange, in order."""
     state: LoopState
     """After it."""
+    solution: Solution | NotSolved | None = None
+    """Of its stars."""
 
 
 def recorded_frames(records: Iterable[Record]) -> Iterator[RecordedFold]:
@@ -60,6 +62,7 @@ def recorded_frames(records: Iterable[Record]) -> Iterator[RecordedFold]:
 class _Open:
     taken: FrameTaken
     before: LoopState
+    solution: Solution | NotSolved | None = None
     records: list[Record] = field(default_factory=list)
 
     def closed(self) -> RecordedFold:
@@ -68,6 +71,7 @@ class _Open:
             taken=self.taken,
             records=tuple(self.records),
             state=changes[-1] if changes else self.before,
+            solution=self.solution,
         )
 
 
@@ -108,10 +112,12 @@ class _Walk:
             case TrackState() | NotFollowed() | Miss() | StateChange():
                 if self.open is not None and not self._is_loops_own(record):
                     self.open.records.append(record)
-            case Solution() | NotSolved() | Measurement() | SlewCommand():
-                pass
+            case Solution() | NotSolved():
+                self._see_plate(record)
             case (
-                OrbitEstimate()
+                Measurement()
+                | SlewCommand()
+                | OrbitEstimate()
                 | Identified()
                 | PairMotions()
                 | ExpectedMembers()
@@ -122,6 +128,10 @@ class _Walk:
                 pass
             case _:
                 assert_never(record)
+
+    def _see_plate(self, record: Solution | NotSolved) -> None:
+        if self.open is not None:
+            self.open.solution = record
 
     def close(self) -> Iterator[RecordedFold]:
         """The open frame, if there is one that was followed."""
@@ -144,7 +154,7 @@ class _Walk:
             return
         before = old.before if self.is_first_again else self.state
         self.is_first_again = False
-        self.open = _Open(taken=old.taken, before=before)
+        self.open = _Open(taken=old.taken, before=before, solution=old.solution)
 
     def _is_loops_own(self, record: Record) -> bool:
         """An instrument that failed, or what a ruling came to in words: nothing of the fold's."""

@@ -79,6 +79,11 @@ class ReplayedFrame:
         return self.after.state
 
     @property
+    def solution(self) -> Solution | NotSolved | None:
+        """Of its stars."""
+        return self.shown.solution
+
+    @property
     def is_as_recorded(self) -> bool:
         """Whether both are the same, bit for bit; a session that was cut off may lack its end."""
         return self.records == self.recorded

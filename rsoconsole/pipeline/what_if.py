@@ -7,9 +7,19 @@ from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
 from rsoconsole.config import Config
+from rsoconsole.pipeline.pointed_at import was_pointed_at
 from rsoconsole.pipeline.recorded_frames import recorded_frames
 from rsoconsole.pipeline.replay import replay
-from rsoconsole.records import FrameTaken, LoopState, Miss, Record, StateChange, TrackState
+from rsoconsole.records import (
+    FrameTaken,
+    LoopState,
+    Miss,
+    NotSolved,
+    Record,
+    Solution,
+    StateChange,
+    TrackState,
+)
 from rsoconsole.tracking.consistency import mean_band
 from rsoconsole.tracking.following import three_sigma_deg
 
@@ -87,6 +97,11 @@ class FollowedFrame(Protocol):
         """After it."""
         ...
 
+    @property
+    def solution(self) -> Solution | NotSolved | None:
+        """Of its stars."""
+        ...
+
 
 _Followed = TypeVar("_Followed", bound=FollowedFrame)
 
@@ -97,11 +112,19 @@ def once_each(frames: Iterable[_Followed]) -> list[_Followed]:
     return [by_number[number] for number in sorted(by_number)]
 
 
-def figures_of(frames: Iterable[FollowedFrame], last: int | None = None) -> TrackFigures:
-    """Figures of the last so many frames, of all with None; a frame followed again counts once."""
-    chosen = once_each(frames)
-    chosen = chosen if last is None else chosen[-last:]
-    records = [record for each in chosen for record in each.records]
+def figures_of(
+    frames: Iterable[FollowedFrame], last: int | None = None, *, of_lead: bool = False
+) -> TrackFigures:
+    """Figures of the last so many frames, of all with None; a frame followed again counts once.
+
+    ``of_lead``: of the lead alone, without the frames in which it was missed because they looked
+    elsewhere; else of all that is followed.
+    """
+    chosen = every = once_each(frames)
+    if of_lead:
+        chosen = [e for e in every if was_pointed_at(e.records, e.solution, e.taken)]
+    chosen = chosen if last is None else chosen[max(len(chosen) - last, 0) :]
+    records = [r for e in chosen for r in (_of_lead(e.records) if of_lead else e.records)]
     updates = [r for r in records if isinstance(r, TrackState) and r.innovation_arcsec is not None]
     predicted = [r for r in records if isinstance(r, TrackState) and r.kind == "predicted"]
     residuals = [update.innovation_arcsec or (0.0, 0.0) for update in updates]
@@ -126,16 +149,18 @@ def figures_of(frames: Iterable[FollowedFrame], last: int | None = None) -> Trac
         inside_3sigma=sum(inside) / len(inside) if inside else None,
         max_3sigma_arcmin=max((three_sigma_deg(p) * 60.0 for p in predicted), default=None),
         carried_by_orbit=sum(u.foretold_by == "orbit" for u in updates),
-        state=chosen[-1].state if chosen else "",
+        state=every[-1].state if every else "",
         states=dict(Counter(each.state for each in chosen)),
         log_likelihood_mean=_log_likelihood(updates),
         nis_curve=tuple(_nis_of_lead(each.records) for each in chosen[-CURVE_FRAMES:]),
     )
 
 
-def as_recorded(records: Iterable[Record], last: int | None = None) -> TrackFigures:
+def as_recorded(
+    records: Iterable[Record], last: int | None = None, *, of_lead: bool = False
+) -> TrackFigures:
     """The night as it was: nothing is computed again."""
-    return figures_of(recorded_frames(records), last)
+    return figures_of(recorded_frames(records), last, of_lead=of_lead)
 
 
 def what_if(
@@ -143,9 +168,17 @@ def what_if(
     config: Config,
     tried: Mapping[str, float | str],
     last: int | None = None,
+    *,
+    of_lead: bool = False,
 ) -> TrackFigures:
     """The same night with other settings. Raises ConfigError for one that cannot be."""
-    return figures_of(replay(records, config, tried=tried), last)
+    return figures_of(replay(records, config, tried=tried), last, of_lead=of_lead)
+
+
+def _of_lead(records: Sequence[Record]) -> list[Record]:
+    """Without what is said of other tracks."""
+    beside = {r.track_id for r in records if isinstance(r, TrackState) and not r.is_lead}
+    return [r for r in records if not (isinstance(r, TrackState | Miss) and r.track_id in beside)]
 
 
 def _mean_square(values: Sequence[float]) -> float | None:

@@ -52,6 +52,8 @@ class Question:
     """As of that place of the log; None: its end."""
     last: int | None = None
     """Over so many frames; None: over all."""
+    of_lead: bool = False
+    """Of the lead alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,7 +199,7 @@ def main(socket_fd: int) -> None:
         answer: TrackFigures | RsoconsoleError | Unexpected
         try:
             records = session.until(asked.folder, asked.until_seq)
-            answer = what_if(records, asked.config, asked.tried, asked.last)
+            answer = what_if(records, asked.config, asked.tried, asked.last, of_lead=asked.of_lead)
         except RsoconsoleError as error:
             answer = error
         except Exception as error:  # the seat must hear of it, whatever it is

@@ -94,6 +94,19 @@ def _mean_exceeded(count: int, chance: float) -> float:
     return 2.0 * half_sum / count
 
 
+def lag_one(innovations: Sequence[tuple[float, float]]) -> float | None:
+    """Correlation of each innovation, in its sigmas, with the next, both axes together.
+
+    About 0 for a sound filter, within 2 / sqrt(n) 95 times in 100; None for fewer than three.
+    """
+    total = math.fsum(value * value for each in innovations for value in each)
+    if len(innovations) < 3 or total <= 0.0:
+        return None
+    share = len(innovations) / (len(innovations) - 1)
+    products = (a * b for one in itertools.pairwise(innovations) for a, b in zip(*one, strict=True))
+    return math.fsum(products) * share / total
+
+
 def _run_on_one_side(residuals: Sequence[tuple[float, float]]) -> bool:
     """Whether successive innovations are alike on either axis."""
     return any(_correlation([each[axis] for each in residuals]) > _ONE_SIDED for axis in (0, 1))
