@@ -167,7 +167,6 @@ def test_the_orbit_s_pane_says_how_good_the_track_is():
     assert (found.nis_mean, found.inside_3sigma) == (12.5, 0.5)
     said = plain(orbit_lines(orbit_shown(view, EngineView(reach="recorded"), None), 90, 20))
     assert "rms 3.54″" in said
-    assert "NIS 12.5 (ideal 2, " in said
     assert "3σ holds 50%" in said
     assert "1 missed" in said
     assert "NIS 12.5 /2 (ideal 2" in said
