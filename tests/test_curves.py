@@ -133,7 +133,7 @@ def test_titles_tell_of_the_newest_frame_up_to_the_right_edge_and_not_of_a_marks
     assert "residual +5.00" in words(residual_lines(night, "east", *size))
     assert "residual +0.20" in words(residual_lines(night, "east", *size, window=back))
     assert "confidence .50" in words(confidence_lines(night, *size, window=back))
-    assert "NIS 0.0 (ideal 2) · 0001-0040 of 41" in words(nis_lines(night, *size, window=back))
+    assert "NIS 0.0 /12 (ideal 2) · 0001-0040 of 41" in words(nis_lines(night, *size, window=back))
     wide = PlotWindow().zoomed(2.0).zoomed(2.0)
     after = replace(night, rows=(*night.rows, measured(42, 0.3)))
     assert "residual +0.30" in words(residual_lines(after, "east", *size, window=wide))

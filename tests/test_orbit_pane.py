@@ -145,7 +145,7 @@ def test_with_room_it_says_who_guides_how_well_it_fits_and_what_else_is_known() 
     text = said(KNOWN)
     for words in (
         "aims by the filter",
-        "orbit's NIS 1.2 (ideal 2)",
+        "orbit's NIS 1.2 /1 (ideal 2)",
         "rms .41″",
         "18 directions in 8m30",
         "node 82.1±.4°",
@@ -168,7 +168,7 @@ def test_doubt_is_a_sign_and_a_word_never_a_colour_alone() -> None:
     )
     assert "INTELSAT 14 (36097)?" in said(doubtful)
     assert "ambiguous: A and B fit alike" in said(doubtful)
-    assert target_words(doubtful) == ("INTELSAT 14?", "a = 42165±9 km")
+    assert target_words(doubtful) == ("INTELSAT 14?", "a = 42165±9 km by prior")
     reason = "no catalogued object within 0.2 deg moves like this; the nearest is 3 deg off"
     unknown = replace(KNOWN, identified=identified_of(20, verdict="unknown", reason=reason))
     assert "unknown: no catalogued object within 0.2 deg" in said(unknown, 47, 15)
@@ -185,7 +185,7 @@ def test_without_a_name_it_says_why() -> None:
     assert "not identified yet" in said(replace(KNOWN, identified=None))
     unnamed = replace(KNOWN, identified=None, has_catalogue=False)
     assert "no name: the setting catalogue.tle_files is empty" in said(unnamed)
-    assert target_words(unnamed) == ("", "a = 42165±9 km")
+    assert target_words(unnamed) == ("", "a = 42165±9 km by prior")
 
 
 def test_an_orbit_that_is_not_observable_has_no_size_in_the_first_line() -> None:
@@ -362,7 +362,7 @@ def test_the_first_line_has_the_target_and_cuts_it_first() -> None:
     engine = EngineView(
         reach="attached", state="TRACK", holder="autonomy", now_utc_ns=NOW + 724 * NS
     )
-    found = ("INTELSAT 14?", "a = 42165±9 km")
+    found = ("INTELSAT 14?", "a = 42165±9 km by prior")
 
     def line(width: int, found: tuple[str, str] = found) -> str:
         top = top_lines(view, engine, False, width, 1, found=found)[0]
@@ -376,7 +376,7 @@ def test_the_first_line_has_the_target_and_cuts_it_first() -> None:
     assert line(50).endswith("Z ")
     # However little room there is, the time stands apart.
     assert all(line(width)[-11] == " " for width in range(45, 100))
-    assert "target unidentified a = 42165±9 km" in line(90, ("", "a = 42165±9 km"))
+    assert "target unidentified a = 42165±9 km" in line(90, ("", "a = 42165±9 km by prior"))
     past = review_top_lines(view, EngineView(reach="recorded"), None, 80, 1, found=found)[0]
     assert "INTELSAT 14? a = 42165±9 km" in "".join(text for text, _ in past)
     for rows, width in ((1, 40), (2, 60)):

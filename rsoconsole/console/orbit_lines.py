@@ -285,12 +285,12 @@ def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
             "" if quality.is_sound else "warn",
         ),
     ]
+    lines = _ranked(packed(items, width, MOST_ROWS), 2, 3)
     if quality.lag_one is not None:
         bound = quality.lag_one_bound
-        is_white = abs(quality.lag_one) <= bound
-        said = f"lag-1 {quality.lag_one:+.2f} (sound ±{bound:.2f})"
-        items.append((said, "" if is_white else "warn"))
-    return _ranked(packed(items, width, MOST_ROWS), 2, 3)
+        said = f" lag-1 {quality.lag_one:+.2f} (sound ±{bound:.2f})"
+        lines.append((7, [(said, "" if abs(quality.lag_one) <= bound else "warn")]))
+    return lines
 
 
 def _quality_lines(shown: OrbitShown, estimate: OrbitEstimate, width: int) -> list[Ranked]:
