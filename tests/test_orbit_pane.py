@@ -158,7 +158,7 @@ def test_with_room_it_says_who_guides_how_well_it_fits_and_what_else_is_known() 
     assert "argument" not in text  # what is not known to 60 degrees is not told
     guiding = replace(KNOWN, estimate=estimate_of(20, is_guide=True, nis=14.0, outliers=2))
     assert "aims by the orbit" in said(guiding)
-    assert inks(guiding)["orbit's NIS 14.0 (ideal 2)"] == "warn"
+    assert inks(guiding)["orbit's NIS 14.0 /1 (ideal 2)"] == "warn"
     assert inks(guiding)["2 left out"] == "warn"
 
 

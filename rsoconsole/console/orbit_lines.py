@@ -14,6 +14,7 @@ from rsoconsole.console.orbit_view import OrbitShown
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.track_quality import TrackQuality
 from rsoconsole.console.words import (
+    BY_PRIOR,
     NS_PER_S,
     clipped,
     clock_text,
@@ -85,7 +86,7 @@ def target_words(shown: OrbitShown) -> tuple[str, str]:
 
 def _by_prior(estimate: OrbitEstimate) -> str:
     """Behind a size that was assumed rather than measured, its sigma too."""
-    return "" if estimate.prior == "none" else " by prior"
+    return "" if estimate.prior == "none" else BY_PRIOR
 
 
 def _name_of(identified: Identified) -> str:

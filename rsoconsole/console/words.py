@@ -68,6 +68,10 @@ def present_utc_ns(night: NightView, engine: EngineView) -> int | None:
     return max(engine.since_utc_ns or 0, night.last_utc_ns or 0) or None
 
 
+BY_PRIOR = " by prior"
+"""Behind what was assumed of an orbit rather than measured."""
+
+
 def top_lines(
     night: NightView,
     engine: EngineView,
@@ -111,7 +115,9 @@ def top_lines(
             return [*line, (said, "warn")]
         if not any(found) or not is_followed:
             return [*line, target_words]  # type: ignore[list-item]
-        parts = [part for part in (found[0] or target_words[0], found[1]) if part]
+        size, by_prior, _ = found[1].partition(BY_PRIOR)
+        known = (found[0] or target_words[0], size, by_prior.strip())
+        parts = [part for part in known if part]
         return [*line, (fitted(parts, room - _columns(line), " "), "")]
 
     if rows <= 1:
