@@ -220,7 +220,7 @@ def test_leaving_says_what_moves_and_proposes_what_is_safe(
         (Arm(), {"checks": [{"name": "sun", "ok": False, "detail": "it is day"}]}, ["space"]),
         (A_MARK, {"asks": "replaces", "sigma_arcsec": 118.0, "better_arcsec": 0.3}, ["enter", "m"]),
         (Hold(), {"seat": "bob@pts/2"}, ["y", "down", "enter"]),
-        (Seek(), {}, ["enter", "s"]),
+        (Seek(), {}, ["s", "enter"]),
     ],
 )
 def test_a_dialog_that_opens_by_itself_takes_no_answer_before_it_can_be_read(
@@ -251,6 +251,46 @@ def test_a_dialog_that_opens_by_itself_takes_no_answer_before_it_can_be_read(
         dialog, before = app.screen, shown(app)
         await pilot.press(*keys)
         await until(pilot, lambda: app.screen is not dialog or shown(app) != before)
+
+    play(wire, scene, LARGE)
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.7])
+def test_words_typed_over_a_refusal_are_dropped_as_a_whole(wire: FakeWire, after_s: float):
+    """Of /cloud the first key was eaten, and "c" with enter behind it moved the mount."""
+    wire.outcomes["hold"] = Outcome(ok=False, message="no cloud now: 400 stars")
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("w")
+        await until(pilot, lambda: isinstance(app.screen, Dialog))
+        await pilot.pause(after_s)
+        dialog = app.screen
+        for key in ("slash", "c", "l", "o", "u", "d"):
+            await pilot.press(key)
+            await pilot.pause(0.15)
+        assert app.screen is dialog
+        assert "no cloud now" in shown(app)
+        await pilot.press("enter")
+        await pilot.pause(dialogs.UNASKED_DEAF_S + 0.1)
+        assert app.screen in {dialog, app.live}
+        await pilot.press("enter")
+        await until(pilot, lambda: dialog not in app.screen_stack)
+        assert wire.verbs == ["hold"]
+
+    play(wire, scene, LARGE)
+
+
+def test_stop_is_never_dropped_with_the_keys_before_it(wire: FakeWire):
+    wire.outcomes["hold"] = Outcome(ok=False, message="no cloud now: 400 stars")
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("w")
+        await until(pilot, lambda: isinstance(app.screen, Dialog))
+        await pilot.press("slash", "c", "x")
+        await until(pilot, lambda: wire.verbs == ["hold", "stop"])
+        assert app.screen is app.live
 
     play(wire, scene, LARGE)
 

@@ -167,9 +167,72 @@ def test_a_stop_between_leaves_the_track_where_it_is(wire: FakeWire):
         wire.hangs["arm"].set()
         await until(pilot, lambda: "motion ended" in stop_text(app))
         await until(pilot, lambda: not app.live._is_arming)
-        await pilot.press("u")
+        await pilot.press("h")  # it may have meant Hold
         await until(pilot, lambda: "autonomy has just lost the mount" in pane(app, "keys"))
+        await pilot.pause(WITHIN_S + 0.2)
         assert wire.verbs == ["arm", "stop"]
+
+    play(wire, scene, LARGE)
+
+
+async def _stopped_here(app: ConsoleApp, pilot: Pilot[str], wire: FakeWire) -> None:
+    """STOP was given by the key, and its banner names the next one."""
+    await until(pilot, lambda: app.live.engine.holder == "autonomy")
+    wire.status |= STOPPED
+    await pilot.press("x")
+    await until(pilot, lambda: "u follows it again" in stop_text(app))
+
+
+def test_a_key_that_the_banner_names_is_carried_out_when_no_other_one_comes_behind(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await _stopped_here(app, pilot, wire)
+        began_s = app.live.now_s()
+        await pilot.press("u")
+        await until(pilot, lambda: "u: follows it again in 2 s" in pane(app, "keys"))
+        assert wire.verbs == ["stop"]
+        await until(pilot, lambda: wire.verbs == ["stop", "arm", "resume"])
+        assert app.live.now_s() - began_s > 0.5 * WITHIN_S
+
+    play(wire, scene, LARGE)
+
+
+@pytest.mark.parametrize("key", ["x", "z", "g"])
+def test_stop_or_another_key_behind_it_leaves_the_track_where_it_is(wire: FakeWire, key: str):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await _stopped_here(app, pilot, wire)
+        await pilot.press("u", key)
+        await pilot.pause(WITHIN_S + 0.3)
+        assert wire.verbs == (["stop", "stop"] if key == "x" else ["stop"])
+
+    play(wire, scene, LARGE)
+
+
+def test_what_is_on_its_way_is_said_in_place_of_the_key(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await _stopped(app, pilot, wire)
+        await pilot.press("u")
+        await until(pilot, lambda: wire.verbs == ["arm", "resume"])
+        assert "INTELSAT 14 is being followed again" in pane(app, "top")
+        assert "u follows it" not in pane(app, "top")
+        await pilot.press("u")
+        await until(pilot, lambda: "already being followed again" in pane(app, "keys"))
+        wire.status |= {"state": "COAST", "holder": "autonomy", "kept": None}
+        await until(pilot, lambda: app.live.engine.state == "COAST")
+        await pilot.press("u")
+        await until(pilot, lambda: "already being followed: " in pane(app, "keys"))
+        assert wire.verbs == ["arm", "resume"]
+
+    play(wire, scene, LARGE)
+
+
+def test_what_was_refused_can_be_asked_for_once_more(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await _stopped(app, pilot, wire)
+        wire.outcomes["resume"] = Outcome(ok=False, message="it is day")
+        await pilot.press("u")
+        await can_answer(app, pilot)
+        await pilot.press("escape")
+        await until(pilot, lambda: "u follows it again" in pane(app, "top"))
 
     play(wire, scene, LARGE)
 

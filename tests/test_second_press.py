@@ -248,7 +248,9 @@ def test_what_is_kept_is_offered_where_it_can_be_followed_again(wire: FakeWire):
         await until(pilot, lambda: "SES-10 kept: u follows it again" in pane(app, "top"))
         await pilot.press("h")
         await until(pilot, lambda: wire.verbs == ["resume"])
-        wire.status |= {"state": "SEARCH", "holder": "autonomy"}
+        wire.status |= {"state": "COAST", "holder": "autonomy", "kept": None}
+        await until(pilot, lambda: app.live.engine.state == "COAST")
+        wire.status |= {"state": "SEARCH", "kept": "SES-10"}
         await until(pilot, lambda: "SES-10 kept: u follows it again" in pane(app, "top"))
         keys: list[Key] = app.live.keys
         assert ("u", "Follow again") in [key[:2] for key in keys]

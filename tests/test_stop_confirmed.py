@@ -113,7 +113,7 @@ def test_stop_is_answered_when_the_mount_stands_and_not_when_tracking_is_settled
     )
     line = line_of(action, 0)
     assert line is not None
-    assert line.text.endswith("ordered in 12 ms (both in the engine)")
+    assert line.text.endswith("ordered in 12 ms (counted in the engine)")
     mount.is_settled.set()
     last = desk.status().last_stop
     assert last is not None
@@ -167,7 +167,7 @@ def test_the_line_of_the_log_has_both_figures():
     r.engine.run()
     said = [each.text for each in r.memory.of(Event) if each.text.startswith("STOP")]
     assert said == [
-        "STOP: motion ended, ordered in 12 ms, confirmed in 40 ms (both in the engine);"
+        "STOP: motion ended, ordered in 12 ms, confirmed in 40 ms (counted in the engine);"
         " disarmed, the mount tracks on"
     ]
 
@@ -198,7 +198,7 @@ def test_the_seat_tells_order_and_confirmation():
     assert news.ms is not None
     assert news.ordered_ms <= news.ms
     assert "motion ended, confirmed in" in news.text
-    assert news.text.endswith("ms (both from the press)")  # the record has the engine's own
+    assert news.text.endswith("ms (counted from the key)")  # the record has the engine's own
 
 
 def test_the_seat_tells_what_was_ordered_and_is_not_confirmed():

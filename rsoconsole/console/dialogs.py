@@ -21,7 +21,8 @@ from rsoconsole.console.key_line import MODE_WORDS, Mode, mode_keys
 
 HELP_COLUMNS = 70
 UNASKED_DEAF_S = 0.5
-"""So long a dialog that opened by itself takes no answer: keys were meant for what is below it."""
+"""So long a dialog that opened by itself, and after each key that it has dropped, it takes no
+answer: keys were meant for what is below it."""
 Leave = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
 
@@ -104,10 +105,21 @@ class Dialog(ModalScreen[Result], Generic[Result]):
     opens_unasked = False
     """Under the operator's hands, by what the engine said."""
     _opened_s = math.inf
+    _dropped_s = -math.inf
+    """When a key was dropped last."""
 
     async def on_event(self, event: Event) -> None:
-        """One that STOP or esc has put away before it was drawn has nothing to mount."""
+        """One that STOP or esc has put away before it was drawn has nothing to mount.
+
+        Words typed blindly are dropped as a whole: of what is behind a dropped key nothing acts.
+        STOP never comes here: the application takes it first.
+        """
         if isinstance(event, Mount) and self not in self.app.screen_stack:
+            return
+        if isinstance(event, Key) and event.key != "escape" and self.is_deaf:
+            self._dropped_s = time.monotonic()
+            event.stop()
+            event.prevent_default()
             return
         await super().on_event(event)
 
@@ -121,7 +133,8 @@ class Dialog(ModalScreen[Result], Generic[Result]):
     @property
     def is_deaf(self) -> bool:
         """Whether what is typed now was meant for what it lies over; esc puts it away at once."""
-        return self.opens_unasked and time.monotonic() < self._opened_s + UNASKED_DEAF_S
+        since_s = max(self._opened_s, self._dropped_s)
+        return self.opens_unasked and time.monotonic() < since_s + UNASKED_DEAF_S
 
     def dismiss(self, result: Result | None = None) -> AwaitComplete:
         """Close; what is typed right after it may still be meant for it."""
@@ -233,17 +246,21 @@ class MessageDialog(Dialog[None]):
         self._title, self._text = title, text
 
     def compose(self) -> ComposeResult:
-        """The words; any key puts them away."""
+        """The words; any key puts them away, where they were asked for."""
         with VerticalScroll() as box:
             box.border_title = self._title
-            box.border_subtitle = "any key back"
+            box.border_subtitle = "esc or enter back" if self.opens_unasked else "any key back"
             yield Static(self._text, markup=False)
 
     def on_key(self, event: Key) -> None:
-        """Read: back to the sky. What STOP is bound to never comes here."""
+        """Read: back to the sky. What STOP is bound to never comes here.
+
+        Where it opened by itself the first letter of a word must not put it away: the letters
+        behind it would act.
+        """
         event.stop()
         event.prevent_default()
-        if event.key == "escape" or not self.is_deaf:
+        if event.key in {"escape", "enter"} or not self.opens_unasked:
             self.dismiss(None)
 
     def on_click(self) -> None:

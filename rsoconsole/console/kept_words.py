@@ -9,15 +9,22 @@ NS_PER_S = 1_000_000_000
 
 
 def kept_words(
-    engine: EngineView, keymap: Mapping[str, str], now_utc_ns: int | None = None
+    engine: EngineView,
+    keymap: Mapping[str, str],
+    now_utc_ns: int | None = None,
+    *,
+    is_asked_for: bool = False,
 ) -> tuple[str, ...]:
     """The same from the longest to the shortest; none where nothing can be said of it.
 
-    ``now_utc_ns``: the frame clock, by which what is left of its time is counted.
+    ``now_utc_ns``: the frame clock, by which what is left of its time is counted;
+    ``is_asked_for``: the key was pressed, and the engine has yet to take it up.
     """
     if not engine.is_attached:
         return ()
     undo = first_key("undo", keymap)
+    if engine.kept is not None and is_asked_for:
+        return f"{engine.kept} is being followed again", "being followed again"
     if engine.kept is not None:
         kept = f"{engine.kept} kept"
         left = left_words(engine.kept_until_utc_ns, now_utc_ns)

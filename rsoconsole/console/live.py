@@ -107,7 +107,9 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
         mount = AFTER_STOP.get(self.night.setting("mount.after_stop"), "")
         now = words.present_utc_ns(self.night, engine)
         arm = first_key("arm_or_disarm", self.keymap)
-        kept = kept_words(engine, self.keymap, now) or (f"{arm} arms it again",)
+        is_asked_for = self.is_following_again
+        kept = kept_words(engine, self.keymap, now, is_asked_for=is_asked_for)
+        kept = kept or (f"{arm} arms it again",)
         return f"{said}. {engine.state}: disarmed{mount}. {kept[0]}"
 
     @property

@@ -234,7 +234,8 @@ class NightScreen(ReadingActions):
     def top(self, width: int, rows: int) -> list[Line]:
         """State and since when, who holds the mount, the target, the frame clock."""
         night, engine, found = self.night, self.engine, target_words(self.orbit)
-        kept = kept_words(engine, self.keymap, words.present_utc_ns(night, engine))
+        now, is_asked_for = words.present_utc_ns(night, engine), self.is_following_again
+        kept = kept_words(engine, self.keymap, now, is_asked_for=is_asked_for)
         return words.top_lines(
             night,
             engine,

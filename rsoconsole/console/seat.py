@@ -109,6 +109,11 @@ class Seat(Screen[None]):
         return time.monotonic()
 
     @property
+    def is_following_again(self) -> bool:
+        """Whether what is kept has been asked for, and the engine has yet to take it up."""
+        return False
+
+    @property
     def notice(self) -> tuple[str, Ink]:
         """What is to be said at this moment."""
         return self._notice if time.monotonic() < self._notice_until_s else ("", "")

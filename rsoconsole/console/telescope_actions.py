@@ -1,5 +1,6 @@
 """What the operator does with the telescope itself: each key is one command, or one question."""
 
+import math
 import time
 from collections.abc import Iterable
 from typing import Any
@@ -15,6 +16,7 @@ from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs import ConfirmDialog
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.messages import OutcomeCame
+from rsoconsole.console.night import NightView
 from rsoconsole.console.second_press import RELEASED_S, WITHIN_S, CarefulSeat, has_track
 from rsoconsole.console.up_list import UpListDialog
 from rsoconsole.control.commands import (
@@ -35,6 +37,8 @@ from rsoconsole.sky.wcs import pixel_to_sky
 
 STEPS_ARCSEC = (1800.0, 600.0, 180.0, 60.0, 20.0, 5.0)
 FIRST_STEP = 3
+AGAIN_S = 60.0
+"""The engine takes up what it has accepted between two exposures: not later than that."""
 
 
 def step_words(arcsec: float) -> str:
@@ -53,6 +57,8 @@ class TelescopeActions(CarefulSeat):
     """What is kept is on its way to be followed again: a key held down asks no second time."""
     _at_rest_since_s = -WITHIN_S
     """When autonomy was last seen to lose the mount, or STOP was given here."""
+    _asked_again_s = -math.inf
+    """When what is kept was asked for; the engine has not refused it."""
 
     def on_outcome_came(self, message: OutcomeCame) -> None:
         """The next nudge may go."""
@@ -60,16 +66,36 @@ class TelescopeActions(CarefulSeat):
             self._is_nudging = False
         elif isinstance(message.command, Arm):
             self._is_arming = False
+        if isinstance(message.command, Arm | Resume) and not message.outcome.ok:
+            self._asked_again_s = -math.inf
+
+    @property
+    def is_following_again(self) -> bool:
+        """Whether what is kept has been asked for, and the engine has yet to take it up."""
+        return self.engine.kept is not None and self.now_s() < self._asked_again_s + AGAIN_S
+
+    def see_refusals(self, before: NightView) -> None:
+        """What was accepted and refused later is not on its way any more."""
+        super().see_refusals(before)
+        refused = {
+            self._refused_here(line).partition(" ")[0] for line in self._lines_after(before.seq)
+        }
+        if refused & {Arm.verb, Resume.verb}:
+            self._asked_again_s = -math.inf
 
     def stop(self) -> None:
         """STOP; no key that was on its way takes up again what it has ended."""
         self._at_rest_since_s = self.now_s()
+        self._asked_again_s = -math.inf
         super().stop()
 
     def see_mount_change_hands(self, before: EngineView) -> None:
         """What the engine said before is ``before``."""
-        if before.holder == "autonomy" != self.engine.holder:
+        is_lost = before.holder == "autonomy" != self.engine.holder
+        if is_lost:
             self._at_rest_since_s = self.now_s()
+        if is_lost or self.engine.kept is None:
+            self._asked_again_s = -math.inf
 
     def action_arm_or_disarm(self) -> None:
         """Who has the mount gives it up; a running track is not ended by one press."""
@@ -111,7 +137,7 @@ class TelescopeActions(CarefulSeat):
             return
         is_at_rest = self.engine.holder != "autonomy"
         if self.engine.kept is not None and is_at_rest:
-            self._follow_again()
+            self._follow_again(is_certain=False)
         elif self.engine.wants_resuming:
             self.send(Resume())
         elif self.engine.holder == "autonomy":
@@ -147,30 +173,68 @@ class TelescopeActions(CarefulSeat):
         """Follow again what was ended; on a parked mount, release it."""
         if not self.may_act():
             return
-        if self.engine.is_parked:
+        if self.is_stopping:
+            self._follow_again(is_certain=True)  # what the engine said last is from before it
+        elif self.engine.is_parked:
             self.send(Unpark())
         elif self.take_back_drop():
             pass
         elif self.engine.kept is not None:
-            self._follow_again()
+            self._follow_again(is_certain=True)
+        elif has_track(self.engine):
+            self.say(f"already being followed: {self.track_words()}")
         else:
             arm = first_key("arm_or_disarm", self.keymap)
             is_at_rest = self.engine.holder != "autonomy"
             then = f": {arm} arms, and it searches" if is_at_rest else ""
             self.say(f"nothing is kept that could be followed again{then}", "warn")
 
-    def _follow_again(self) -> None:
-        """The kept track; after a STOP or a fault the checklist comes first, as with arming."""
-        if self.engine.is_resumable or self.engine.holder == "autonomy":
+    def _follow_again(self, *, is_certain: bool) -> None:
+        """The kept track; after a STOP or a fault the checklist comes first, as with arming.
+
+        ``is_certain``: the key means nothing else, however the mount changed hands meanwhile.
+        """
+        left_s = self._at_rest_since_s + WITHIN_S - self.now_s()
+        has_hold = self.engine.is_resumable or self.engine.holder == "autonomy"
+        if self.is_following_again:
+            self.say(f"already being followed again: {self.engine.kept}")
+        elif has_hold and not self.is_stopping:
+            self._asked_again_s = self.now_s()
             self.send(Resume())
-        elif self.now_s() - self._at_rest_since_s < WITHIN_S:
+        elif left_s > 0.0 and is_certain and self._is_stop_confirmed:
+            self._follow_in(left_s)
+        elif left_s > 0.0 or self.is_stopping:
             # It may have been pressed before the mount was taken from autonomy.
             undo = first_key("undo", self.keymap)
             wait = f"wait {WITHIN_S:.0f} s, then press {undo}"
             self.say(f"not followed again: autonomy has just lost the mount; {wait}", "warn")
         elif not self._is_arming:
-            self._is_arming = True
+            self._is_arming, self._asked_again_s = True, self.now_s()
             self.send(Arm(), then=Resume())
+
+    @property
+    def _is_stop_confirmed(self) -> bool:
+        """Whether STOP was given here and its banner says that motion has ended."""
+        return self.stop_news is not None and self.stop_news.phase == "stopped"
+
+    def _follow_in(self, left_s: float) -> None:
+        """When a stray key right after STOP can be told from a wish: no other key comes behind."""
+        undo, stop = (first_key(name, self.keymap) for name in ("undo", "stop_by_letter"))
+        wait = f"in {math.ceil(left_s)} s; {stop} or any other key: not"
+        self.say(f"{undo}: follows it again {wait}", "warn", left_s)
+        stops, number = self._stops, self.second_press.number
+
+        def when_due() -> None:
+            if self._stops != stops or not self.can_act or self.engine.holder == "autonomy":
+                return
+            if self.second_press.number != number:
+                self.say("not followed again: another key came behind it", "warn")
+            elif self.engine.kept is None:
+                self.say("nothing is kept that could be followed again", "warn")
+            else:
+                self._follow_again(is_certain=True)
+
+        self.set_timer(left_s, when_due)
 
     def take_back_drop(self) -> bool:
         """Follow again what was dropped last; False where nothing was."""

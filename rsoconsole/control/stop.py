@@ -23,7 +23,7 @@ LATE_S = 0.3
 """How long it is waited for before the mount itself is told."""
 REMEDY = "run 'rsoconsole stop' in another terminal; cut the mount's power if it moves"
 
-FROM_PRESS, IN_ENGINE = "both from the press", "both in the engine"
+FROM_PRESS, IN_ENGINE = "counted from the key", "counted in the engine"
 """From when the times of a STOP count: where it was given, and where it was carried out."""
 
 DirectStop = Callable[[], tuple[bool, str]]
