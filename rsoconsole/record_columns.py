@@ -260,6 +260,7 @@ scatter_high_s=mixture.scatter_high_s real upper end of it
 variance_scale=mixture.variance_scale real of the variances that measurements claim
 along_arcsec=mixture.along_arcsec real sigma along the motion that the length of the streak adds
 shared_with integer the track that took the same streak, which the frame could not show apart
+filter_nis real NIS by the filter's own prediction, refused by its gate; the orbit's was taken
 """
 _OF_SLEW = """
 ra_icrs_deg real where to look

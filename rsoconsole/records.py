@@ -35,7 +35,17 @@ MapMode = Literal["fast", "paper"]
 StreakKind = Literal["streak", "clipped", "crossing"]
 """How many of its ends lie in the frame: both, one, none."""
 ObjectClass = Literal["satellite", "aircraft", "meteor", "cosmic ray", "star chain", "undetermined"]
-Topic = Literal["", "limit", "machine", "clock", "engine ended", "approach", "kept", "predictor"]
+Topic = Literal[
+    "",
+    "limit",
+    "machine",
+    "clock",
+    "engine ended",
+    "approach",
+    "kept",
+    "predictor",
+    "close predictor",
+]
 OFF_RECORD = "off the record"
 """In a field's metadata: of the running program alone, no session carries it."""
 
@@ -375,6 +385,10 @@ class TrackState:
     with it. Sessions from before it was on record come out the same without it."""
     shared_with: int | None = None
     """The track that took the same streak: the frame could not show both apart."""
+    filter_nis: float | None = field(default=None, compare=False)
+    """Where it was updated by the orbit's prediction: NIS by the filter's own, which the gate had
+    refused; None elsewhere, where another reason refused it, and in sessions from before it was
+    on record."""
     memory: object | None = field(
         default=None, repr=False, compare=False, metadata={OFF_RECORD: True}
     )

@@ -2,8 +2,9 @@
 
 import dataclasses
 import math
+import re
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from textual.containers import VerticalScroll
@@ -16,11 +17,11 @@ from rsoconsole.console.ask import GotoDialog
 from rsoconsole.console.dialogs import HelpDialog
 from rsoconsole.console.engine_view import EngineView, engine_view
 from rsoconsole.console.facts import fact_lines
-from rsoconsole.console.key_line import review_keys
+from rsoconsole.console.key_line import key_line, keys_for, review_keys
 from rsoconsole.console.leaving import left_in_field_s
 from rsoconsole.console.log_lines import LogLine, line_of
 from rsoconsole.console.log_merging import append_line
-from rsoconsole.console.night import ELSEWHERE, FrameRow, Night, NightView
+from rsoconsole.console.night import ELSEWHERE, FrameRow, Night, NightView, Pointing
 from rsoconsole.console.orbit_lines import orbit_lines, target_words
 from rsoconsole.console.orbit_view import orbit_shown
 from rsoconsole.console.panels import confidence_lines, nis_lines, residual_lines
@@ -28,9 +29,10 @@ from rsoconsole.console.plot import Line
 from rsoconsole.console.track_quality import frames_of_track, of_settings_now, track_quality
 from rsoconsole.console.tune import NAMES, Tuning
 from rsoconsole.console.tune_lines import TuneWords, tune_lines
+from rsoconsole.console.words import duration_text, top_lines
 from rsoconsole.pipeline.what_if import TrackFigures, as_recorded
-from rsoconsole.reasons import Missed
-from rsoconsole.records import Event, Miss, Solution
+from rsoconsole.reasons import Cause, HiddenBy, Missed
+from rsoconsole.records import Detections, Event, FollowedAgain, Miss, Solution, StateChange, Topic
 from rsoconsole.session.reader import SessionReader
 from tests import made_up_night as night
 from tests.engine_rig import solution_at
@@ -277,7 +279,7 @@ def test_a_frame_that_looked_elsewhere_is_no_miss(off_deg: float, is_miss: bool)
     assert (row.miss == ELSEWHERE) is not is_miss
     said = found.log[-1].text
     assert ("miss: no detection" in said) is is_miss
-    assert ("no miss: frame 0006 was not pointed at it yet" in said) is not is_miss
+    assert ("no miss: frame 0006 was not pointed at it" in said) is not is_miss
 
 
 # -- the field by hand ----------------------------------------------------------------------------
@@ -329,7 +331,121 @@ def test_nothing_is_said_of_a_field_that_does_not_go_with_the_stars(changes: dic
     assert "the field" not in plain(fact_lines(view, engine, None, 120, 5))
 
 
+def held(now_utc_ns: int, **changes: Any) -> tuple[NightView, EngineView]:
+    """Autonomy has the mount and moves nothing; the frames go on."""
+    view, _ = by_hand()
+    view = dataclasses.replace(view, state="TRACK", track=view.kept_track, kept_track=None)
+    told = {"state": "TRACK", "holder": "autonomy", "is_held": True, "is_tracking": True}
+    named = {"target": "INTELSAT 21", "now_utc_ns": now_utc_ns}
+    return view, engine_view(told | named | changes)
+
+
+def test_held_it_is_said_when_the_satellite_leaves_the_field_and_which_key_goes_after_it():
+    view, engine = held(night.t_of(6))
+    said = plain(fact_lines(view, engine, None, 120, 5))
+    assert re.search(r"INTELSAT 21 leaves the field in \d+ (min|s)", said)
+    view, late = held(night.t_of(6) + 3600 * NS)
+    said = plain(fact_lines(view, late, None, 120, 5))
+    assert "INTELSAT 21 is outside the field: h follows it again" in said
+    said = plain(fact_lines(view, late, None, 120, 5, keymap={"hold_or_resume": "f7"}))
+    assert "f7 follows it again" in said
+
+
+def test_held_nothing_is_said_of_a_field_that_a_slew_is_leaving_or_that_autonomy_follows():
+    view, engine = held(night.t_of(6))
+    slew = Pointing(t_utc_ns=night.t_of(8), ra_icrs_deg=151.0, dec_icrs_deg=-5.0, is_ordered=True)
+    slewing = dataclasses.replace(view, pointing=slew)
+    assert "the field" not in plain(fact_lines(slewing, engine, None, 120, 5))
+    view, free = held(night.t_of(6), is_held=False)
+    assert "the field" not in plain(fact_lines(view, free, None, 120, 5))
+
+
+# -- cloud, and what is held for it ---------------------------------------------------------------
+
+IN_CLOUD = Missed(kind="no detection", hidden_by=(HiddenBy(kind="fewer stars", stars=3),))
+
+
+def missed(n: int, reason: Missed) -> tuple[Any, ...]:
+    found = Detections(frame_id=n, width_px=4000, height_px=3000, detections=())
+    change = StateChange(
+        frame_id=n, before="TRACK", after="COAST", reason=Cause(kind="missed", missed=reason)
+    )
+    taken = night.taken(n, 150.0, -5.0)
+    return taken, found, state(n, "predicted"), Miss(frame_id=n, reason=reason, track_id=1), change
+
+
+@pytest.mark.parametrize(
+    ("reason", "is_named"), [(IN_CLOUD, True), (Missed(kind="no detection"), False)]
+)
+def test_under_cloud_the_last_line_names_the_key_that_waits_for_the_stars(
+    reason: Missed, is_named: bool
+):
+    view = folded(to(3, "ACQUIRE", "TRACK"), state(5), *missed(6, reason)).view()
+    assert view.is_in_cloud is is_named
+    engine = engine_view({"state": "COAST", "holder": "autonomy"})
+    for width in (80, 100):
+        keys = keys_for(engine, can_act=True, is_in_cloud=view.is_in_cloud)
+        line = plain(key_line(keys)(width, 1))
+        assert ("w Hold until it clears" in line) is is_named
+    held = dataclasses.replace(engine, is_held=True)
+    assert "w" not in [each.key for each in keys_for(held, can_act=True, is_in_cloud=True)]
+
+
+def test_a_hold_until_it_clears_says_so_in_the_first_line():
+    told = {"state": "COAST", "holder": "autonomy", "is_held": True}
+    for is_until_clear in (True, False):
+        engine = engine_view(told | {"resumes_when_clear": is_until_clear})
+        said = plain(top_lines(NightView(), engine, False, 120, 1))
+        assert ("HELD until it clears" in said) is is_until_clear
+
+
+# -- what is followed again -----------------------------------------------------------------------
+
+
+def test_changes_of_state_that_come_out_the_same_are_told_once_and_a_coast_goes_on():
+    first = (to(3, "ACQUIRE", "TRACK"), state(5), *missed(6, IN_CLOUD), *missed(7, IN_CLOUD)[:-1])
+    log = folded(*first)
+    texts = [line.text for line in log.log if line.kind == "StateChange"]
+    again = (FollowedAgain(frame_id=6), *missed(6, IN_CLOUD)[2:], FollowedAgain(frame_id=7))
+    view = folded(*again, *missed(7, IN_CLOUD)[2:-1], before=log).view()
+    assert [line.text for line in view.log if line.kind == "StateChange"] == texts
+    now = night.t_of(8)
+    engine = engine_view({"state": "COAST", "holder": "autonomy", "now_utc_ns": now})
+    # Since frame 5, in which it was measured last, however often it came to a coast since.
+    since = duration_text((now - night.state_of(5, 0.0, 0.0, "updated").t_utc_ns) / NS)
+    assert f"COAST {since}" in plain(top_lines(view, engine, False, 120, 1))
+
+
+def test_a_change_of_state_that_comes_out_otherwise_is_news():
+    log = folded(to(3, "ACQUIRE", "TRACK"), state(5), *missed(6, IN_CLOUD))
+    count = sum(line.kind == "StateChange" for line in log.log)
+    other = missed(6, Missed(kind="nothing fits"))
+    folded(FollowedAgain(frame_id=6), *other[2:], before=log)
+    assert sum(line.kind == "StateChange" for line in log.log) == count + 1
+
+
 # -- orbit or filter ------------------------------------------------------------------------------
+
+
+def test_a_turn_between_two_that_promise_the_same_is_no_news():
+    for topic, is_news in (("predictor", True), ("close predictor", False)):
+        event = Event(level="info", text="aims by", frame_id=3, topic=cast(Topic, topic))
+        assert (line_of(event, night.t_of(3)) is not None) is is_news
+
+
+def test_a_residual_from_the_orbit_s_prediction_says_so():
+    for by, is_said in (("orbit", True), ("filter", False)):
+        measured = dataclasses.replace(
+            state(6),
+            foretold_by=by,
+            innovation_arcsec=(0.4, 0.1),
+            sigma_innovation_arcsec=(1.0, 1.0),
+            nis=0.2,
+        )
+        view = folded(night.taken(6, 150.0, -5.0), measured).view()
+        for axis in ("east", "north"):
+            title = plain(residual_lines(view, axis, 60, 5)).splitlines()[0]
+            assert ("by the orbit" in title) is is_said
 
 
 def turn(n: int, words: str) -> LogLine:

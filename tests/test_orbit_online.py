@@ -233,7 +233,16 @@ def test_where_the_filter_fails_the_orbit_takes_over_and_knows_where_it_is(eleme
     assert watched.last.observations == 40
     assert any(isinstance(r, TrackState) and r.foretold_by == "orbit" for r in watched.log)
     assert watched.orbit.is_guide
-    assert any(words.startswith("aims by the orbit from now on: ") for words in watched.words)
+    said = [each for each in watched.words if each.startswith("aims by the orbit from now on: ")]
+    by_orbit = [
+        each
+        for each in watched.log
+        if isinstance(each, TrackState) and each.kind == "updated" and each.foretold_by == "orbit"
+    ]
+    figures = [each.filter_nis for each in by_orbit if each.filter_nis is not None]
+    assert figures
+    assert min(figures) > watched.config.filter.gate_nis
+    assert any(f"NIS {figures[0]:.1f} by that, gate 11.8" in each for each in said)
     later = true.places(np.array([40 * CADENCE_S + 1800.0]))[0]
     t = int(later.t_utc_ns[0])
     truth = (float(later.ra_icrs_deg[0]), float(later.dec_icrs_deg[0]))
@@ -459,6 +468,21 @@ def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
     for _ in range(20):
         alike.hear(sharp, Foretold(nis=2.2, log_size=0.0))
         assert not alike.is_orbit_ahead
+
+
+@pytest.mark.parametrize(
+    ("by_orbit_arcsec", "is_close"), [(1.0, True), (0.95, True), (0.5, False), (2.0, False)]
+)
+def test_what_promises_the_same_but_for_a_tenth_is_close(by_orbit_arcsec: float, is_close: bool):
+    rivals = Rivals()
+    assert not rivals.is_close
+    for _ in range(6):
+        by_filter = Foretold(nis=2.0, log_size=0.0)
+        rivals.hear(Foretold(nis=2.0, log_size=4.0 * math.log(by_orbit_arcsec)), by_filter)
+    assert rivals.is_close is is_close
+    rivals.filter_failed(41.26, 11.83)
+    assert not rivals.is_close
+    assert rivals.words.endswith("the filter's prediction: NIS 41.3 by that, gate 11.8")
 
 
 def recorded(settings: Config, places: Places) -> list[Any]:

@@ -2,7 +2,7 @@
 
 import math
 
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night import ELSEWHERE, NightView
 from rsoconsole.console.words import NS_PER_S, clock_text, duration_text
 from rsoconsole.records import TrackState
 
@@ -15,19 +15,21 @@ def coast_words(night: NightView, now_utc_ns: int | None) -> str:
     track = night.track
     if track is None or not track.misses:
         return ""
-    seen_ns = last_seen_utc_ns(night)
+    seen_ns = night.last_seen_utc_ns
     parts = []
     if seen_ns is not None:
         ago = "" if now_utc_ns is None else f", {_ago((now_utc_ns - seen_ns) / NS_PER_S)} ago"
         parts.append(f"last seen {clock_text(seen_ns)}{ago}")
-    parts.append(f"coasted {track.misses}")
+    elsewhere = _looked_elsewhere(night, track.misses)
+    parts.append(f"coasted {track.misses}{f', {elsewhere} not pointed at it' if elsewhere else ''}")
     parts.append(_end_words(night, track, seen_ns))
     return " · ".join(part for part in parts if part)
 
 
-def last_seen_utc_ns(night: NightView) -> int | None:
-    """When the lead was measured last, mid-exposure; None where the record does not say."""
-    return next((each.measured_utc_ns for each in night.tracks if each.is_lead), None)
+def _looked_elsewhere(night: NightView, last: int) -> int:
+    """Of so many last frames, in how many it could not be: they are no misses."""
+    reduced = [row for row in night.rows if row.is_reduced][-last:]
+    return sum(row.miss == ELSEWHERE for row in reduced)
 
 
 def _ago(seconds: float) -> str:

@@ -5,7 +5,7 @@ small terminal, a line a group in a larger one, a block a group in a column of i
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.coast_words import coast_words
@@ -60,11 +60,18 @@ FOCUS_WORSE = 1.15
 
 
 def fact_lines(
-    night: NightView, engine: EngineView, outlook: "Outlook | None", width: int, rows: int
+    night: NightView,
+    engine: EngineView,
+    outlook: "Outlook | None",
+    width: int,
+    rows: int,
+    *,
+    keymap: Mapping[str, str] | None = None,
 ) -> list[Line]:
     """What there is room for, most important first."""
     now = present_utc_ns(night, engine)
-    place, motion = _place_items(night, engine), _motion_items(night, engine, now)
+    leaving = leaving_words(night, engine, now, keymap)
+    place, motion = _place_items(night, engine), _motion_items(night, engine, now, leaving)
     mount, plate = _mount_items(engine), _plate_items(night, engine)
     is_mounts = bool(mount) and place[0] == mount[0]
     schedule, cycle = _schedule_items(engine), _cycle_items(night, engine)
@@ -197,14 +204,16 @@ def _limit_item(next_limit: str | None) -> list[Item]:
     return [] if is_far else [(f"limit if tracking: {next_limit}", "warn" if is_near else "")]
 
 
-def _motion_items(night: NightView, engine: EngineView, now_utc_ns: int | None) -> list[Item]:
+def _motion_items(
+    night: NightView, engine: EngineView, now_utc_ns: int | None, leaving: str
+) -> list[Item]:
     track = night.track
     if track is None:
         is_looking = night.slew is not None and night.state in {"SEARCH", "ACQUIRE"}
         reason = f": {night.slew.reason}" if is_looking and night.slew is not None else ""
         if engine.is_attached and engine.state in {"TRACK", "COAST"}:
             return [("followed again: its first frame is to come", "")]
-        if leaving := leaving_words(night, engine, now_utc_ns):
+        if leaving:
             return [("nothing is followed", ""), (leaving, "warn")]
         return [(f"looking{reason}" if is_looking else "nothing is followed", "")]
     _, ra_rate, dec, dec_rate = track.x
@@ -217,6 +226,8 @@ def _motion_items(night: NightView, engine: EngineView, now_utc_ns: int | None) 
     ]
     if coasts := coast_words(night, now_utc_ns):
         items.insert(0, (coasts, "warn"))
+    if leaving:
+        items.insert(0, (leaving, "warn"))
     if aim := _aim_words(night, engine):
         items.append((aim, ""))
     return items

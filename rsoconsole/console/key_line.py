@@ -165,8 +165,12 @@ def keys_for(
     can_act: bool,
     mode: Mode = "live",
     keymap: Mapping[str, str] | None = None,
+    is_in_cloud: bool = False,
 ) -> list[Key]:
-    """The keys in their order on the line; which of them act depends on who has the mount."""
+    """The keys in their order on the line; which of them act depends on who has the mount.
+
+    ``is_in_cloud``: what is followed was missed, and cloud is the cause.
+    """
 
     def key(command: str, name: str, *, is_weighty: bool = False) -> Key:
         return Key(first_key(command, keymap), name, is_weighty, command)
@@ -185,6 +189,8 @@ def keys_for(
             keys.append(key("hold_or_resume", "Resume"))
         elif engine.holder == "autonomy":
             keys.append(key("hold_or_resume", "Hold"))
+            if is_in_cloud:
+                keys.append(key("wait_for_sky", "Hold until it clears", is_weighty=True))
         named = {"goto": "Go to", "tune": "Tune", "orbit": "Orbit", "note": "Note", "park": "Park"}
         if engine.holder in {"autonomy", "operator"}:
             named = {"goto": "Go to", "mark": "Mark", **named}

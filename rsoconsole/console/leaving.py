@@ -1,7 +1,9 @@
 """When what was followed leaves a field that goes with the stars, in the operator's words. Pure."""
 
 import math
+from collections.abc import Mapping
 
+from rsoconsole.console.commands import first_key
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.night import FrameRow, NightView
 from rsoconsole.console.words import NS_PER_S, cos_deg
@@ -12,21 +14,35 @@ MOST_S = 3600.0
 """Later than that is not said."""
 
 
-def leaving_words(night: NightView, engine: EngineView, now_utc_ns: int | None) -> str:
-    """INTELSAT 21 leaves the field in 4 min; empty: nothing is kept, or nobody can say."""
-    kept, row = night.kept_track, _looked_at(night)
+def leaving_words(
+    night: NightView,
+    engine: EngineView,
+    now_utc_ns: int | None,
+    keymap: Mapping[str, str] | None = None,
+) -> str:
+    """INTELSAT 21 leaves the field in 4 min; empty: the mount follows, or nobody can say.
+
+    Where autonomy is held the mount stays with the stars as well, and one key ends that.
+    """
     is_by_hand = engine.is_attached and engine.state == "MANUAL" and engine.kept is not None
-    if not is_by_hand or kept is None or row is None or now_utc_ns is None:
+    is_held = engine.is_attached and engine.is_held and engine.holder == "autonomy"
+    track = night.track if is_held else night.kept_track if is_by_hand else None
+    row = _looked_at(night, is_held=is_held)
+    if track is None or row is None or now_utc_ns is None:
         return ""
     if engine.is_slewing or engine.is_tracking is False:
         return ""
-    left_s = left_in_field_s(night, kept, row, now_utc_ns)
+    left_s = left_in_field_s(night, track, row, now_utc_ns)
     if left_s is None or left_s > MOST_S:
         return ""
+    name = (engine.target or "the satellite") if is_held else engine.kept
+    if left_s <= 0.0 and is_held:
+        key = first_key("hold_or_resume", keymap)
+        return f"{name} is outside the field: {key} follows it again"
     if left_s <= 0.0:
-        return f"{engine.kept} is out of the field"
+        return f"{name} is out of the field"
     left = f"{left_s / 60.0:.0f} min" if left_s >= 90.0 else f"{left_s:.0f} s"
-    return f"{engine.kept} leaves the field in {left}"
+    return f"{name} leaves the field in {left}"
 
 
 def left_in_field_s(
@@ -58,9 +74,16 @@ def left_in_field_s(
     return min(ends, default=None)
 
 
-def _looked_at(night: NightView) -> FrameRow | None:
-    """The last solved frame, of those since the operator has had the mount."""
+def _looked_at(night: NightView, *, is_held: bool) -> FrameRow | None:
+    """The last solved frame, of those since the operator has had the mount.
+
+    While autonomy is held, of all, unless a slew has been ordered since.
+    """
     since_ns = night.state_since_utc_ns
+    if is_held:
+        since_ns = 0
+        if night.pointing is not None and night.pointing.is_ordered:
+            return None
     for row in reversed(night.rows):
         if since_ns is None or row.t_utc_ns is None or row.t_utc_ns < since_ns:
             return None

@@ -129,7 +129,13 @@ class LiveScreen(NightScreen, TrackOrders, TelescopeActions, StreakActions):
     @property
     def keys(self) -> list[Key]:
         """The keys that matter now."""
-        return keys_for(self.engine, can_act=self.can_act, mode=self.mode, keymap=self.keymap)
+        return keys_for(
+            self.engine,
+            can_act=self.can_act,
+            mode=self.mode,
+            keymap=self.keymap,
+            is_in_cloud=self.night.is_in_cloud,
+        )
 
     def target_name(self) -> str:
         """As the first line has it."""

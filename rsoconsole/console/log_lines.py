@@ -20,7 +20,16 @@ from rsoconsole.control.commands import (
 from rsoconsole.control.stop import IN_ENGINE, counted
 from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.reason_text import ruled_text, text
-from rsoconsole.reasons import DONE, Cause, CauseKind, CommandResult, Missed, NotTaken, Told
+from rsoconsole.reasons import (
+    DONE,
+    Cause,
+    CauseKind,
+    CommandResult,
+    HiddenBy,
+    Missed,
+    NotTaken,
+    Told,
+)
 from rsoconsole.records import (
     CatalogueMatch,
     Closeup,
@@ -53,6 +62,7 @@ OF_ALARMS: frozenset[CauseKind] = frozenset(
     ("instrument", "not pointing", "limit met", "too many limits", "night ended", "clock set")
 )
 """Causes that are said as an alarm before the state changes."""
+CLOUD = frozenset(("fewer stars", "fainter stars", "few stars"))
 TOLD_BY_CHANGE: Mapping[str, CauseKind] = {
     Arm.verb: "armed",
     Disarm.verb: "disarmed",
@@ -135,6 +145,12 @@ def left_out(found: Detections | None, tau: float) -> str:
     best = max(likely, key=lambda each: each.detection.confidence)
     confidence = f"{best.detection.confidence:.2f}".removeprefix("0")
     return f"a streak of confidence {confidence} was left out: {text(best.reason)}"
+
+
+def is_put_down_to_cloud(record: Miss) -> bool:
+    """Whether cloud is named as the cause."""
+    hidden = record.reason.hidden_by if isinstance(record.reason, Missed) else ()
+    return any(isinstance(each, HiddenBy) and each.kind in CLOUD for each in hidden)
 
 
 def line_of(
@@ -228,7 +244,9 @@ def _words(record: Record) -> tuple[Level, str] | None:  # noqa: PLR0911 -- one 
             return "info", f"automatic measurement {said}" if is_set_aside else f"not taken: {said}"
         case Event():
             prefix = {"info": "", "warning": "warning: ", "alarm": "ALARM: "}[record.level]
-            return record.level, prefix + record.text
+            # A turn between two that promise the same is no news.
+            is_news = record.topic != "close predictor"
+            return (record.level, prefix + record.text) if is_news else None
         case Identified():
             return _of_identified(record)
         case Detections():

@@ -10,6 +10,8 @@ from rsoconsole.reasons import HiddenBy, Missed, Told
 from rsoconsole.sky.times import utc_ns_to_iso
 
 LOOK_BACK_LINES = 6
+FOLLOWED_AGAIN_LINES = 100
+"""Among so many of the last lines are those of the frames that can be followed again."""
 
 
 def append_line(log: list[LogLine], line: LogLine) -> None:
@@ -20,8 +22,16 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
     not taken frame after frame, of several tracks with all their numbers; a miss that changed the
     state is told by that change, which has the words of the alarm that led to it; a command is told
     by what came of it; that the telescope aims by the orbit, by the filter and so on is one line
-    with the last of them.
+    with the last of them; a change of state that a frame came to before, and comes to once more
+    where it is followed again, is told once.
     """
+    if line.kind != "StateChange" or not _was_told(log, line):
+        _append_news(log, line)
+    elif line.is_of_miss and log[-1].kind == "Miss" and log[-1].frame_id == line.frame_id:
+        del log[-1]
+
+
+def _append_news(log: list[LogLine], line: LogLine) -> None:
     if line.topic == "predictor":
         line = _with_turns_before(log, line)
     if log and _tells_of_it(line, log[-1]):
@@ -55,6 +65,16 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
         log[-1] = line
         return
     log.append(line)
+
+
+def _was_told(log: list[LogLine], line: LogLine) -> bool:
+    """Whether the last change of state of its frame says the same."""
+    if line.frame_id is None:
+        return False
+    for before in reversed(log[-FOLLOWED_AGAIN_LINES:]):
+        if before.kind == "StateChange" and before.frame_id == line.frame_id:
+            return before.words == line.words
+    return False
 
 
 def _with_turns_before(log: list[LogLine], line: LogLine) -> LogLine:

@@ -7,7 +7,12 @@ from typing import Any, assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.console.last_measured import LastMeasured, last_measured
-from rsoconsole.console.log_lines import LogLine, left_out, line_of
+from rsoconsole.console.log_lines import (
+    LogLine,
+    is_put_down_to_cloud,
+    left_out,
+    line_of,
+)
 from rsoconsole.console.log_merging import append_line
 from rsoconsole.console.track_fold import (
     FollowedTrack,
@@ -47,7 +52,7 @@ from rsoconsole.records import (
 
 UNSOUGHT: frozenset[LoopState | None] = frozenset(("IDLE", "MANUAL", "FAULT"))
 """States in which nobody looks for anything."""
-ELSEWHERE = "not pointed at it yet"
+ELSEWHERE = "not pointed at it"
 """Why a frame that looked somewhere else shows nothing of the track."""
 FRAMES_IN_DETAIL = 8
 """How many of the last frames keep what a picture of them needs; pictures come late."""
@@ -91,6 +96,10 @@ class FrameRow:
     """What had been changed since the session began when it was processed."""
     is_solved: bool | None = None
     """Whether its stars gave its place; None while that is not known."""
+    is_cloudy: bool = False
+    """Whether the lead's miss in it is put down to cloud."""
+    is_by_orbit: bool = False
+    """Whether its residual is from the orbit's prediction: the filter's own had failed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,6 +226,17 @@ class NightView:
 
     kept_track: TrackState | None = None
     """What was followed until somebody ended it, as it was then: it may be followed again."""
+
+    @property
+    def last_seen_utc_ns(self) -> int | None:
+        """When the lead was measured last, mid-exposure; None where the record does not say."""
+        return next((each.measured_utc_ns for each in self.tracks if each.is_lead), None)
+
+    @property
+    def is_in_cloud(self) -> bool:
+        """Whether the lead's last miss, in the newest frame that is known, is put down to cloud."""
+        last = next((row for row in reversed(self.rows) if row.is_reduced), None)
+        return self.state == "COAST" and last is not None and last.is_cloudy
 
     @property
     def is_orbit_past(self) -> bool:
@@ -547,7 +567,8 @@ class Night:
 
     def _followed_again(self, record: FollowedAgain, _t_utc_ns: int) -> None:
         blank = {"miss": None, "residual_arcsec": None, "sigma_arcsec": None, "nis": None}
-        self._change(record.frame_id, is_followed=False, **blank)
+        no = {"is_followed": False, "is_cloudy": False, "is_by_orbit": False}
+        self._change(record.frame_id, **no, **blank)
         self._detail(record.frame_id, predicted=None, updated=None, not_followed=(), tracks=())
         now = self._now
         # Until the next one is on record the orbit of before is the best there is.
@@ -584,6 +605,7 @@ class Night:
                 residual_arcsec=record.innovation_arcsec,
                 sigma_arcsec=record.sigma_innovation_arcsec,
                 nis=record.nis,
+                is_by_orbit=record.foretold_by == "orbit",
             )
 
     def _another_leads(self, track_id: int) -> None:
@@ -622,7 +644,12 @@ class Night:
         if self._looked_elsewhere(record):
             self._change(record.frame_id, miss=ELSEWHERE, is_reduced=True, was_sought=False)
         else:
-            self._change(record.frame_id, miss=text(record.reason), is_reduced=True)
+            self._change(
+                record.frame_id,
+                miss=text(record.reason),
+                is_reduced=True,
+                is_cloudy=is_put_down_to_cloud(record),
+            )
 
     def _looked_elsewhere(self, record: Record) -> bool:
         """Whether the lead was missed in a frame whose field it was not in by the prediction."""

@@ -219,7 +219,9 @@ class NightScreen(ReadingActions):
         night, engine = self.night, self.engine
         self.pane("top").show(self.top)
         self.pane("orbit").show(partial(orbit_lines, self.orbit))
-        self.pane("facts").show(partial(fact_lines, night, engine, self.outlook))
+        self.pane("facts").show(
+            partial(fact_lines, night, engine, self.outlook, keymap=self.keymap)
+        )
         alert = self.alert or self.intro
         self.pane("alert").set_class(not self.alert, "-calm")
         if self.alert_rows() != self._rows_of_alert:

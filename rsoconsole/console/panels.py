@@ -64,6 +64,8 @@ def residual_lines(
     value = "" if last is None or last.value is None else arcsec_text(last.value)
     if last is not None and last.value is None:
         value = f"{MISS} coasted"
+    elif value:
+        value += _by_orbit(window, night, width)
     bound = "3σ -" if last is None or last.bound is None else f"3σ {unsigned_text(last.bound)}"
     if height <= 1:
         name = {"east": "RA", "north": "δ "}[axis]
@@ -73,6 +75,13 @@ def residual_lines(
         rule(f"{_of(of)}{name} residual {value}", f"bounds {bound}", width),
         *residual_plot(columns, width, height - 1),
     ]
+
+
+def _by_orbit(window: PlotWindow, night: NightView, width: int) -> str:
+    """Whose prediction the newest residual is measured from, where it is not the filter's."""
+    seen = reversed(window.visible(night.rows, width))
+    last = next((row for row in seen if row.sigma_arcsec is not None), None)
+    return " by the orbit" if last is not None and last.is_by_orbit else ""
 
 
 def _of(of: str) -> str:

@@ -89,6 +89,7 @@ def tour_pages(keymap: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
             f"  {key('goto'):<6} go to: coordinates, a satellite, a star; shows the way first\n"
             f"  {key('up_now'):<6} what is up now: satellites by name; enter plans the way\n"
             f"  {key('hold_or_resume'):<6} hold: no slews; once more: give the mount back\n"
+            f"  {key('wait_for_sky'):<6} under cloud: hold until it clears, then by itself\n"
             f"  {key('undo'):<6} follow again what was ended, also after a STOP\n"
             f"  {key('mark'):<6} mark a streak by hand\n"
             f"  {key('tune'):<6} tune the filter; its effect is shown before you apply it\n"

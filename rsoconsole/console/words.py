@@ -160,13 +160,18 @@ def _state_words(
         return (f"{kind}: {night.state or 'no state'}", "title"), ("read only", "dim")
     state = engine.state or night.state or "?"
     since = ""
-    if night.state == state and night.state_since_utc_ns and now:
-        since = " " + duration_text((now - night.state_since_utc_ns) / NS_PER_S)
+    began_ns = night.state_since_utc_ns
+    if state == "COAST":
+        # Whatever was followed again since: it coasts from where it was seen last.
+        began_ns = night.last_seen_utc_ns or began_ns
+    if night.state == state and began_ns and now:
+        since = " " + duration_text((now - began_ns) / NS_PER_S)
     holder = HOLDERS.get(engine.holder or "", f"{engine.holder or 'unknown'} has the mount")
     ink: Ink = "warn" if engine.holder == "operator" else "title"
     if engine.is_held:
         watches = HELD if engine.holder == "autonomy" else holder
-        return (f"{state}{since} HELD", "warn"), (watches, ink)
+        held = "HELD until it clears" if engine.resumes_when_clear else "HELD"
+        return (f"{state}{since} {held}", "warn"), (watches, ink)
     return (state + since, STATE_INKS.get(state, "title")), (holder, ink)
 
 

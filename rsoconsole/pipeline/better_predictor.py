@@ -18,6 +18,8 @@ _LEAST = 5
 """So many measurements must have been foretold by both."""
 _AHEAD = 0.5
 """By so much better on the mean before the guide changes, so that it does not change for chance."""
+_CLOSE = 0.1
+"""A turn between two that promise the same but for such a share is no news."""
 _BELIEVED = 0.999
 """An orbit whose NIS are this unlikely is not believed, however the filter fares."""
 
@@ -56,6 +58,8 @@ class Rivals:
         self._told: deque[tuple[Foretold, Foretold]] = deque(maxlen=WINDOW)
         self.is_orbit_ahead = False
         """Whether the orbit foretells better."""
+        self._failed = ""
+        """By how much the filter failed last; empty: not known."""
 
     def hear(self, by_orbit: Foretold, by_filter: Foretold) -> None:
         """One measurement that both foretold."""
@@ -65,16 +69,26 @@ class Rivals:
             is_better = lead > (0.0 if self.is_orbit_ahead else _AHEAD)
             self.is_orbit_ahead = is_better and self._is_believed()
 
-    def filter_failed(self) -> None:
-        """The orbit foretold what the filter did not."""
+    def filter_failed(self, nis: float | None = None, gate_nis: float | None = None) -> None:
+        """The orbit foretold what the filter did not: the measurement's NIS by the latter."""
         self._told.clear()
         self.is_orbit_ahead = True
+        known = nis is not None and gate_nis is not None
+        self._failed = f": NIS {nis:.1f} by that, gate {gate_nis:.1f}" if known else ""
+
+    @property
+    def is_close(self) -> bool:
+        """Whether the widths that both promise come to the same: within a tenth, or as written."""
+        if not self._told:
+            return False
+        ours, theirs = (fmean(each[n].width_arcsec for each in self._told) for n in (0, 1))
+        return abs(ours - theirs) < _CLOSE * max(ours, theirs) or f"{ours:.1f}" == f"{theirs:.1f}"
 
     @property
     def words(self) -> str:
         """How both have predicted the last measurements."""
         if not self._told:
-            return "what was seen does not fit the filter's prediction"
+            return f"what was seen does not fit the filter's prediction{self._failed}"
         ours, theirs = zip(*self._told, strict=True)
         which = "it has predicted better" if self.is_orbit_ahead else "the orbit predicts no better"
         return f"{which} (orbit {_fared(ours)}, filter {_fared(theirs)})"

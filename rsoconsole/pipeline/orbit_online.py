@@ -51,6 +51,8 @@ class Refined:
     """What has changed, for the log of the night."""
     is_turn: bool = False
     """Whether the last of them says that the telescope aims by the other of orbit and filter."""
+    is_close: bool = False
+    """Whether that turn is between two that promise the same: no news for an operator."""
 
 
 @dataclass(slots=True, eq=False)
@@ -186,7 +188,7 @@ class OnlineOrbit:
             return None
         was_guide = self._guides(target)
         if track.last.foretold_by == "orbit":
-            target.rivals.filter_failed()
+            target.rivals.filter_failed(track.last.filter_nis, self._config.filter.gate_nis)
         elif predicted is not None and (by_filter := self._by_filter(track)) is not None:
             target.rivals.hear(predicted.short, by_filter)
         estimate = self._estimate(target, track, orbit, seen, predicted)
@@ -196,7 +198,13 @@ class OnlineOrbit:
             words = [f"track {track.track_id}: {each}" for each in words]
         elif is_turn:  # the telescope goes by the lead's alone
             words.append(_guide_words(target, is_orbit=estimate.is_guide))
-        return Refined(estimate=estimate, seen=target.seen, words=tuple(words), is_turn=is_turn)
+        return Refined(
+            estimate=estimate,
+            seen=target.seen,
+            words=tuple(words),
+            is_turn=is_turn,
+            is_close=is_turn and target.rivals.is_close,
+        )
 
     def _aimed_at(self, tracks: Sequence[Track]) -> list[_Target]:
         """What each track follows: known already, or another object until it is found to be one.

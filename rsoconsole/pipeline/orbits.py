@@ -70,7 +70,8 @@ class Orbits:
                 records.append(estimate)
                 for number, words in enumerate(each.words, 1):
                     is_turn = each.is_turn and number == len(each.words)
-                    topic: Topic = "predictor" if is_turn else ""
+                    turned: Topic = "close predictor" if each.is_close else "predictor"
+                    topic: Topic = turned if is_turn else ""
                     records.append(
                         Event(level="info", text=words, frame_id=estimate.frame_id, topic=topic)
                     )

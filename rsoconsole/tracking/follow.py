@@ -304,7 +304,7 @@ def _weighed(before: Tracked, seen: Seen, settings: FollowSettings) -> Weighed:
         by_orbit = seen.by_orbit(predicted)
         if by_orbit is not None:
             again = _weighed_by(by_orbit, before, seen, settings)
-            return again if again.fitting else weighed
+            return replace(again, by_filter=weighed.reasons) if again.fitting else weighed
     return weighed
 
 
@@ -342,6 +342,9 @@ def _stepped(
     if chosen is not None:
         others = {m: NotTaken(kind="another taken") for m in weighed.fitting if m is not chosen}
         state = updated[chosen].state
+        by_filter = weighed.by_filter.get(chosen)
+        if by_filter is not None and by_filter.kind == "NIS":
+            state = replace(state, filter_nis=by_filter.nis)
         told: tuple[FoldRecord, ...] = (
             predicted,
             state,

@@ -13,7 +13,7 @@ it takes none.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -56,6 +56,8 @@ class Weighed:
     """Each of the frame's measurements that it was asked about."""
     reasons: dict[Measurement, NotTaken]
     """Why some of them do not belong to it."""
+    by_filter: dict[Measurement, NotTaken] = field(default_factory=dict)
+    """Where the prediction is the orbit's: why the filter's own had refused them."""
 
     @property
     def fitting(self) -> tuple[Measurement, ...]:
