@@ -108,6 +108,8 @@ class LogLine:
     """True for a miss or a change of state that an alarm just before it tells."""
     said: str = ""
     """An event's words alone."""
+    change: tuple[str, ...] = ()
+    """Of a change of state: both states and why, by the kinds of its reasons."""
     cause: CauseKind | Literal[""] = ""
     """Of a change of state; of a command that is done, that of the change that says it all."""
     refused_by: str = ""
@@ -185,6 +187,7 @@ def line_of(
         is_accepted=action is not None and action.outcome.kind == "accepted",
         is_of_alarm=_is_of_alarm(record),
         said=one_line(record.text) if isinstance(record, Event) else "",
+        change=_change_of(record),
         cause=_told_by(action) if action else kind,
         refused_by=action.by if action and action.outcome.kind == "refused" else "",
         marked_by=action.by if action is not None and _is_used_mark(action) else "",
@@ -192,6 +195,16 @@ def line_of(
     )
     track_id = record.track_id if isinstance(record, Miss | NotFollowed | Identified) else None
     return line if track_id is None or not is_one_of_several else line.of((track_id,))
+
+
+def _change_of(record: Record) -> tuple[str, ...]:
+    if not isinstance(record, StateChange):
+        return ()
+    cause = record.reason
+    kind = cause.kind if isinstance(cause, Cause) else ""
+    missed = cause.missed if isinstance(cause, Cause) else None
+    why = missed.kind if isinstance(missed, Missed) else ""
+    return record.before, record.after, kind, why
 
 
 def _is_used_mark(action: OperatorAction) -> bool:

@@ -73,7 +73,7 @@ def _was_told(log: list[LogLine], line: LogLine) -> bool:
         return False
     for before in reversed(log[-FOLLOWED_AGAIN_LINES:]):
         if before.kind == "StateChange" and before.frame_id == line.frame_id:
-            return before.words == line.words
+            return before.change == line.change
     return False
 
 
