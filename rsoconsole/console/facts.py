@@ -235,15 +235,15 @@ def _motion_items(
 
 def _aim_words(night: NightView, engine: EngineView) -> str:
     """By what the next aim is predicted: what the log calls it, too."""
-    reason = ""
+    said = ""
     if engine.is_attached and engine.next_aim is not None:
-        reason = engine.next_aim.reason
+        said = engine.next_aim.reason
     elif night.slew is not None and night.slew.track_id is not None:
         # What led nowhere yet says nothing once something is followed.
-        reason = night.slew.reason
-    if reason.startswith("prediction"):
-        reason = reason.replace("prediction", "filter", 1)
-    return f"aim: {reason}" if reason else ""
+        said = night.slew.reason
+    if said.startswith("prediction"):
+        said = said.replace("prediction", "filter", 1)
+    return f"aim: {said}" if said else ""
 
 
 def _schedule_items(engine: EngineView) -> list[Item]:
