@@ -36,6 +36,8 @@ ALIKE: Mapping[str, str] = {
     "plus": "more: faster, nearer",
     "comma": "one step back: a frame, tau",
     "full_stop": "one step on: a frame, tau",
+    "pageup": "farther back: a hundred frames, the kept frame before",
+    "pagedown": "farther on: a hundred frames, the kept frame after",
     "g": "go to: a direction, a moment of the night",
     "enter": "takes what is pointed at: opens the frame, sets an end",
     "escape": "back",
