@@ -159,6 +159,7 @@ NIGHT = (
         sigma_innovation_arcsec=(1.0, 2.0),
         replaces=7,
         begun_through=("1-3",),
+        filter_nis=41.3,
         shared_with=2,
         mixture=Mixture(
             motion_probabilities=(("parallel", 0.9), ("any orbit", 0.1)),

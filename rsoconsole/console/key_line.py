@@ -218,7 +218,7 @@ def review_keys(
         return Key(f"{first_key(first, keymap)} {first_key(second, keymap)}", name, False, second)
 
     # The mount of the present, which the engine or the configuration names; never the recorded one.
-    stop = key("stop_by_letter", "STOP live mount", is_weighty=True)
+    stop = key("stop_by_letter", "STOP", is_weighty=True)
     if mode != "review":
         return [stop, *_OF_MODES[mode], key("help", "Help")]
     return [

@@ -127,6 +127,8 @@ class TuneActions(Seat):
 
     def reckon_now_and_then(self) -> None:
         """Where the pane is always seen, its figures follow the night."""
+        if not self.night.is_read:
+            return  # nobody knows yet over how many frames
         is_due = time.monotonic() - self._reckoned_s >= EVERY_S
         if self.query_one("#tune", TunePane).display and is_due:
             self.reckon()
