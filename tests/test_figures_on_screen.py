@@ -17,7 +17,7 @@ from rsoconsole.console.ask import GotoDialog
 from rsoconsole.console.dialogs import HelpDialog
 from rsoconsole.console.engine_view import EngineView, engine_view
 from rsoconsole.console.facts import fact_lines
-from rsoconsole.console.key_line import key_line, keys_for, review_keys
+from rsoconsole.console.key_line import key_line, keys_for
 from rsoconsole.console.leaving import left_in_field_s
 from rsoconsole.console.log_lines import LogLine, line_of
 from rsoconsole.console.log_merging import append_line
@@ -514,11 +514,6 @@ def test_go_to_says_that_the_present_track_is_kept(wire: FakeWire):
         assert "is kept meanwhile: u follows it again" in app.screen._caution
 
     play(wire, scene, SIZE)
-
-
-def test_stop_in_a_review_names_the_mount_that_it_stops():
-    keys = review_keys(is_playing=False, has_live=False, has_mark=False, mode="review", keymap={})
-    assert keys[0][:2] == ("x", "STOP live mount")
 
 
 # -- the end of a demo ----------------------------------------------------------------------------
