@@ -6,9 +6,7 @@ Run from the project's root. A made-up session of so many frames is written; the
 on it as an operator opens it, and timed from the command to its first line and to its last frame.
 Then frames come in, one each 2 s: how long a key takes until its effect is on the terminal, and
 what share of a core the program takes, idle and at work. Bytes written a second are taken at one
-frame each 10 s. Dialogs are opened and closed over a demo at ten times the clock, which keeps one
-core busy: from the key to the box, and from ``esc`` to the screen behind it, the terminal
-library's wait for what may follow an escape among it.
+frame each 10 s.
 Prints; ``--write`` keeps the figures in ``results/console.json``.
 """
 
@@ -35,9 +33,6 @@ COMMAND = [sys.executable, "-c", "from rsoconsole.cli import main; main()", "con
 SIZE = (120, 40)
 PATIENCE_S = 60.0
 KEYS = 24
-DIALOGS = ("\x1bOP", "g", "n", "e", "i", "\x10", "/", "p", "t")
-"""F1, go to, note, exposure, aim, more, find, park, tune."""
-_BOX, _FOOTER = "▊", "x STOP"
 TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
 
 
@@ -142,35 +137,6 @@ def _key_s(terminal: Terminal, turn: int) -> float:
     return taken_s
 
 
-def at_dialogs(place: Path, rounds: int) -> dict[str, float]:
-    """From key to box and from esc to the screen behind it, over a demo that keeps a core busy."""
-    own = {name: str(place) for name in ("XDG_RUNTIME_DIR", "XDG_STATE_HOME", "XDG_CONFIG_HOME")}
-    demo = [*COMMAND[:-2], "demo", "--speed", "10", "--session", str(place / "demo")]
-    opened, closed = list[float](), list[float]()
-    with Terminal(demo, {**os.environ, **own}, SIZE) as terminal:
-        wait(lambda: terminal.shows("TRACK"))
-        time.sleep(5.0)
-        for turn in range(rounds * len(DIALOGS)):
-            for key, word, taken in (
-                (DIALOGS[turn % len(DIALOGS)], _BOX, opened),
-                ("\x1b", _FOOTER, closed),
-            ):
-                known, began = len(terminal.text), time.monotonic()
-                terminal.press(key)
-                wait(lambda known=known, word=word: terminal.shows(word, since=known))  # type: ignore[misc]
-                taken.append(time.monotonic() - began)
-                time.sleep(0.7 + 0.05 * (turn % 5))
-        for key in ("q", "s"):
-            terminal.press(key)
-            time.sleep(2.0)
-    return {
-        "dialog_ms": median(opened) * 1e3,
-        "dialog_largest_ms": max(opened) * 1e3,
-        "esc_ms": median(closed) * 1e3,
-        "esc_largest_ms": max(closed) * 1e3,
-    }
-
-
 def main() -> None:
     """Measure, print, and write when asked to."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -178,7 +144,6 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=40.0)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--bytes-over", type=float, default=60.0, help="seconds")
-    parser.add_argument("--rounds", type=int, default=4, help="times each dialog is opened")
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     figures: dict[str, Any] = {
@@ -187,7 +152,7 @@ def main() -> None:
         "frames": options.frames,
         "terminal": f"{SIZE[0]}x{SIZE[1]}",
     }
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
+    with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "night"
         writer = write_session(folder, options.frames)
         starts = [first_paint(folder, options.frames) for _ in range(options.repeats)]
@@ -196,8 +161,6 @@ def main() -> None:
         worked = at_work(folder, writer, options)
         figures |= {name: round(value, 2) for name, value in worked.items()}
         writer.close()
-        dialogs = at_dialogs(Path(place), options.rounds)
-        figures |= {name: round(value, 1) for name, value in dialogs.items()}
     figures["load_after"] = round(os.getloadavg()[0], 1)
     for name, value in figures.items():
         print(f"{name:24s} {value}")
