@@ -9,6 +9,7 @@ from rsoconsole.engine.plan import Ahead
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.group_aim import tracks_inside
 from rsoconsole.records import Measurement
+from rsoconsole.tracking.chains import ON_TRIAL
 from rsoconsole.tracking.following import Following, Tracked
 
 NS_PER_S = 1_000_000_000
@@ -74,7 +75,7 @@ def tracks_now(
 
 def _now(each: Tracked, shown_of: Callable[[int], Shown], now_utc_ns: int) -> TrackNow:
     track, taken = each.track, each.taken
-    is_on_trial = not track.is_lead and each.is_on_trial
+    is_on_trial = not track.is_lead and track.innovations < ON_TRIAL
     residual = None if track.misses else track.innovation_arcsec
     return TrackNow(
         track_id=track.track_id,

@@ -70,7 +70,7 @@ class Rivals:
             self.is_orbit_ahead = is_better and self._is_believed()
 
     def filter_failed(self, nis: float | None = None, gate_nis: float | None = None) -> None:
-        """The orbit foretold what the filter did not: the measurement's NIS by the latter."""
+        """The orbit predicted what the filter did not: the NIS of the measurement by the latter."""
         self._told.clear()
         self.is_orbit_ahead = True
         known = nis is not None and gate_nis is not None

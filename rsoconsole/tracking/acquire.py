@@ -116,17 +116,18 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
     room = 1 if is_alone else settings.filter.most_tracks
     others = [(*agreed[m], m) for m in usable if m in agreed and m is not lead[-1]]
     begun_with = [lead, *others[: room - 1]]
-    trials = [chains.ON_TRIAL] * len(begun_with)
-    if chains.is_wide(settings):
-        trials = chains.trials(begun_with)
     tracks = tuple(
-        replace(
-            first_state(
-                chain, before.last_track_id + number, seen, settings, is_lead=chain is lead
-            ),
+        first_state(
+            chain,
+            before.last_track_id + number,
+            seen,
+            settings,
+            is_lead=chain is lead,
             trial=trial,
         )
-        for number, (chain, trial) in enumerate(zip(begun_with, trials, strict=True), 1)
+        for number, (chain, trial) in enumerate(
+            zip(begun_with, chains.trials(begun_with, settings), strict=True), 1
+        )
     )
     used = {m for chain in begun_with for m in chain}
     left = tuple(m for m in (*before.candidates, *usable) if m not in used)
@@ -163,7 +164,13 @@ def _pattern_of(tracks: tuple[Tracked, ...], begun_with: list[Chain], seen: Seen
 
 
 def first_state(
-    chain: Chain, track_id: int, seen: Seen, settings: FollowSettings, *, is_lead: bool
+    chain: Chain,
+    track_id: int,
+    seen: Seen,
+    settings: FollowSettings,
+    *,
+    is_lead: bool,
+    trial: int = chains.ON_TRIAL,
 ) -> Tracked:
     """What is followed from two measurements on, or more of them."""
     track = initiated(chain[0], chain[1], track_id, seen, settings)
@@ -190,6 +197,7 @@ def first_state(
         neighbours=beside((), track, chain[-1], seen),
         excesses_arcsec=excesses,
         since_utc_ns=chain[-1].t_mid_utc_ns,
+        trial=trial,
     )
 
 

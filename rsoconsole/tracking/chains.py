@@ -91,17 +91,23 @@ def begun(
     return found | _of_points(points, before, seen, settings, ways)
 
 
-def trials(begun_with: Sequence[Chain], ways: Sequence[tuple[float, float]] = ()) -> list[int]:
+def trials(
+    begun_with: Sequence[Chain],
+    settings: FollowSettings,
+    rates_arcsec_s: Sequence[tuple[float, float]] = (),
+) -> list[int]:
     """Of each chain that begins a track, how often that must be measured to outlive a miss.
 
-    ``ways``: rates of the tracks beside it, arcsec/s east and north.
+    ``rates_arcsec_s``: of the tracks beside it, east and north.
     """
+    if not is_wide(settings):
+        return [ON_TRIAL] * len(begun_with)
     found = []
     for chain in begun_with:
         first, second = chain[0], chain[-1]
         dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
         way = _way(chain)
-        others = [rate * dt_s for rate in map(np.array, ways)]
+        others = [rate * dt_s for rate in map(np.array, rates_arcsec_s)]
         others += [
             _way(each) for each in begun_with if each is not chain and _same_frames(each, chain)
         ]

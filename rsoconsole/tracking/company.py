@@ -1,9 +1,9 @@
 """Every satellite in the field: what no track has taken may begin another one. Pure.
 
-Frames that agree on one motion begin it, as they do the first; until it has been measured once
-more it is on trial and ends with its first miss, so that two false streaks cost one
-frame; its streaks may begin another one. What was seen three or four times is not waited for as
-long as what was seen all night. One that has left the field ends too: the lead alone is looked for.
+Frames that agree on one motion begin it, as they do the first. On trial (``chains.trials``) it ends
+with its first miss, so that false streaks cost a frame or two, and its last streak may begin
+another one. What was seen three or four times is not waited for as long as what was seen all night.
+One that has left the field ends too: the lead alone is looked for.
 """
 
 from collections.abc import Sequence
@@ -62,10 +62,7 @@ def without_ghost(
     Alone it goes on: nobody knows better than its two streaks where to look.
     """
     confirmed = (
-        step.is_measured
-        and step.after is not None
-        and step.after.track.innovations >= chains.ON_TRIAL
-        and not step.after.is_on_trial
+        step.is_measured and step.after is not None and _is_confirmed(step.after)
         for step in steps[1:]
     )
     is_lead = bool(steps) and tracks[0].track.is_lead and steps[0].reacquired is None
@@ -102,6 +99,11 @@ def ended(step: Step, before: Tracked, seen: Seen, settings: FollowSettings) -> 
     return Step(records=records, after=None)
 
 
+def _is_confirmed(tracked: Tracked) -> bool:
+    """Whether it was measured after what it began with, and is no longer on trial."""
+    return tracked.track.innovations >= max(tracked.trial, chains.ON_TRIAL)
+
+
 def _is_seldom(coasted: Tracked) -> bool:
     """Whether it has been missed where it should have been seen more often than it was seen."""
     most = UNSEEN_EACH * (coasted.track.innovations + 1)
@@ -135,14 +137,12 @@ def begun(  # noqa: PLR0917 -- one call, each argument a different thing
         return (), set()
     agreed = chains.begun(before, usable, seen, settings, alive)
     each = [(*agreed[last], last) for last in usable if last in agreed][:room]
-    trials = [chains.ON_TRIAL] * len(each)
-    if chains.is_wide(settings):
-        trials = chains.trials(each, [lqe.sky_rate_arcsec_s(one.track) for one in alive])
+    rates = [lqe.sky_rate_arcsec_s(one.track) for one in alive]
     tracks = tuple(
-        replace(
-            first_state(chain, last_track_id + number, seen, settings, is_lead=False), trial=trial
+        first_state(chain, last_track_id + number, seen, settings, is_lead=False, trial=trial)
+        for number, (chain, trial) in enumerate(
+            zip(each, chains.trials(each, settings, rates), strict=True), 1
         )
-        for number, (chain, trial) in enumerate(zip(each, trials, strict=True), 1)
     )
     return tracks, {m for chain in each for m in chain}
 
@@ -249,7 +249,7 @@ def _with_given_back(before: Following, steps: Sequence[Step]) -> Following:
     ended_on_trial = [
         each
         for each, step in zip(before.tracks, steps, strict=False)
-        if step.after is None and each.track.innovations < max(each.trial, chains.ON_TRIAL)
+        if step.after is None and not _is_confirmed(each)
     ]
     given_back = [each.taken for each in ended_on_trial if each.taken is not None]
     last = max(each.track.frame_id for each in before.tracks)

@@ -6,7 +6,9 @@ Run from the project's root. A made-up session of so many frames is written; the
 on it as an operator opens it, and timed from the command to its first line and to its last frame.
 Then frames come in, one each 2 s: how long a key takes until its effect is on the terminal, and
 what share of a core the program takes, idle and at work. Bytes written a second are taken at one
-frame each 10 s.
+frame each 10 s. Dialogs are opened and closed over a demo at ten times the clock, which keeps one
+core busy: from the key to the dialog's title, and from ``esc`` to the screen behind it, with the
+terminal library's wait for what may follow an escape.
 Prints; ``--write`` keeps the figures in ``results/console.json``.
 """
 
@@ -33,6 +35,15 @@ COMMAND = [sys.executable, "-c", "from rsoconsole.cli import main; main()", "con
 SIZE = (120, 40)
 PATIENCE_S = 60.0
 KEYS = 24
+DIALOGS = {
+    "g": "─ go to ─",
+    "n": "─ note ─",
+    "e": "─ exposure and cadence ─",
+    "i": "─ aim beside the prediction ─",
+    "j": "─ reject a measurement ─",
+}
+"""Keys, and what only their dialogs say."""
+BEHIND = "x STOP"
 TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
 
 
@@ -128,13 +139,43 @@ def _share(pid: int, seconds: float) -> float:
 def _key_s(terminal: Terminal, turn: int) -> float:
     """From a key to its word on the terminal."""
     word = ("close-up", "full resolution", "field")[turn % 3]
-    known = len(terminal.text)
-    began = time.monotonic()
-    terminal.press("z")
-    wait(lambda: terminal.shows(f"picture: {word}", since=known))
-    taken_s = time.monotonic() - began
+    taken_s = _until_s(terminal, "z", f"picture: {word}")
     time.sleep(0.15 + 0.05 * (turn % 5))
     return taken_s
+
+
+def _until_s(terminal: Terminal, key: str, word: str) -> float:
+    """From a key to a word on the terminal."""
+    known, began = len(terminal.text), time.monotonic()
+    terminal.press(key)
+    wait(lambda: terminal.shows(word, since=known))
+    return time.monotonic() - began
+
+
+def at_dialogs(place: Path, rounds: int) -> dict[str, float]:
+    """From key to dialog and from esc to the screen behind it; a demo keeps a core busy."""
+    (place / "run").mkdir(mode=0o700)
+    homes = ("STATE_HOME", "CONFIG_HOME", "DATA_HOME")
+    own = {f"XDG_{name}": str(place) for name in homes} | {"XDG_RUNTIME_DIR": str(place / "run")}
+    demo = [*COMMAND[:-2], "demo", "--speed", "10", "--session", str(place / "demo")]
+    opened, closed = list[float](), list[float]()
+    with Terminal(demo, {**os.environ, **own}, SIZE) as terminal:
+        wait(lambda: terminal.shows("TRACK"))
+        time.sleep(5.0)
+        for turn in range(rounds):
+            for key, title in DIALOGS.items():
+                for pressed, word, taken in ((key, title, opened), ("\x1b", BEHIND, closed)):
+                    taken.append(_until_s(terminal, pressed, word))
+                    time.sleep(0.6 + 0.05 * (turn % 5))
+        for key in ("q", "s"):
+            terminal.press(key)
+            time.sleep(2.0)
+    return {
+        "dialog_ms": median(opened) * 1e3,
+        "dialog_largest_ms": max(opened) * 1e3,
+        "esc_ms": median(closed) * 1e3,
+        "esc_largest_ms": max(closed) * 1e3,
+    }
 
 
 def main() -> None:
@@ -144,6 +185,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=40.0)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--bytes-over", type=float, default=60.0, help="seconds")
+    parser.add_argument("--rounds", type=int, default=8, help="times each dialog is opened")
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     figures: dict[str, Any] = {
@@ -161,6 +203,9 @@ def main() -> None:
         worked = at_work(folder, writer, options)
         figures |= {name: round(value, 2) for name, value in worked.items()}
         writer.close()
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
+        dialogs = at_dialogs(Path(place), options.rounds)
+        figures |= {name: round(value, 1) for name, value in dialogs.items()}
     figures["load_after"] = round(os.getloadavg()[0], 1)
     for name, value in figures.items():
         print(f"{name:24s} {value}")
