@@ -295,6 +295,26 @@ def test_a_stop_that_is_confirmed_is_not_told_by_a_word_from_before_it(wire: Fak
     play(wire, scene, LARGE)
 
 
+def test_a_stop_that_the_engine_knows_is_over_only_once_nobody_has_the_mount(wire: FakeWire):
+    """Its desk answers at once, its loop ends the track with its next turn."""
+    known = {"last_stop": {"t_utc_ns": NOW, "is_confirmed": True, "is_over": True}}
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: "AUTO has the mount" in pane(app, "top"))
+        wire.status |= known
+        await pilot.press("x")
+        await until(pilot, lambda: "motion ended" in stop_text(app))
+        await until(pilot, lambda: app.live.engine.last_stop is not None)
+        assert "STOP given" in pane(app, "top")
+        assert "AUTO" not in pane(app, "top")
+        await pilot.press("u")
+        assert "follows it again in" in app.live.notice[0]
+        wire.status |= STOPPED
+        await until(pilot, lambda: "nobody has the mount" in pane(app, "top"))
+
+    play(wire, scene, LARGE)
+
+
 # -- a coast --------------------------------------------------------------------------------------
 
 SEEN = NOW - 60 * NS

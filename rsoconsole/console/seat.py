@@ -20,7 +20,7 @@ from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.plot import Ink
-from rsoconsole.control import ON_RECORD, Command, LastStop, Outcome, Sender, command_words
+from rsoconsole.control import ON_RECORD, Command, Outcome, Sender, command_words
 from rsoconsole.control.commands import (
     AnswerSeat,
     Arm,
@@ -90,7 +90,8 @@ class Seat(Screen[None]):
         """What the engine has said no to, in a dialog, and its record says once more."""
         self._stopped_utc_ns: int | None = None
         """By the engine's clock, when STOP was given here last."""
-        self._stop_before: LastStop | None = None
+        self._is_stop_seen = False
+        """Whether the engine has said since STOP was given here that nobody has the mount."""
         """The one that the engine knew of when STOP was given here last."""
 
     # -- words --------------------------------------------------------------------------------
@@ -135,9 +136,8 @@ class Seat(Screen[None]):
         news = self.stop_news
         if news is None or news.phase == "failed":
             return False
-        engine = self.engine
-        is_from_before = engine.holder != "nobody" and engine.last_stop == self._stop_before
-        return news.phase != "stopped" or (engine.is_attached and is_from_before)
+        # Its STOP is known at once, that nobody has the mount only with the loop's next turn.
+        return news.phase != "stopped" or (self.engine.is_attached and not self._is_stop_seen)
 
     # -- commands -----------------------------------------------------------------------------
 
@@ -292,7 +292,7 @@ class Seat(Screen[None]):
         self.orders.stop(lambda news: self.post_from_thread(StopNewsCame(news)))
         self._stops += 1
         self._stopped_utc_ns = self.engine.now_utc_ns
-        self._stop_before = self.engine.last_stop
+        self._is_stop_seen = False
         self.say("")
         while len(self.app.screen_stack) > 1 and self.app.screen is not self:
             self.app.pop_screen()
@@ -347,6 +347,7 @@ class Seat(Screen[None]):
     def see_stop(self) -> None:
         """A STOP that was not confirmed is an alarm until the mount is seen to stand."""
         news, engine = self.stop_news, self.engine
+        self._is_stop_seen |= engine.holder == "nobody"
         said, given = engine.mount_t_utc_ns, self._stopped_utc_ns
         if news is None or news.phase != "failed" or not engine.is_attached:
             return

@@ -225,9 +225,13 @@ class TelescopeActions(CarefulSeat):
         stops, number = self._stops, self.second_press.number
 
         def when_due() -> None:
-            if self._stops != stops or not self.can_act or self.engine.holder == "autonomy":
+            if self._stops != stops or not self.can_act:
                 return
-            if self.second_press.number != number:
+            if self.is_stopping:
+                self.say(f"the engine is still ending what it does: press {undo} again", "warn")
+            elif self.engine.holder == "autonomy":
+                pass  # somebody else has armed it
+            elif self.second_press.number != number:
                 self.say("not followed again: another key came behind it", "warn")
             elif self.engine.kept is None:
                 self.say("nothing is kept that could be followed again", "warn")

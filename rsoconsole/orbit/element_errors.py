@@ -25,10 +25,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
 
 Regime = Literal["GEO", "MEO", "LEO", "HEO"]
+ERROR_REGIMES: tuple[Regime, ...] = ("GEO", "MEO", "LEO", "HEO")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,11 +63,16 @@ _BETWEEN_MANOEUVRES_DAYS: dict[Regime, float] = {"GEO": 5.0, "MEO": 180.0, "LEO"
 
 def regime_of(revolutions_a_day: float, eccentricity: float) -> Regime:
     """Which kind of orbit elements describe."""
-    if eccentricity > 0.25:
-        return "HEO"
-    if revolutions_a_day > 9.0:
-        return "LEO"
-    return "GEO" if 0.85 < revolutions_a_day < 1.15 else "MEO"
+    number = regime_numbers(np.array(revolutions_a_day), np.array(eccentricity))
+    return ERROR_REGIMES[int(number)]
+
+
+def regime_numbers(revolutions_a_day: FloatArray, eccentricity: FloatArray) -> npt.NDArray[np.intp]:
+    """The same of elements (...): places in ``ERROR_REGIMES``."""
+    is_geo = (revolutions_a_day > 0.85) & (revolutions_a_day < 1.15)
+    return np.where(
+        eccentricity > 0.25, 3, np.where(revolutions_a_day > 9.0, 2, np.where(is_geo, 0, 1))
+    )
 
 
 def manoeuvred_probability(regime: Regime, age_days: float) -> float:

@@ -12,15 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.orbit.element_errors import (
+    ERROR_REGIMES,
     MANOEUVRED,
     UNDISTURBED,
-    Regime,
     manoeuvred_probabilities,
     position_sigmas_km,
 )
 from rsoconsole.records import FloatArray
 
-REGIMES: tuple[Regime, ...] = ("GEO", "MEO", "LEO", "HEO")
 GATE_SIGMAS = 3.0
 OLDEST_DAYS = 60.0
 """Beyond it nothing is known of how elements err."""
@@ -57,21 +56,13 @@ class ElementSpread:
         )
 
 
-def regime_numbers(revolutions_a_day: FloatArray, eccentricity: FloatArray) -> npt.NDArray[np.intp]:
-    """(M,) places in ``REGIMES``, as ``element_errors.regime_of`` says."""
-    is_geo = (revolutions_a_day > 0.85) & (revolutions_a_day < 1.15)
-    return np.where(
-        eccentricity > 0.25, 3, np.where(revolutions_a_day > 9.0, 2, np.where(is_geo, 0, 1))
-    )
-
-
 def element_spread(
     regimes: npt.NDArray[np.intp], age_days: FloatArray, speed_km_s: FloatArray
 ) -> ElementSpread:
     """Of objects (M,) in those regimes, with elements so old, at that speed."""
     count = len(regimes)
     share, radial, along, across = (np.zeros((count, 3)) for _ in range(4))
-    for number, regime in enumerate(REGIMES):
+    for number, regime in enumerate(ERROR_REGIMES):
         here = np.flatnonzero(regimes == number)
         age = age_days[here]
         moved = manoeuvred_probabilities(regime, age)
@@ -90,7 +81,7 @@ def element_spread(
             along[here, 2] = np.maximum(_STRANGE_LOW_KM, along[here, 1])
     gate = GATE_SIGMAS * np.maximum(along[:, 1], along[:, 0])
     gate = np.where(
-        regimes == REGIMES.index("LEO"), np.maximum(gate, LOW_GATE_S * speed_km_s), gate
+        regimes == ERROR_REGIMES.index("LEO"), np.maximum(gate, LOW_GATE_S * speed_km_s), gate
     )
     return ElementSpread(
         share=share,

@@ -14,12 +14,12 @@ import numpy.typing as npt
 from sgp4.api import SatrecArray
 
 from rsoconsole.orbit.catalogue import CatalogueEntry, nearest_in_epoch_of_each
+from rsoconsole.orbit.element_errors import regime_numbers
 from rsoconsole.orbit.element_gates import (
     GATE_SIGMAS,
     OLDEST_DAYS,
     ElementSpread,
     element_spread,
-    regime_numbers,
 )
 from rsoconsole.orbit.sky_paths import Exposure, Seen, array_of, drawn
 from rsoconsole.records import FloatArray, Site
