@@ -524,10 +524,13 @@ def test_state_and_holder_are_seen_beside_a_stop_and_only_a_confirmed_one_goes_b
         await pilot.press("x")
         await until(pilot, lambda: end in stop_text(app))
         # What the engine said last is from before the STOP: its next word is waited for.
-        wire.status |= {"last_stop": {"by": "operator", "t_utc_ns": 1, "is_confirmed": True}}
-        await until(pilot, lambda: "AUTO has the mount" in pane(app, "top"))
+        shown = ("TRACK", "AUTO has the mount", "a Disarm")
+        if is_confirmed:
+            wire.status |= {"state": "IDLE", "holder": "nobody"}
+            shown = ("IDLE", "nobody has the mount", "a Arm")
+        await until(pilot, lambda: shown[1] in pane(app, "top"))
         text = screen_text(app)
-        for words in ("TRACK", "AUTO has the mount", "STOP " + end[:6], "a Disarm"):
+        for words in (*shown, "STOP " + end[:6]):
             assert words in text
         if is_confirmed:
             await until(pilot, lambda: stop_text(app) == "")
