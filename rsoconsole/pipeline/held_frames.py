@@ -1,6 +1,5 @@
 """Frames in which somebody is marking by hand: they can be ruled on for longer than the others."""
 
-import threading
 from collections.abc import Mapping
 
 BEGIN_MARK = "begin_mark"
@@ -11,14 +10,13 @@ is kept weighs some 80 kB, and takes some 7 ms when they are followed again."""
 
 
 class HeldFrames:
-    """Which frames are held, each for how many more frames; from any thread."""
+    """Which frames are held, each for how many more frames. Other threads may look in."""
 
     def __init__(self, after_word: int) -> None:
         """``after_word``: for how many frames one is held once a word has been said on it."""
         self._after_word = after_word
         self._left: Mapping[int, int] = {}
-        # Replaced as a whole, never changed: who looks in needs no lock.
-        self._lock = threading.Lock()
+        # Replaced as a whole, never changed.
 
     def __contains__(self, frame_id: int) -> bool:
         return frame_id in self._left
@@ -30,26 +28,21 @@ class HeldFrames:
 
     def hold(self, frame_id: int) -> None:
         """From now on, for ``HELD`` frames."""
-        with self._lock:
-            self._left = {**self._left, frame_id: HELD}
+        self._left = {**self._left, frame_id: HELD}
 
     def let_go(self, frame_id: int) -> None:
         """No longer."""
-        with self._lock:
-            self._left = {n: left for n, left in self._left.items() if n != frame_id}
+        self._left = {n: left for n, left in self._left.items() if n != frame_id}
 
     def ruled(self, frame_id: int) -> None:
         """A word has been said on it: it stays for as long as that may be taken back."""
-        with self._lock:
-            if frame_id in self._left:
-                self._left = {**self._left, frame_id: self._after_word}
+        if frame_id in self._left:
+            self._left = {**self._left, frame_id: self._after_word}
 
     def count(self) -> None:
         """One frame more."""
-        with self._lock:
-            self._left = {n: left - 1 for n, left in self._left.items() if left > 1}
+        self._left = {n: left - 1 for n, left in self._left.items() if left > 1}
 
     def forget(self) -> None:
         """None is held."""
-        with self._lock:
-            self._left = {}
+        self._left = {}
