@@ -21,6 +21,7 @@ from rsoconsole.sky.angles import separation_deg, unit_to_direction
 from rsoconsole.sky.times import NS_PER_S
 from tests.fields_of_truth import SITE, behind, passing
 from tests.json_page import expect_documented
+from tests.seen_satellites import SHARED
 from tests.simulated_fields import HIGH_MAG, LOW_MAG, rendered
 
 OPTICS = OpticsConfig(width_px=1164, height_px=880, pixel_um=7.6, focal_length_mm=620.0)
@@ -31,6 +32,10 @@ LATE_S = {901: 0.0, 902: 25.0, 903: -30.0}
 """Low objects: how far behind their elements they are."""
 STRANGER = 904
 """A low object that is in no catalogue."""
+
+
+MOSAIC = SHARED / "field" / "stars" / "lco_mef_raw_test_frame.fits"
+"""A real frame of another observatory: four images in one file."""
 
 
 class Night(NamedTuple):
@@ -197,6 +202,15 @@ def test_without_a_site_or_a_catalogue_it_says_what_to_set(night, tmp_path):
     gone = str(tmp_path / "gone.tle")
     assert "gone.tle does not exist" in failed(*words, "--tle", gone, "--config", here)
     assert "frames need --field" in said("identify", frame, frame, code=2)
+
+
+@pytest.mark.skipif(not MOSAIC.exists(), reason="real frames are not there")
+def test_of_a_file_with_several_images_another_may_be_asked_for(night):
+    words = [*night.whole, "--plate", "header", str(MOSAIC)]
+    assert "--extension takes another" in " ".join(answers(*words)[0]["notes"])
+    second = answers(*words, "--extension", "SCI,2")[0]
+    assert second["frame"] == f"{MOSAIC}[SCI,2]"
+    assert "only frames have images" in said("identify", "x", "--extension", "2", code=2)
 
 
 def failed(*arguments: str) -> str:

@@ -7,6 +7,7 @@ import typer
 
 from rsoconsole.cli import output
 from rsoconsole.cli.element_files import element_files
+from rsoconsole.cli.frames import ExtensionOption
 from rsoconsole.cli.options import ConfigOption, JsonOption
 from rsoconsole.cli.orbit import SigmaOption, TrackOption
 from rsoconsole.config import load_config
@@ -36,6 +37,7 @@ def identify(
             " where solving fails."
         ),
     ] = "auto",
+    extension: ExtensionOption = None,
     tle: Annotated[
         list[Path] | None,
         typer.Option(help="Element sets: TLE, or OMM as XML, JSON or CSV; may be repeated."),
@@ -95,8 +97,10 @@ def identify(
 
         if keep or track is not None:
             raise typer.BadParameter("--keep and --track are for sessions", param_hint="--field")
-        identify_field(paths, tle or [], plate, config, json_=json_)
+        identify_field(paths, tle or [], plate, config, extension=extension, json_=json_)
         return
+    if extension is not None:
+        raise typer.BadParameter("only frames have images: --field", param_hint="--extension")
     if len(paths) > 1:
         raise typer.BadParameter("one session or file at a time; frames need --field")
     (path,) = paths

@@ -19,11 +19,13 @@ def identify_field(
     plate: PlateMode,
     config_path: Path | None,
     *,
+    extension: str | None,
     json_: bool,
 ) -> None:
     """Read the frames one after another, then answer. A frame that cannot be used ends nothing."""
     from rsoconsole.cli.field_words import frame_lines, movers_lines
-    from rsoconsole.instruments.frame_files import read_frame
+    from rsoconsole.instruments.frame_files import read_frames
+    from rsoconsole.instruments.frame_header import EXTENSION_KEY
     from rsoconsole.pipeline.catalogue_files import read_catalogue
     from rsoconsole.pipeline.field import FieldRun
     from rsoconsole.pipeline.field_frame import open_field_reader
@@ -44,7 +46,10 @@ def identify_field(
     with open_field_reader(config, plate) as reader:
         for number, path in enumerate(paths, start=1):
             try:
-                read.append((str(path), reader.read(read_frame(path, number))))
+                for image in read_frames(path, number, extension=extension):
+                    label = image.header.get(EXTENSION_KEY)
+                    name = f"{path}[{label}]" if label else str(path)
+                    read.append((name, reader.read(image)))
             except FrameError as error:
                 failures += 1
                 if json_:
