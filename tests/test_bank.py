@@ -111,9 +111,13 @@ def begun(first: Measurement, second: Measurement) -> TrackState:
     return estimator.initialise(first, second, ADAPTIVE, bend=(told.mean, told.covariance))
 
 
-def followed(measurements: list[Measurement]) -> tuple[list[TrackState], list[TrackState]]:
+def followed(
+    measurements: list[Measurement], *, is_one_of_many: bool = False
+) -> tuple[list[TrackState], list[TrackState]]:
     """(predicted, updated) of every measurement but the first two."""
     state = begun(*measurements[:2])
+    if is_one_of_many:
+        state = adaptive.thinned(state)
     predicted, updated = [], []
     for each in measurements[2:]:
         predicted.append(estimator.predict(state, each.t_mid_utc_ns, ADAPTIVE, each.frame_id))
@@ -132,14 +136,19 @@ def off(state: TrackState, true: tuple[float, float]) -> tuple[float, float]:
     )
 
 
+@pytest.mark.parametrize("is_one_of_many", [False, True])
 @pytest.mark.parametrize("scatter_s", [0.015, 0.2, 1.0])
 @pytest.mark.parametrize("name", ORBITS)
-def test_every_orbit_is_followed_whatever_the_shutter_does(name: str, scatter_s: float) -> None:
+def test_every_orbit_is_followed_whatever_the_shutter_does(
+    name: str, scatter_s: float, is_one_of_many: bool
+) -> None:
     """The preset ``tuned`` is in TRACK for 1 to 6 of 26 frames at 0.2 s and more."""
     taken, every, inside, nis = 0, 0, 0, []
     truth = places_of(name, (0.0,) * FRAMES)
     for seed in range(4):
-        predicted, updated = followed(measured(name, scatter_s, seed))
+        predicted, updated = followed(
+            measured(name, scatter_s, seed), is_one_of_many=is_one_of_many
+        )
         nis += [u.nis for u in updated if u.nis is not None]
         taken += sum((u.nis or 0.0) <= GATE_NIS for u in updated)
         every += len(updated)
@@ -150,6 +159,19 @@ def test_every_orbit_is_followed_whatever_the_shutter_does(name: str, scatter_s:
     assert taken / every >= 0.95
     assert inside / every >= 0.95
     assert 1.4 < np.mean(nis) < 2.7
+
+
+def test_fewer_filters_believe_what_the_many_did() -> None:
+    night = measured("transfer orbit", 0.2, 3)
+    state = followed(night[:12])[1][-1]
+    fewer = adaptive.thinned(state)
+    assert (fewer.x, fewer.P, fewer.mixture) == (state.x, state.P, state.mixture)
+    before, after = adaptive._bank_of(state), adaptive._bank_of(fewer)
+    assert len(after.means) < len(before.means) / 4
+    for one, other in zip(before.moments(), after.moments(), strict=True):
+        np.testing.assert_allclose(other, one, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(after.motion_probabilities, before.motion_probabilities, atol=1e-9)
+    assert adaptive._bank_of(adaptive.thinned(fewer)) is after
 
 
 @pytest.mark.parametrize("scatter_s", [0.05, 0.2, 0.5, 1.0])

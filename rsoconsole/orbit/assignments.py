@@ -1,6 +1,8 @@
 """Which rows take which columns, all together: the most probable ways of it, best first. Pure."""
 
 import heapq
+import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,9 +18,11 @@ _NO_CHOICE = -1e9
 
 
 def best_assignments(
-    scores: FloatArray, rivals: npt.NDArray[np.bool_], most: int
+    scores: FloatArray, rivals: npt.NDArray[np.bool_], most: int, within: float = np.inf
 ) -> list[Assignment]:
     """The ``most`` assignments with the largest sums of scores, best first, and never none at all.
+
+    Where every two rows are rivals, none further below the best than ``within``.
 
     ``scores`` (T, N + 1): logarithms; minus infinity is no choice, the last column is "none" and
     may be taken by any number of rows. ``rivals`` (T, T): rows that cannot take the same column.
@@ -27,21 +31,36 @@ def best_assignments(
     """
     others = rivals | np.eye(len(rivals), dtype=bool)
     if np.all(others):
-        return _by_murty(scores, most)
-    return _searched(scores, rivals, most) or _by_murty(scores, 1)
+        return _by_murty(scores, most, within)
+    return _searched(scores, rivals, most) or _by_murty(scores, 1, within)
 
 
-def _by_murty(scores: FloatArray, most: int) -> list[Assignment]:
-    """Each answer parts the others into those that agree with it in so many first rows."""
+def _by_murty(scores: FloatArray, most: int, within: float) -> list[Assignment]:
+    """Each answer parts the others into those that agree with it in so many first rows.
+
+    A part is solved once nothing that is left can be better than its bound: that each row takes
+    the best that it may (Cox & Miller 1995, IEEE Trans. AES 31, 486).
+    """
     count, none = len(scores), scores.shape[1] - 1
     whole = np.full((count, none + count), _NO_CHOICE)
     whole[:, :none] = np.maximum(scores[:, :none], _NO_CHOICE)
     whole[np.arange(count), none + np.arange(count)] = scores[:, none]
+    order = itertools.count()
     first = _solved(whole)
-    waiting = [] if first is None else [(-first[0], first[1], whole)]
+    waiting: list[tuple[float, int, tuple[int, ...] | None, FloatArray]] = []
+    if first is not None:
+        waiting.append((-first[0], next(order), first[1], whole))
     found: list[Assignment] = []
-    while waiting and len(found) < most:
-        _, columns, allowed = heapq.heappop(waiting)
+    worst = math.inf if first is None else within - first[0]
+    while waiting and len(found) < most and waiting[0][0] <= worst:
+        minus, _, columns, allowed = heapq.heappop(waiting)
+        if columns is None:
+            solved = _solved(allowed)
+            if solved is not None:
+                # Its bound may lie below its sum by rounding alone.
+                entry = (max(-solved[0], minus), next(order), solved[1], allowed)
+                heapq.heappush(waiting, entry)
+            continue
         found.append(tuple(min(column, none) for column in columns))
         if len(found) == most:
             break
@@ -49,9 +68,10 @@ def _by_murty(scores: FloatArray, most: int) -> list[Assignment]:
         for row, column in enumerate(columns):
             part = fixed.copy()
             part[row, column] = _NO_CHOICE
-            solved = _solved(part)
-            if solved is not None:
-                heapq.heappush(waiting, (-solved[0], solved[1], part))
+            best = part.max(axis=1)
+            bound = max(-float(best.sum()), minus)
+            if best.min() > _NO_CHOICE / 2.0 and bound <= worst:
+                heapq.heappush(waiting, (bound, next(order), None, part))
             kept = fixed[row, column]
             fixed[row] = _NO_CHOICE
             fixed[row, column] = kept
@@ -64,9 +84,9 @@ def _solved(whole: FloatArray) -> tuple[float, tuple[int, ...]] | None:
 
     rows, columns = linear_sum_assignment(whole, maximize=True)
     values = whole[rows, columns]
-    if np.min(values) <= _NO_CHOICE / 2.0:
+    if values.min() <= _NO_CHOICE / 2.0:
         return None
-    return float(np.sum(values)), tuple(map(int, columns))
+    return float(values.sum()), tuple(columns.tolist())
 
 
 def _searched(scores: FloatArray, rivals: npt.NDArray[np.bool_], most: int) -> list[Assignment]:

@@ -181,10 +181,10 @@ def _settled(seen: Sightings, starts: tuple[State, ...], asked: _Asked) -> _Foun
         constrained = _best(seen, starts, name, asked)
         if constrained is None or not is_of_its_regime(constrained.fit, asked.regimes[name]):
             continue
-        if not _needs_no_prior(seen, constrained.state, asked):
+        # Of an orbit that is refined that was asked where it began.
+        if is_refining or not _needs_no_prior(seen, constrained.state, asked):
             return constrained
-        others = () if is_refining else starts
-        return _best(seen, (constrained.state, *others), "none", asked) or constrained
+        return _best(seen, (constrained.state, *starts), "none", asked) or constrained
     return _best(seen, starts, "none", asked)
 
 

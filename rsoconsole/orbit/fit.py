@@ -83,6 +83,17 @@ class Fit:
     is_converged: bool
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Rows:
+    """What one set of unknowns comes to."""
+
+    unknowns: FloatArray
+    deviation: tuple[FloatArray, FloatArray] | None
+    residuals_arcsec: FloatArray
+    value: FloatArray
+    slopes: FloatArray
+
+
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Problem:
     """What stays the same from step to step."""
@@ -93,18 +104,40 @@ class _Problem:
     view: LineOfSight
     deviation: tuple[FloatArray, FloatArray] | None = None
     """(N, 3) off the point mass's orbit, and its rate: km, km/s."""
+    _last: "_Rows | None" = None
 
     def rows(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Whitened residuals (2N + prior rows,) and their slopes (rows, 6)."""
+        rows = self._rows(unknowns)
+        return rows.value, rows.slopes
+
+    def residuals_arcsec(self, unknowns: FloatArray) -> FloatArray:
+        """(N, 2) measured minus predicted on the sky."""
+        return self._rows(unknowns).residuals_arcsec
+
+    def _rows(self, unknowns: FloatArray) -> "_Rows":
+        """The last ones are kept: a step begins where the one before it ended."""
+        last = self._last
+        is_known = last is not None and last.deviation is self.deviation
+        if last is not None and is_known and np.array_equal(last.unknowns, unknowns):
+            return last
         places, slopes = self.places(unknowns)
-        value = self.seen.whitened(self.seen.residuals_arcsec(places)).reshape(-1)
+        residuals = self.seen.residuals_arcsec(places)
+        value = self.seen.whitened(residuals).reshape(-1)
         to_state = self.view.slopes(unknowns)
         by_place = self.seen.whitening @ self.seen.residual_slopes(places)
         by_unknown = (by_place @ slopes).reshape(-1, 6) @ to_state
         for more, more_slopes in self._beliefs(*self.view.state(unknowns)):
             value = np.concatenate([value, more])
             by_unknown = np.concatenate([by_unknown, more_slopes @ to_state])
-        return value, by_unknown
+        self._last = _Rows(
+            unknowns=unknowns,
+            deviation=self.deviation,
+            residuals_arcsec=residuals,
+            value=value,
+            slopes=by_unknown,
+        )
+        return self._last
 
     def _beliefs(self, r: FloatArray, v: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
         """What the prior adds: rows (n,) and their slopes (n, 6) by the state."""
@@ -298,7 +331,7 @@ def _finished(problem: _Problem, unknowns: FloatArray, is_converged: bool) -> Fi
         v_km_s=v,
         covariance=covariance,
         free_covariance=to_state @ _inverse(alone.T @ alone) @ to_state.T,
-        residuals_arcsec=problem.seen.residuals_arcsec(problem.places(unknowns)[0]),
+        residuals_arcsec=problem.residuals_arcsec(unknowns),
         is_used=is_used,
         cost=float(np.sum(np.minimum(squares, _OUTLIER))) + prior_chi2,
         chi2=float(np.sum(squares[is_used])),

@@ -9,6 +9,8 @@ order (scipy's DOP853). Kilometres, seconds, along GCRS axes.
 The sums are of plain floats: for three numbers at a time numpy takes five times as long.
 """
 
+import functools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import acos, asin, cos, pi, sin, sqrt
@@ -33,8 +35,11 @@ SUN_PRESSURE_N_M2 = 4.56e-6
 """At one astronomical unit."""
 AREA_TO_MASS_M2_KG = 0.026
 """Times the reflectivity coefficient: 0.02 m2/kg and 1.3, a usual geostationary satellite."""
-_KNOT_S = 3600.0
+_KNOT_S = 3600
+_BLOCK_S = 6 * _KNOT_S
 _TOLERANCE = 1e-10
+_FIRST_STEP = 0.1
+"""Of a radian of a circular orbit; scipy's own guess takes three steps to grow as long."""
 _NEAR_SHADOW_KM_2 = (1.2 * EARTH_RADIUS_KM) ** 2
 
 Vector = tuple[float, float, float]
@@ -97,11 +102,13 @@ def _carried(field_: "_Field", start: FloatArray, times: FloatArray) -> FloatArr
     sign = -1.0 if times[0] < 0.0 else 1.0
     if unique[-1] == 0.0:
         return np.tile(start, (len(times), 1))
+    span_s, distance_km = float(unique[-1]), float(np.linalg.norm(start[:3]))
     solved = solve_ivp(
         field_,
-        (0.0, sign * unique[-1]),
+        (0.0, sign * span_s),
         start,
         method="DOP853",
+        first_step=min(_FIRST_STEP * sqrt(distance_km**3 / field_.mu), span_s),
         t_eval=sign * unique,
         rtol=_TOLERANCE,
         atol=np.repeat([1e-7, 1e-10], 3),
@@ -112,24 +119,37 @@ def _carried(field_: "_Field", start: FloatArray, times: FloatArray) -> FloatArr
     return found[where]
 
 
+@functools.lru_cache(maxsize=8)
+def _bodies(first_block: int, last_block: int) -> tuple[float, list[list[list[float]]]]:
+    """Moon and Sun over whole blocks of time, of all objects alike.
+
+    The first knot, seconds of UTC since 1970, and per interval and coordinate the four
+    coefficients of a cubic, the highest first.
+    """
+    from scipy.interpolate import CubicSpline
+
+    first, last = first_block * _BLOCK_S - 2 * _KNOT_S, last_block * _BLOCK_S + 2 * _KNOT_S
+    knots = np.arange(first, last + 1, _KNOT_S)
+    at = knots * NS_PER_S
+    places = np.concatenate([moon_gcrs_km(at), sun_gcrs_km(at)], axis=-1)
+    cubics = CubicSpline((knots - first).astype(float), places).c
+    return float(first), np.moveaxis(cubics, 0, -1).tolist()
+
+
 class _Field:
     """The acceleration everywhere over a span; axis, Moon and Sun are reckoned once."""
 
     def __init__(self, forces: Forces, first_s: float, last_s: float) -> None:
         import erfa
-        from scipy.interpolate import CubicSpline
 
         self.first_s, self.last_s = first_s, last_s
-        self._mu = forces.mu
+        self.mu = forces.mu
         self._push_km = SUN_PRESSURE_N_M2 * AU_KM**2 * forces.area_to_mass_m2_kg / 1000.0
-        first, last = first_s - 2.0 * _KNOT_S, last_s + 2.0 * _KNOT_S
-        knots = np.linspace(first, last, int((last - first) / _KNOT_S) + 2)
-        at = forces.epoch_utc_ns + (knots * NS_PER_S).astype(np.int64)
-        bodies = np.concatenate([moon_gcrs_km(at), sun_gcrs_km(at)], axis=-1)
-        # Per interval and coordinate the four coefficients of a cubic, the highest first.
-        self._cubics = np.moveaxis(CubicSpline(knots, bodies).c, 0, -1).tolist()
-        self._knots = knots.tolist()
-        self._step_s = float(knots[1] - knots[0])
+        epoch_s, epoch_ns = divmod(forces.epoch_utc_ns, NS_PER_S)
+        first_block = math.floor((epoch_s + first_s) / _BLOCK_S)
+        last_block = math.floor((epoch_s + last_s) / _BLOCK_S) + 1
+        first_knot_s, self._cubics = _bodies(first_block, last_block)
+        self._since_knot_s = epoch_s - first_knot_s + epoch_ns / NS_PER_S
         middle = forces.epoch_utc_ns + int((first_s + last_s) / 2.0 * NS_PER_S)
         self._x_axis, self._y_axis, self._pole = cirs_to_gcrs(middle).T.tolist()
         self._turned_rad = float(erfa.era00(*jd_ut1(forces.epoch_utc_ns)))
@@ -165,11 +185,11 @@ class _Field:
         c, n = cos(angle), sin(angle)
         east, west = _dot(r, self._x_axis), _dot(r, self._y_axis)
         x, y = c * east + n * west, c * west - n * east
-        scale = 3.0 * self._mu * EARTH_RADIUS_KM**2 / (d2 * d2 * d)
+        scale = 3.0 * self.mu * EARTH_RADIUS_KM**2 / (d2 * d2 * d)
         form = C22 * (x * x - y * y) + 2.0 * S22 * x * y
         along_x, along_y = 2.0 * (C22 * x + S22 * y), 2.0 * (S22 * x - C22 * y)
-        outward = self._mu / (d2 * d) * (swell + s * slope - 1.0) - scale * 5.0 * form / d2
-        axial = -self._mu / d2 * slope
+        outward = self.mu / (d2 * d) * (swell + s * slope - 1.0) - scale * 5.0 * form / d2
+        axial = -self.mu / d2 * slope
         first, second = scale * (c * along_x - n * along_y), scale * (n * along_x + c * along_y)
         x_axis, y_axis = self._x_axis, self._y_axis
         return (
@@ -188,8 +208,9 @@ class _Field:
 
     def _bodies(self, t_s: float) -> tuple[Vector, Vector]:
         """Moon and Sun from the Earth's centre, km."""
-        n = min(max(int((t_s - self._knots[0]) / self._step_s), 0), len(self._cubics) - 1)
-        u = t_s - self._knots[n]
+        since_s = t_s + self._since_knot_s
+        n = min(max(int(since_s / _KNOT_S), 0), len(self._cubics) - 1)
+        u = since_s - n * _KNOT_S
         a, b, c, d, e, f = (((c3 * u + c2) * u + c1) * u + c0 for c3, c2, c1, c0 in self._cubics[n])
         return (a, b, c), (d, e, f)
 

@@ -40,6 +40,9 @@ _ANCHORS = 2
 """So many tracks, those with the most directions, say what the elements may be off together."""
 _EACH = 12
 """Assignments of each such guess that are weighed."""
+_WITHIN = 30.0
+"""Less likely than the best of a guess by that power of e, one is worth it by another guess or by
+none."""
 _LIKELIEST = 3
 """Of those weighed, so many say once more what the elements are off together."""
 
@@ -152,12 +155,12 @@ def _weighed(members: Sequence[Compared], objects: Sequence[int]) -> _Weighed:
     proposed: set[Assignment] = set()
     for case in cases:
         for common in case.proposals(anchors):
-            proposed.update(best_assignments(case.scores(common), rivals, _EACH))
+            proposed.update(best_assignments(case.scores(common), rivals, _EACH, _WITHIN))
     for case in cases:
         known = sorted(proposed)
         heights, places = case.log_evidence(known)
         for k in np.argsort(-heights)[:_LIKELIEST]:
-            proposed.update(best_assignments(case.scores(places[k]), rivals, _EACH))
+            proposed.update(best_assignments(case.scores(places[k]), rivals, _EACH, _WITHIN))
     known = sorted(proposed)
     total = np.logaddexp.reduce([case.log_evidence(known)[0] for case in cases])
     shares = np.exp(total - np.max(total))

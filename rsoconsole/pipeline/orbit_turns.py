@@ -13,6 +13,8 @@ from rsoconsole.records import Measurement
 AT_ONCE, MANY = 2, 6
 """Tracks beside the lead whose orbits one frame refines; with no more, none waits. Of a group
 larger than ``MANY`` one."""
+_LATE = 6
+"""Measurements, after which one of a large group waits for no other that was missed."""
 
 
 def in_turn(
@@ -29,6 +31,8 @@ def in_turn(
     missed = [n for n in waiting if tracks[n].last.frame_id < newest_frame_id]
     others = [n for n in waiting if n not in missed]
     others.sort(key=lambda n: -len(tracks[n].measurements) / max(len(known[n]), 1))
-    at_once = AT_ONCE if len(tracks) <= MANY else 1
-    room = max(at_once - len(missed), 1)
+    room = max(AT_ONCE - len(missed), 1)
+    if len(tracks) > MANY:
+        late = [n for n in others if len(tracks[n].measurements) - len(known[n]) >= _LATE]
+        room = 1 if late or not missed else 0
     return sorted([0, *missed, *others[:room]])

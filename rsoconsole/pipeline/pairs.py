@@ -31,10 +31,11 @@ from rsoconsole.tracking.relative import RelativePath, Sights, relative_path, wa
 
 MOST_FRAMES = 400
 """Of a track so many of its last measurements are compared."""
-MOST_PAIRS = 6
-"""In each frame so many pairs are looked at: each costs 2 ms, and twelve tracks are 66."""
-_WARNED_PAIRS, _NEAR_SOONER = 3, 4.0
-"""Of them so many are of a warning; and how much sooner than others a near pair comes round."""
+MOST_PAIRS, PAIRS_OF_MANY, MANY = 6, 3, 6
+"""In each frame so many pairs are looked at, fewer where there are more than ``MANY`` tracks: each
+costs 1 ms, and twelve tracks are 66."""
+_NEAR_SOONER = 4.0
+"""How much sooner than others a near pair comes round."""
 _RECENT_FRAMES = 40
 """Of so many frames measurements are kept by their ids: a track begins with one of before."""
 
@@ -174,12 +175,17 @@ class Pairs:
         )
         return (PairMotions(frame_id=frame_id, pairs=told), *events) if told else events
 
+    @property
+    def _most(self) -> int:
+        return MOST_PAIRS if len(self._alive) <= MANY else PAIRS_OF_MANY
+
     def _looked_at(self, known: Mapping[tuple[int, int], PairMotion]) -> Sequence[PairMotion]:
         """Of many pairs those of a warning in each frame, the others in turn."""
         if self._t_utc_ns is None:
             return ()
         alert = self._config.alert
         found: list[PairMotion] = []
+        most = self._most
         for one, other in self._in_turn(known):
             path = self._path(one, other, self._tracks)
             if path is None or self._t_utc_ns - path.t_utc_ns > path.horizon_s * 0.5e9:
@@ -193,18 +199,18 @@ class Pairs:
                     warned_ahead_s=60.0 * alert.ahead_min,
                 )
             )
-            if len(found) == MOST_PAIRS:
+            if len(found) == most:
                 break
         return sorted(found, key=_ids)
 
     def _in_turn(self, known: Mapping[tuple[int, int], PairMotion]) -> list[tuple[int, int]]:
-        """All pairs: some of a warning, then by how long ago they were looked at.
+        """All pairs: some of a warning, half at most, then by how long ago they were looked at.
 
         Each one's nearest come round sooner than the others.
         """
         last = self._t_utc_ns or 0
         warned = [each for each in known.values() if each.is_close]
-        warned = sorted(warned, key=lambda each: each.t_utc_ns)[:_WARNED_PAIRS]
+        warned = sorted(warned, key=lambda each: each.t_utc_ns)[: self._most // 2]
         first = {_ids(each) for each in warned}
         near: set[tuple[int, int]] = set()
         for number in self._alive:

@@ -173,6 +173,13 @@ def begun_from(
     )
 
 
+def thinned(state: TrackState) -> TrackState:
+    """The same track by fewer filters, for less work; what is on record of it stays."""
+    if not isinstance(state.memory, _Memory) or state.memory.x != state.x:
+        return state
+    return replace(state, memory=replace(state.memory, bank=banks.thinned(state.memory.bank)))
+
+
 def log_det_innovation(
     predicted: TrackState, measurement: Measurement, settings: FilterConfig
 ) -> float:
@@ -304,7 +311,7 @@ def _state(
             scatter_s=median,
             scatter_low_s=low,
             scatter_high_s=high,
-            variance_scale=float(bank.variance_scale_probabilities @ banks.VARIANCE_SCALES),
+            variance_scale=bank.variance_scale,
             along_arcsec=along_arcsec,
         ),
         memory=_Memory(bank, x, innovation_covariance),

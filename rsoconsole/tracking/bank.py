@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
 from rsoconsole.tracking.sky_path import (
@@ -33,15 +34,44 @@ from rsoconsole.tracking.sky_path import (
 
 MOTIONS = ("parallel", "great circle", "any orbit", "changing orbit")
 PARALLEL, GREAT_CIRCLE, ANY_ORBIT = range(3)
-SCATTERS = 14
 VARIANCE_SCALES = np.array([0.5, 1.0, 2.2, 5.0, 12.0, 30.0, 80.0])
 """Of a measurement's own variances: wind, a plate of few stars and ends that cloud has moved make
 errors larger than they say, across the motion as well as along it."""
-PER_MOTION = len(VARIANCE_SCALES) * SCATTERS
 MOST_SCATTER_S = 3.0
 _LEAST_SCATTER_S = 0.005
-SCATTERS_S = np.geomspace(_LEAST_SCATTER_S, MOST_SCATTER_S, SCATTERS)
+SCATTERS_S = np.geomspace(_LEAST_SCATTER_S, MOST_SCATTER_S, 14)
 """Timing scatter beyond what the measurements' covariances contain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Which errors of measurements are weighed against each other."""
+
+    variance_scales: FloatArray
+    """(V,)"""
+    scatters_s: FloatArray
+    """(S,)"""
+
+    @property
+    def per_motion(self) -> int:
+        """Filters of each motion."""
+        return len(self.variance_scales) * len(self.scatters_s)
+
+    @functools.cached_property
+    def late_s(self) -> FloatArray:
+        """(N,) scatter of each filter, in their order."""
+        return np.tile(self.scatters_s, len(MOTIONS) * len(self.variance_scales))
+
+    @functools.cached_property
+    def widened_by(self) -> FloatArray:
+        """(N,) factor of each filter's measured variances."""
+        each = np.repeat(self.variance_scales, len(self.scatters_s))
+        return np.tile(each, len(MOTIONS))
+
+
+FINE = Grid(VARIANCE_SCALES, SCATTERS_S)
+COARSE = Grid(VARIANCE_SCALES[1::2], SCATTERS_S[1::2])
+"""For the many members of a group: every second one of both."""
 _SCATTER_FALLS = 0.1
 """Before anything is measured a scatter is as likely as it is small, to this power."""
 MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
@@ -64,7 +94,7 @@ _OF_RATE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Bank:
-    """All filters at one instant: by motion, variance_scale, scatter, the last of them quickest."""
+    """All filters at one instant: by motion, variance scale, scatter, the last of them quickest."""
 
     plane: Plane
     t_utc_ns: int
@@ -78,6 +108,7 @@ class Bank:
     """(N,) length of path since the last measurement."""
     length_log_odds: float = 0.0
     """That the length of a streak tells its error, against that it says too much."""
+    grid: Grid = FINE
 
     @functools.cached_property
     def weights(self) -> FloatArray:
@@ -88,17 +119,23 @@ class Bank:
     @property
     def motion_probabilities(self) -> FloatArray:
         """(4,) of ``MOTIONS``."""
-        return np.asarray(self.weights.reshape(-1, PER_MOTION).sum(axis=1))
+        return np.asarray(self.weights.reshape(len(MOTIONS), -1).sum(axis=1))
 
     @property
     def scatter_probabilities(self) -> FloatArray:
-        """(SCATTERS,)"""
-        return np.asarray(self.weights.reshape(-1, SCATTERS).sum(axis=0))
+        """(S,) of the grid's scatters."""
+        return np.asarray(self.weights.reshape(-1, len(self.grid.scatters_s)).sum(axis=0))
 
     @property
     def variance_scale_probabilities(self) -> FloatArray:
-        """Of ``VARIANCE_SCALES``."""
-        return np.asarray(self.weights.reshape(-1, len(VARIANCE_SCALES), SCATTERS).sum(axis=(0, 2)))
+        """(V,) of the grid's."""
+        shape = (len(MOTIONS), -1, len(self.grid.scatters_s))
+        return np.asarray(self.weights.reshape(shape).sum(axis=(0, 2)))
+
+    @property
+    def variance_scale(self) -> float:
+        """As it is believed in the middle."""
+        return float(self.variance_scale_probabilities @ self.grid.variance_scales)
 
     def moments(self) -> tuple[FloatArray, FloatArray]:
         """Mean (6,) and covariance (6, 6) of the mixture."""
@@ -140,7 +177,7 @@ def initiate(
     calm = parallel_of(first.dec_icrs_deg, rate)
     bends = (calm, np.zeros(2), mean, mean)
     means = np.array([[0.0, 0.0, *rate_arcsec_s, *each] for each in bends])
-    covariances = np.zeros((len(MOTIONS), len(VARIANCE_SCALES), SCATTERS, 6, 6))
+    covariances = np.zeros((len(MOTIONS), len(VARIANCE_SCALES), len(SCATTERS_S), 6, 6))
     along = np.outer(ahead, ahead) * speed**2
     covariances[..., :2, :2] = VARIANCE_SCALES[:, None, None, None] * first.covariance
     late_s2 = SCATTERS_S**2 + (first.along_arcsec / speed) ** 2
@@ -152,10 +189,10 @@ def initiate(
     return Bank(
         plane=plane,
         t_utc_ns=first.t_utc_ns,
-        means=np.repeat(means, PER_MOTION, axis=0),
+        means=np.repeat(means, FINE.per_motion, axis=0),
         covariances=covariances.reshape(-1, 6, 6),
         log_weights=np.log(np.maximum(weights.ravel(), LEAST_WEIGHT)),
-        path_since_update_rad=np.zeros(len(MOTIONS) * PER_MOTION),
+        path_since_update_rad=np.zeros(len(covariances.reshape(-1, 6, 6))),
     )
 
 
@@ -174,7 +211,8 @@ def predict(bank: Bank, t_utc_ns: int, roots: FloatArray | None = None) -> Bank:
 
 def _stepped(bank: Bank, dt_s: float, scale: FloatArray) -> Bank:
     means = bank.means.copy()
-    parallel = slice(PARALLEL * PER_MOTION, (PARALLEL + 1) * PER_MOTION)
+    per_motion = bank.grid.per_motion
+    parallel = slice(PARALLEL * per_motion, (PARALLEL + 1) * per_motion)
     _, dec_deg = bank.plane.direction_deg
     means[parallel, ACCELERATION:] = parallel_of(
         dec_deg + means[parallel, 1] / 3600.0, means[parallel, 2:4]
@@ -200,7 +238,7 @@ def _noise(
     """(N, 6, 6); over a coast what changes goes on changing the same way."""
     span = abs(dt_s)
     speed = np.hypot(means[:, 2], means[:, 3])
-    motion = np.arange(len(means)) // PER_MOTION
+    motion = np.arange(len(means)) // (len(means) // len(MOTIONS))
     is_open = motion >= ANY_ORBIT
     q = np.where(is_open, _OPEN_Q, _CALM_Q) * (speed / _CALM_RATE_ARCSEC_S) ** 3
     noise = np.zeros((len(means), 6, 6))
@@ -241,16 +279,49 @@ def restarted(
     bends = (calm, np.zeros(2), mean, mean)
     means = np.array([[0.0, 0.0, *rate_arcsec_s, *each] for each in bends])
     order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
-    covariances = np.zeros((len(MOTIONS), PER_MOTION, 6, 6))
+    per_motion = bank.grid.per_motion
+    covariances = np.zeros((len(MOTIONS), per_motion, 6, 6))
     covariances[..., :4, :4] = np.asarray(covariance)[order]
     covariances[ANY_ORBIT:, :, ACCELERATION:, ACCELERATION:] = spread
     return replace(
         bank,
         plane=plane,
-        means=np.repeat(means, PER_MOTION, axis=0),
+        means=np.repeat(means, per_motion, axis=0),
         covariances=covariances.reshape(-1, 6, 6),
-        path_since_update_rad=np.zeros(len(MOTIONS) * PER_MOTION),
+        path_since_update_rad=np.zeros(len(MOTIONS) * per_motion),
     )
+
+
+def thinned(bank: Bank) -> Bank:
+    """The same belief on the ``COARSE`` grid: each of its filters has the moments of those that it
+    stands for.
+    """
+    if bank.grid is COARSE:
+        return bank
+    scale = _nearest(COARSE.variance_scales, bank.grid.variance_scales)
+    scatter = _nearest(COARSE.scatters_s, bank.grid.scatters_s)
+    of_motion = (scale[:, None] * len(COARSE.scatters_s) + scatter).ravel()
+    onto = np.arange(len(MOTIONS))[:, None] * COARSE.per_motion + of_motion
+    belongs = np.zeros((len(MOTIONS) * COARSE.per_motion, len(bank.means)))
+    belongs[onto.ravel(), np.arange(len(bank.means))] = np.maximum(bank.weights, LEAST_WEIGHT)
+    weights = belongs.sum(axis=1)
+    share = belongs / weights[:, None]
+    means = share @ bank.means
+    off = bank.means - means[onto.ravel()]
+    spread = bank.covariances + off[:, :, None] * off[:, None, :]
+    return replace(
+        bank,
+        means=means,
+        covariances=(share @ spread.reshape(-1, 36)).reshape(-1, 6, 6),
+        log_weights=np.log(weights),
+        path_since_update_rad=share @ bank.path_since_update_rad,
+        grid=COARSE,
+    )
+
+
+def _nearest(few: FloatArray, many: FloatArray) -> npt.NDArray[np.intp]:
+    """Of each of the many the nearest of the few by their ratio."""
+    return np.asarray(np.argmin(np.abs(np.log(many[:, None] / few)), axis=1))
 
 
 def of_single(  # noqa: PLR0917 -- all that one filter says
@@ -263,13 +334,13 @@ def of_single(  # noqa: PLR0917 -- all that one filter says
     variance_scale: float = 1.0,
 ) -> Bank:
     """A bank of which every filter has one motion (6,) and covariance (6, 6)."""
-    every = len(MOTIONS) * PER_MOTION
+    every = len(MOTIONS) * FINE.per_motion
     nearest = int(np.argmin(np.abs(np.log(SCATTERS_S / max(scatter_s, _LEAST_SCATTER_S)))))
     widest = int(np.argmin(np.abs(np.log(VARIANCE_SCALES / variance_scale))))
-    weights = np.full((len(MOTIONS), len(VARIANCE_SCALES), SCATTERS), LEAST_WEIGHT)
+    weights = np.full((len(MOTIONS), len(VARIANCE_SCALES), len(SCATTERS_S)), LEAST_WEIGHT)
     weights[:, widest, nearest] = np.maximum(motion_probabilities, LEAST_WEIGHT)
     means, covariances = np.tile(motion, (every, 1)), np.tile(covariance, (every, 1, 1))
-    calm = slice(0, ANY_ORBIT * PER_MOTION)
+    calm = slice(0, ANY_ORBIT * FINE.per_motion)
     means[calm, ACCELERATION:] = covariances[calm, ACCELERATION:, :] = covariances[
         calm, :, ACCELERATION:
     ] = 0.0

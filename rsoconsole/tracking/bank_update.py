@@ -16,10 +16,6 @@ from rsoconsole.tracking.bank import (
     ANY_ORBIT,
     GREAT_CIRCLE,
     LEAST_WEIGHT,
-    MOTIONS,
-    PER_MOTION,
-    SCATTERS,
-    SCATTERS_S,
     VARIANCE_SCALES,
     Bank,
     Position,
@@ -33,7 +29,7 @@ from rsoconsole.tracking.filter_update import (
     merged,
     merged_nis,
 )
-from rsoconsole.tracking.sky_path import ACCELERATION, moved, plane_after
+from rsoconsole.tracking.sky_path import ACCELERATION, Plane, moved
 
 RARE, _RARE_SCATTER_S = 0.01, 0.8
 """One measurement in a hundred is late or wrong by far more than the night's scatter: what a filter
@@ -42,9 +38,6 @@ _LENGTH_SAYS_TOO_MUCH = 0.15
 """Of the error that a length tells, where both ends err alike (haze, a drift that changes)."""
 _MOST_LOG_ODDS = 3.0
 """So that a night that changes is believed again soon."""
-_LATE_S = np.tile(SCATTERS_S, len(MOTIONS) * len(VARIANCE_SCALES))
-_WIDENED_BY = np.tile(np.repeat(VARIANCE_SCALES, SCATTERS), len(MOTIONS))
-"""Of each filter in their order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -137,9 +130,10 @@ def taken(found: Innovation) -> Update:
         path_since_update_rad=np.zeros(len(log_weights)),
         length_log_odds=length_log_odds,
     )
-    calm = slice(0, ANY_ORBIT * PER_MOTION)
+    per_motion = bank.grid.per_motion
+    calm = slice(0, ANY_ORBIT * per_motion)
     after.covariances[calm, ACCELERATION:, :] = after.covariances[calm, :, ACCELERATION:] = 0.0
-    after.means[GREAT_CIRCLE * PER_MOTION : ANY_ORBIT * PER_MOTION, ACCELERATION:] = 0.0
+    after.means[GREAT_CIRCLE * per_motion : ANY_ORBIT * per_motion, ACCELERATION:] = 0.0
     return Update(
         after=_centred(after),
         nis=found.nis,
@@ -184,18 +178,18 @@ def _plain(found: Innovation, log_weights: FloatArray) -> tuple[Answer, float]:
 
 def _centred(bank: Bank) -> Bank:
     """The same bank on the plane that touches the sky where its mixture is."""
-    mean = bank.weights @ bank.means
-    onto = plane_after(bank.plane, mean, 0.0)
+    x, y = bank.weights @ bank.means[:, :2]
+    onto = Plane.at(*bank.plane.direction_of(float(x), float(y)))
     return replace(bank, plane=onto, means=moved(bank.plane, bank.means, 0.0, onto))
 
 
 def _measured_noise(bank: Bank, speed: FloatArray, seen: Position) -> FloatArray:
     """(N, 2, 2): the measurement's own, as much wider as each filter has it, and its scatter."""
-    late_s = _LATE_S
+    late_s = bank.grid.late_s
     if seen.along_arcsec != 0.0:
         late_s = np.hypot(late_s, seen.along_arcsec / speed)
     shift = bank.means[:, 2:4] * late_s[:, None]
-    own = _WIDENED_BY[:, None, None] * seen.covariance
+    own = bank.grid.widened_by[:, None, None] * seen.covariance
     return np.asarray(own + shift[:, :, None] * shift[:, None, :])
 
 

@@ -57,12 +57,16 @@ def shared(
     streak fits both as one of both.
     """
     found: dict[int, Shared] = {}
+    if None not in given.taken:
+        return found
+    tracks = [each.predicted.track_id for each in weighed]
+    is_known, ways, covariances = pattern.ways_between(tracks, seen.t_mid_utc_ns)
     for i, j in itertools.combinations(range(len(weighed)), 2):
         if i in found or j in found or (given.taken[i] is not None and given.taken[j] is not None):
             continue
         one, other = weighed[i].predicted, weighed[j].predicted
-        known = pattern.way(one.track_id, other.track_id, seen.t_mid_utc_ns)
-        if known is None or not _is_one_streak(one, *known, seen):
+        known = ways[i, j], covariances[i, j]
+        if not is_known[i, j] or not _is_one_streak(one, *known, seen):
             continue
         of_others = {m for n, m in enumerate(given.taken) if m is not None and n not in {i, j}}
         pairs = [

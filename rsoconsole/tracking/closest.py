@@ -41,12 +41,13 @@ def pair_motion(
     beside_deg = (np.degrees(np.arctan2(*now.T)) - angle_deg + 180.0) % 360.0 - 180.0
     at_s, nearest = closest(since_s, ways)
     after_s = at_s - late_s
-    likely_s = float(np.median(after_s))
+    likely_s, soonest_s, latest_s = map(float, np.percentile(after_s, [50.0, _LOW, _HIGH]))
     share = likely_s / path.horizon_s
     kind: ClosestKind = (
         "now" if share < _AT_AN_END else "beyond" if share > 1.0 - _AT_AN_END else "ahead"
     )
-    low, high, lowest, highest = np.percentile(nearest, [_LOW, _HIGH, _LOWEST, _HIGHEST])
+    shares = [50.0, _LOW, _HIGH, _LOWEST, _HIGHEST]
+    middle, low, high, lowest, highest = np.percentile(nearest, shares)
     soon = np.hypot(*np.moveaxis(ways[:, since_s - late_s <= warned_ahead_s], -1, 0))
     is_warned = (nearest < warned_arcsec) & (after_s <= warned_ahead_s)
     is_warned |= np.min(soon, axis=1, initial=np.inf) < warned_arcsec
@@ -73,8 +74,8 @@ def pair_motion(
         sigma_separation_rate_arcsec_min=_told(np.std(separation_rate)),
         closest=kind,
         closest_utc_ns=t_utc_ns + round(likely_s * NS_PER_S),
-        sigma_closest_s=_told(np.subtract(*np.percentile(after_s, [_HIGH, _LOW])) / 2.0),
-        closest_arcsec=_told(np.median(nearest)),
+        sigma_closest_s=_told((latest_s - soonest_s) / 2.0),
+        closest_arcsec=_told(middle),
         closest_low_arcsec=_told(low),
         closest_high_arcsec=_told(high),
         closest_lowest_arcsec=_told(lowest),
@@ -90,7 +91,7 @@ def closest(since_s: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArr
 
     Between three instants a path is a parabola.
     """
-    squares = np.sum(ways**2, axis=-1)
+    squares = ways[..., 0] ** 2 + ways[..., 1] ** 2
     at = np.clip(np.argmin(squares, axis=1), 1, ways.shape[1] - 2)
     rows = np.arange(len(ways))
     before, middle, after = (ways[rows, at + step] for step in (-1, 0, 1))

@@ -13,7 +13,7 @@ import numpy as np
 
 from rsoconsole.reasons import Missed, NotTaken, TrackLost
 from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, TrackState
-from rsoconsole.tracking import chains, lqe
+from rsoconsole.tracking import adaptive, chains, lqe
 from rsoconsole.tracking.acquire import first_state
 from rsoconsole.tracking.association import disagreement, motion_between, streak_motion
 from rsoconsole.tracking.following import (
@@ -34,6 +34,26 @@ _SAME_STREAK_ARCSEC = 8.0
 """A streak that lies closer to one that a track has taken is that one, found twice."""
 _BEYOND_SIGMAS, _BEYOND_ARCSEC = 5.0, 120.0
 _OUTSIDE_S = 300.0
+
+
+MANY = 6
+"""Tracks, of which more cost too much for each to weigh all errors that a measurement may have."""
+
+
+def lightened(before: Following) -> Following:
+    """The same tracks; where there are many, those beside the lead go on by fewer filters."""
+    if len(before.tracks) + len(before.dropped) <= MANY:
+        return before
+    lead, *others = before.tracks
+    return replace(
+        before,
+        tracks=(lead, *map(_lightened, others)),
+        dropped=tuple(map(_lightened, before.dropped)),
+    )
+
+
+def _lightened(one: Tracked) -> Tracked:
+    return replace(one, track=adaptive.thinned(one.track))
 
 
 def within_reach(

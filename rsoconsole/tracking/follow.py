@@ -124,6 +124,8 @@ def _follow_tracks(
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """All tracks of a frame, the lead first; where it ends, the next track leads."""
     is_joint = settings.filter.preset == "adaptive" and settings.choice == "nearest"
+    if is_joint:
+        before = company.lightened(before)
     if seen.chosen is not None and is_joint and len(before.tracks) > 1:
         before, seen = _with_chosen_lead(before, seen, settings)
     if seen.chosen is None and is_joint:

@@ -22,6 +22,7 @@ from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.tracking import adaptive, lqe
 from rsoconsole.tracking.association import motion_between
 from rsoconsole.tracking.estimator import Update
+from rsoconsole.tracking.filter_update import inverted
 from rsoconsole.tracking.gates import nis_of
 from rsoconsole.tracking.neighbours import NEAREST_ARCSEC, BoolArray
 from rsoconsole.tracking.pattern import (
@@ -160,20 +161,19 @@ def _ways(
     tracks: Sequence[Weighed], pattern: Pattern, plane: Plane
 ) -> tuple[FloatArray, FloatArray]:
     """Ways and their covariances between all tracks, by the pattern or by the predictions."""
-    number = len(tracks)
-    ways, covariances = np.zeros((number, number, 2)), np.zeros((number, number, 2, 2))
     predicted = [each.predicted for each in tracks]
+    number, ids = len(tracks), [each.track_id for each in predicted]
+    known, ways, covariances = pattern.ways_between(ids, predicted[0].t_utc_ns)
+    unknown = [(i, j) for i in range(number) for j in range(i + 1, number) if not known[i, j]]
+    if not unknown:
+        return ways, covariances
     places = [plane.place_of(*lqe.direction_icrs_deg(state)) for state in predicted]
-    for i, j in ((i, j) for i in range(number) for j in range(number) if i < j):
-        known = pattern.way(predicted[i].track_id, predicted[j].track_id, predicted[i].t_utc_ns)
-        if known is None:
-            way = places[j] - places[i]
-            # No frame has shown both: whatever they share counts twice.
-            covariance = sum(lqe.sky_covariance_arcsec2(predicted[k]) for k in (i, j))
-        else:
-            way, covariance = known
+    own = [lqe.sky_covariance_arcsec2(state) for state in predicted]
+    for i, j in unknown:
+        way = places[j] - places[i]
         ways[i, j], ways[j, i] = way, -way
-        covariances[i, j] = covariances[j, i] = covariance
+        # No frame has shown both: whatever they share counts twice.
+        covariances[i, j] = covariances[j, i] = own[i] + own[j]
     return ways, covariances
 
 
@@ -193,10 +193,10 @@ def _costs(pairs: _Pairs) -> list[FloatArray]:
         for column in order[: min(_ANCHORS, int(may[row].sum()))]:
             off = pairs.places[None] - pairs.places[column] - pairs.ways[row][:, None]
             spread = pairs.own + pairs.own[row, column] + pairs.ways_covariance[row][:, None]
-            inverse = np.linalg.inv(spread)
+            inverse, log_det = inverted(spread)
             nis = np.einsum("tmi,tmij,tmj->tm", off, inverse, off)
             # One end behind a star or a cloud happens: tails as of Student's law, not of Gauss's.
-            cost = (_FREEDOM + 2.0) * np.log1p(nis / _FREEDOM) + np.log(np.linalg.det(spread))
+            cost = (_FREEDOM + 2.0) * np.log1p(nis / _FREEDOM) + log_det
             # Where one stands to another that moves otherwise says less than its own prediction.
             cost = np.where(pairs.is_otherwise[row][:, None], pairs.alone, cost)
             cost[~may] = np.nan

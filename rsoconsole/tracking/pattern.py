@@ -10,11 +10,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, Measurement, TrackState
+from rsoconsole.sky.times import IntArray
 from rsoconsole.tracking import lqe
 from rsoconsole.tracking.sky_path import Plane
 
+BoolArray = npt.NDArray[np.bool_]
 _RATE_ARCSEC_S = 0.5
 """One sigma of how fast one may move against another before two frames have shown it."""
 OTHERWISE_ARCSEC_S = 3.0 * _RATE_ARCSEC_S
@@ -52,30 +55,55 @@ class Pattern:
 
     def way(self, one: int, other: int, t_utc_ns: int) -> tuple[FloatArray, FloatArray] | None:
         """From a track to another at an instant: (2,) and covariance (2, 2); None: not known."""
-        if one not in self.track_ids or other not in self.track_ids:
-            return None
-        i, j = self.track_ids.index(one), self.track_ids.index(other)
-        assert self.t_utc_ns is not None
-        if self.t_utc_ns[i, j] == 0.0:
-            return None
-        mean, covariance = self.carried(i, j, t_utc_ns)
-        return mean[:2], covariance[:2, :2]
+        known, ways, covariances = self.ways_between((one, other), t_utc_ns)
+        return (ways[0, 1], covariances[0, 1]) if known[0, 1] else None
 
-    def carried(self, i: int, j: int, t_utc_ns: int) -> tuple[FloatArray, FloatArray]:
-        """Way and rate (4,) from the i-th to the j-th at an instant, with covariance (4, 4)."""
-        assert self.t_utc_ns is not None
-        assert self.ways is not None
-        assert self.covariances is not None
-        dt_s = (t_utc_ns - float(self.t_utc_ns[i, j])) / 1e9
-        carry = np.eye(4)
-        carry[0, 2] = carry[1, 3] = dt_s
-        span = abs(dt_s)
-        noise = np.zeros((4, 4))
+    def ways_between(
+        self, tracks: Sequence[int], t_utc_ns: int
+    ) -> tuple[BoolArray, FloatArray, FloatArray]:
+        """Between N tracks at an instant: which are known (N, N), ways (N, N, 2), covariances."""
+        number = len(tracks)
+        known, ways = np.zeros((number, number), bool), np.zeros((number, number, 2))
+        covariances = np.zeros((number, number, 2, 2))
+        i, j = np.triu_indices(number, 1)
+        there, mean, covariance = self._carried(np.array(tracks), i, j, t_utc_ns)
+        i, j = i[there], j[there]
+        known[i, j] = known[j, i] = True
+        ways[i, j], ways[j, i] = mean[:, :2], -mean[:, :2]
+        covariances[i, j] = covariances[j, i] = covariance[:, :2, :2]
+        return known, ways, covariances
+
+    def _carried(
+        self, tracks: IntArray, i: IntArray, j: IntArray, t_utc_ns: int
+    ) -> tuple[BoolArray, FloatArray, FloatArray]:
+        """Which of M pairs are known (M,), and of those, at an instant, way and rate (K, 4) with
+        their covariances (K, 4, 4).
+        """
+        if self.t_utc_ns is None or self.ways is None or self.covariances is None:
+            return np.zeros(len(i), bool), np.zeros((0, 4)), np.zeros((0, 4, 4))
+        at = _places_in(tracks, self.track_ids)
+        a, b = at[i], at[j]
+        there = (a >= 0) & (b >= 0)
+        there[there] = self.t_utc_ns[a[there], b[there]] != 0.0
+        a, b = a[there], b[there]
+        dt_s = (t_utc_ns - self.t_utc_ns[a, b]) / 1e9
+        carry = np.tile(np.eye(4), (len(a), 1, 1))
+        carry[:, 0, 2] = carry[:, 1, 3] = dt_s
+        span = np.abs(dt_s)
+        noise = np.zeros((len(a), 4, 4))
         for axis in (0, 1):
-            noise[axis, axis] = _ACCELERATION_Q * span**3 / 3.0
-            noise[axis, axis + 2] = noise[axis + 2, axis] = _ACCELERATION_Q * dt_s * span / 2.0
-            noise[axis + 2, axis + 2] = _ACCELERATION_Q * span
-        return carry @ self.ways[i, j], carry @ self.covariances[i, j] @ carry.T + noise
+            noise[:, axis, axis] = _ACCELERATION_Q * span**3 / 3.0
+            noise[:, axis, axis + 2] = noise[:, axis + 2, axis] = _ACCELERATION_Q * dt_s * span / 2
+            noise[:, axis + 2, axis + 2] = _ACCELERATION_Q * span
+        mean = (carry @ self.ways[a, b][:, :, None])[:, :, 0]
+        covariance = carry @ self.covariances[a, b] @ np.swapaxes(carry, 1, 2) + noise
+        return there, mean, covariance
+
+
+def _places_in(tracks: IntArray, known: Sequence[int]) -> IntArray:
+    """(N,) number of each track among the known ones; -1: not among them."""
+    number = {track: k for k, track in enumerate(known)}
+    return np.array([number.get(track, -1) for track in tracks.tolist()], np.int64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -120,42 +148,64 @@ def after(
     """
     if len(alive) < 2:
         return NO_PATTERN
-    number = len(alive)
+    number, tracks = len(alive), np.array(alive)
     t, ways = np.zeros((number, number)), np.zeros((number, number, 4))
     covariances = np.zeros((number, number, 4, 4))
-    first = next(iter(seen.values()), None)
-    plane = None if first is None else Plane.at(first.ra_icrs_deg, first.dec_icrs_deg)
-    places = {
-        track: plane.place_of(each.ra_icrs_deg, each.dec_icrs_deg)
-        for track, each in seen.items()
-        if plane is not None
-    }
-    old = {track: k for k, track in enumerate(before.track_ids)}
-    for i, one in enumerate(alive):
-        for j, other in enumerate(alive):
-            if i >= j:
-                continue
-            if one in places and other in places:
-                way = places[other] - places[one]
-                R = seen[one].covariance + seen[other].covariance
-                rate = seen[other].rate_arcsec_s - seen[one].rate_arcsec_s
-                if float(np.hypot(*rate)) < OTHERWISE_ARCSEC_S:
-                    rate = np.zeros(2)
-                begun = np.concatenate([way, rate])
-                mean, covariance = _taken(before, old.get(one), old.get(other), begun, R, t_utc_ns)
-                at = float(t_utc_ns)
-            elif one in old and other in old and before.t_utc_ns is not None:
-                a, b = old[one], old[other]
-                assert before.ways is not None
-                assert before.covariances is not None
-                mean, covariance = before.ways[a, b], before.covariances[a, b]
-                at = float(before.t_utc_ns[a, b])
-            else:
-                continue
-            t[i, j] = t[j, i] = at
-            ways[i, j], ways[j, i] = mean, -mean
-            covariances[i, j] = covariances[j, i] = covariance
+    i, j = np.triu_indices(number, 1)
+    shown = np.array([track in seen for track in alive])
+    both = shown[i] & shown[j]
+    if before.t_utc_ns is not None and before.ways is not None and before.covariances is not None:
+        # What this frame has not shown stays as it was.
+        at = _places_in(tracks, before.track_ids)
+        old = ~both & (at[i] >= 0) & (at[j] >= 0)
+        a, b = at[i[old]], at[j[old]]
+        t[i[old], j[old]] = before.t_utc_ns[a, b]
+        ways[i[old], j[old]] = before.ways[a, b]
+        covariances[i[old], j[old]] = before.covariances[a, b]
+    if both.any():
+        i, j = i[both], j[both]
+        t[i, j] = float(t_utc_ns)
+        ways[i, j], covariances[i, j] = _shown(before, tracks, seen, (i, j), t_utc_ns)
+    t += t.T
+    ways -= np.swapaxes(ways, 0, 1)
+    covariances += np.swapaxes(covariances, 0, 1)
     return Pattern(tuple(alive), t, ways, covariances)
+
+
+def _shown(
+    before: Pattern,
+    tracks: IntArray,
+    seen: Mapping[int, "Place"],
+    pairs: tuple[IntArray, IntArray],
+    t_utc_ns: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Ways and rates (M, 4) of the pairs that a frame has shown, with covariances (M, 4, 4)."""
+    i, j = pairs
+    each = [seen.get(track) for track in tracks.tolist()]
+    first = next(one for one in each if one is not None)
+    plane = Plane.at(first.ra_icrs_deg, first.dec_icrs_deg)
+    none = np.full(2, np.nan)
+    places = np.array(
+        [none if e is None else plane.place_of(e.ra_icrs_deg, e.dec_icrs_deg) for e in each]
+    )
+    rates = np.array([none if e is None else e.rate_arcsec_s for e in each])
+    own = np.array([np.full((2, 2), np.nan) if e is None else e.covariance for e in each])
+    R, rate = own[i] + own[j], rates[j] - rates[i]
+    rate[np.hypot(*rate.T) < OTHERWISE_ARCSEC_S] = 0.0
+    means = np.concatenate([places[j] - places[i], rate], axis=1)
+    covariances = np.zeros((len(i), 4, 4))
+    covariances[:, 2, 2] = covariances[:, 3, 3] = _RATE_ARCSEC_S**2
+    covariances[:, :2, :2] = R
+    known, mean, covariance = before._carried(tracks, i, j, t_utc_ns)
+    R = R[known]
+    gain = covariance[:, :, :2] @ np.linalg.inv(covariance[:, :2, :2] + R)
+    left = np.tile(np.eye(4), (len(mean), 1, 1))
+    left[:, :, :2] -= gain
+    off = means[known, :2] - mean[:, :2]
+    means[known] = mean + (gain @ off[:, :, None])[:, :, 0]
+    across = np.swapaxes(gain, 1, 2)
+    covariances[known] = left @ covariance @ np.swapaxes(left, 1, 2) + gain @ R @ across
+    return means, covariances
 
 
 def own_covariance(
@@ -184,17 +234,3 @@ def learnt_error_arcsec(m: Measurement, track: TrackState) -> float:
     if track.mixture is None:
         return 0.0
     return float(np.sqrt(np.linalg.eigvalsh(own_covariance(m, track))[-1]))
-
-
-def _taken(  # noqa: PLR0917 -- one update, each argument a different thing
-    before: Pattern, i: int | None, j: int | None, begun: FloatArray, R: FloatArray, t_utc_ns: int
-) -> tuple[FloatArray, FloatArray]:
-    if i is None or j is None or before.t_utc_ns is None or before.t_utc_ns[i, j] == 0.0:
-        covariance = np.diag([0.0, 0.0, _RATE_ARCSEC_S**2, _RATE_ARCSEC_S**2])
-        covariance[:2, :2] = R
-        return begun, covariance
-    mean, covariance = before.carried(i, j, t_utc_ns)
-    gain = covariance[:, :2] @ np.linalg.inv(covariance[:2, :2] + R)
-    left = np.eye(4)
-    left[:, :2] -= gain
-    return mean + gain @ (begun[:2] - mean[:2]), left @ covariance @ left.T + gain @ R @ gain.T

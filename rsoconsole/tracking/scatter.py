@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rsoconsole.tracking.bank import SCATTERS, SCATTERS_S, Bank
+from rsoconsole.tracking.bank import Bank
 
 _TEMPERED = 0.65
 """The likelihood is too sharp, as no motion is quite what is followed: power that makes intervals
@@ -15,13 +15,16 @@ def scatter_interval_s(bank: Bank, share: float = 0.9) -> tuple[float, float, fl
     The weights are densities on a logarithmic scale: a parabola through the three likeliest,
     straight lines where the likeliest is at an end.
     """
-    log_s, each = np.log(SCATTERS_S), bank.scatter_probabilities
-    fine = np.linspace(log_s[0], log_s[-1], 40 * (SCATTERS - 1) + 1)
+    log_s, each = np.log(bank.grid.scatters_s), bank.scatter_probabilities
+    fine = np.linspace(log_s[0], log_s[-1], 40 * (len(log_s) - 1) + 1)
     logs, best = np.log(np.maximum(each, 1e-30)), int(np.argmax(each))
     told = np.interp(fine, log_s, logs)
-    if 0 < best < SCATTERS - 1:
-        near = slice(best - 1, best + 2)
-        told = np.polyval(np.polyfit(log_s[near] - log_s[best], logs[near], 2), fine - log_s[best])
+    if 0 < best < len(log_s) - 1:
+        before, after = log_s[best - 1] - log_s[best], log_s[best + 1] - log_s[best]
+        down, up = (logs[best - 1] - logs[best]) / before, (logs[best + 1] - logs[best]) / after
+        bend = (up - down) / (after - before)
+        off = fine - log_s[best]
+        told = logs[best] + off * (down - bend * before + bend * off)
     density = np.exp(_TEMPERED * (told - told.max()))
     summed = np.cumsum(density)
     summed = summed / summed[-1]

@@ -123,6 +123,8 @@ def parallel_of(dec_icrs_deg: float | FloatArray, rate_arcsec_s: FloatArray) -> 
 def carried(plane: Plane, motion: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
     """Unit vectors and rates (rad/s), (..., 3), of motions (..., 6) after ``dt_s``."""
     unit, rate = plane._placed(motion)
+    if dt_s == 0.0:
+        return unit.rows(), rate.rows()
     speed = np.maximum(np.sqrt(_dot(rate, rate)), _SLOWEST_ARCSEC_S * ARCSEC_RAD)
     ahead = _Parts(*(each / speed for each in rate))
     gain, turn = motion[..., ACCELERATION] * ARCSEC_RAD, motion[..., TURN]
