@@ -132,7 +132,14 @@ def test_low_and_high_objects_of_a_frame_are_each_named_and_a_stranger_is_not(ni
         assert abs(match["cross_track_arcsec"]) < 30.0
     assert names[STRANGER]["verdict"] == "unknown"
     assert names[STRANGER]["matches"] == []
+    assert {each["norad_id"] for each in found["matches"]} >= set(LATE_S)
+    assert all(each["probability"] > 0.9 and each["streak"] for each in found["matches"])
+    unmatched = {each["streak"] for each in found["unmatched_detections"]}
+    assert names[STRANGER]["streak"] in unmatched
+    assert unmatched.isdisjoint(each["streak"] for each in found["matches"])
     high = {each["norad_id"]: each for each in found["crossed"]}
+    missed = [each["norad_id"] for each in found["expected_not_seen"]]
+    assert missed == [n for n in high if high[n]["streak"] is None and high[n]["chance"] >= 0.5]
     # 15 arcsec are too short for a streak here: it is said, and nothing else is called so.
     for number in (SES_10, SES_17):
         if high[number]["streak"] is None:

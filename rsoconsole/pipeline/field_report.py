@@ -21,6 +21,8 @@ from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel
 
 LIT_SHARE = 0.5
 """Of the Sun's disc, from which a satellite counts as lit."""
+EXPECTED = 0.5
+"""Chance to have crossed, from which an object counts as expected."""
 _POINT_PX = 8.0
 """What moves by less in an exposure looks much like a star."""
 _ARCMIN_RAD = 60.0 * ARCSEC_RAD
@@ -30,6 +32,28 @@ def frame_report(name: str, answer: FrameAnswer, movers: Mapping[int, int]) -> d
     """One frame. ``movers``: by catalogue number, the mover that was named so."""
     frame = answer.frame
     seen_as = _seen_as(answer)
+    crossed = [
+        {
+            **_candidate_report(answer.candidates[n], frame),
+            "streak": seen_as.get(n),
+            "mover": movers.get(answer.candidates[n].entry.norad_id),
+            "seen_probability": answer.match.taken[n],
+            "unseen_because": _why_unseen(answer, n, answer.candidates[n].entry.norad_id in movers),
+        }
+        for n in answer.crossed
+    ]
+    streaks = [
+        {
+            "streak": number,
+            "below_tau": number > frame.taken,
+            **detection_report(detection),
+            **_place(frame, detection.x_px, detection.y_px),
+            **_matched_report(matched, answer.candidates),
+        }
+        for number, (detection, matched) in enumerate(
+            zip(answer.detections, answer.match.lines, strict=True), start=1
+        )
+    ]
     return {
         "frame": name,
         "t_mid_utc": utc_ns_to_iso(frame.t_mid_utc_ns),
@@ -40,30 +64,19 @@ def frame_report(name: str, answer: FrameAnswer, movers: Mapping[int, int]) -> d
         "plate": frame.plate_from,
         "compared": answer.compared,
         "too_old": answer.too_old,
-        "crossed": [
-            {
-                **_candidate_report(answer.candidates[n], frame),
-                "streak": seen_as.get(n),
-                "mover": movers.get(answer.candidates[n].entry.norad_id),
-                "seen_probability": answer.match.taken[n],
-                "unseen_because": _why_unseen(
-                    answer, n, answer.candidates[n].entry.norad_id in movers
-                ),
-            }
-            for n in answer.crossed
+        "matches": [
+            {"streak": each["streak"], **each["matches"][0]}
+            for each in streaks
+            if each["verdict"] == "identified"
         ],
-        "streaks": [
-            {
-                "streak": number,
-                "below_tau": number > frame.taken,
-                **detection_report(detection),
-                **_place(frame, detection.x_px, detection.y_px),
-                **_matched_report(matched, answer.candidates),
-            }
-            for number, (detection, matched) in enumerate(
-                zip(answer.detections, answer.match.lines, strict=True), start=1
-            )
+        "unmatched_detections": [each for each in streaks if each["verdict"] != "identified"],
+        "expected_not_seen": [
+            each
+            for each in crossed
+            if each["chance"] >= EXPECTED and each["streak"] is None and each["mover"] is None
         ],
+        "crossed": crossed,
+        "streaks": streaks,
         "notes": [*frame.notes, *_too_old(answer)],
     }
 
