@@ -4,6 +4,7 @@ import difflib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
@@ -49,7 +50,9 @@ def config_to_toml(config: Config) -> str:
     lines: list[str] = []
     for section_name, section in config.model_dump(mode="json").items():
         lines.append(f"[{section_name}]")
-        lines += [f"{key} = {_toml(value)}" for key, value in section.items() if value is not None]
+        lines += [
+            f"{key} = {toml_value(value)}" for key, value in section.items() if value is not None
+        ]
         lines.append("")
     return "\n".join(lines)
 
@@ -72,7 +75,7 @@ def initial_config_text() -> str:
                 lines.append(f"# {explanation}")
             default = defaults[key]
             lines.append(
-                f"# {key} is not set" if default is None else f"# {key} = {_toml(default)}"
+                f"# {key} is not set" if default is None else f"# {key} = {toml_value(default)}"
             )
     return "\n".join(lines) + "\n"
 
@@ -241,13 +244,18 @@ def _table(path: Path, *, must_exist: bool) -> dict[str, Any]:
         raise ConfigError(f"{path} cannot be read as TOML: {error}") from error
 
 
-def _toml(value: Any) -> str:
-    """One value as TOML. JSON's forms are TOML's, but for the character DEL."""
-    if isinstance(value, list):
-        return "[" + ", ".join(_toml(item) for item in value) + "]"
+def toml_value(value: Any) -> str:
+    """One value as TOML, a day included. JSON's forms are TOML's, but for the character DEL.
+
+    Raises TypeError for what TOML cannot carry.
+    """
+    if isinstance(value, date):
+        return value.isoformat()
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_value(item) for item in value) + "]"
     if isinstance(value, dict):
         # An inline table; TOML has no word for what is not there.
-        pairs = (f"{key} = {_toml(item)}" for key, item in value.items() if item is not None)
+        pairs = (f"{key} = {toml_value(item)}" for key, item in value.items() if item is not None)
         return "{" + ", ".join(pairs) + "}"
     if isinstance(value, bool | int | str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
