@@ -35,10 +35,10 @@ class Bar:
         self._bars = bars
         self._task = task
 
-    def __call__(self) -> None:
-        """One step more."""
+    def __call__(self, steps: int = 1) -> None:
+        """So many steps more."""
         if self._bars is not None and self._task is not None:
-            self._bars.advance(self._task)
+            self._bars.advance(self._task, steps)
 
     @contextlib.contextmanager
     def aside(self) -> Iterator[None]:

@@ -1,18 +1,17 @@
 """Which satellites of the element files stand above the limit now, and for how long. Pure."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rsoconsole.config import LimitsConfig
-from rsoconsole.orbit.catalogue import CatalogueEntry, nearest_in_epoch_of_each, states_gcrs
+from rsoconsole.orbit.catalogue import CatalogueEntry, nearest_in_epoch_of_each
+from rsoconsole.pipeline.standing import standing
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.angles import separation_deg, unit_to_direction
-from rsoconsole.sky.horizon import horizon_altitude_deg
-from rsoconsole.sky.places import site_gcrs
 from rsoconsole.sky.sun import lit_fraction
-from rsoconsole.sky.times import NS_PER_S, IntArray
+from rsoconsole.sky.times import NS_PER_S
 
 MINUTES = (*range(21), *range(25, 60, 5), *range(60, 721, 15))
 """When it is looked at: close together at first, as a low satellite is up for minutes."""
@@ -50,7 +49,7 @@ def up_now(
     nearest = nearest_in_epoch_of_each(entries, t_utc_ns)
     if not nearest:
         return ()
-    now = _seen(nearest, site, np.array([t_utc_ns, t_utc_ns + STEP_S * NS_PER_S]), limits)
+    now = standing(nearest, site, np.array([t_utc_ns, t_utc_ns + STEP_S * NS_PER_S]), limits)
     is_up = now.margin_deg[:, 0] > 0.0
     there = [each for each, up in zip(nearest, is_up, strict=True) if up]
     if not there:
@@ -76,50 +75,13 @@ def up_now(
     return tuple(sorted(found, key=lambda up: -up.alt_deg))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Seen:
-    """M objects at N instants."""
-
-    r_km: FloatArray
-    """(M, N, 3), GCRS."""
-    line_km: FloatArray
-    """(M, N, 3), from the site."""
-    margin_deg: FloatArray
-    """(M, N), above the limit; far below it where an object has no place."""
-    alt_deg: FloatArray
-    az_deg: FloatArray
-
-
-def _seen(
-    entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: IntArray, limits: LimitsConfig
-) -> _Seen:
-    r_km = states_gcrs(entries, t_utc_ns)[0]
-    site_km = site_gcrs(site, t_utc_ns)[0]
-    line_km = r_km - site_km
-    # The vertical and the north of the site, as the ground there lies.
-    up = _unit(site_gcrs(replace(site, elevation_m=site.elevation_m + 1e4), t_utc_ns)[0] - site_km)
-    toward_deg = 0.01 if site.latitude_deg < 89.0 else -0.01
-    moved = replace(site, latitude_deg=site.latitude_deg + toward_deg)
-    north = _unit((site_gcrs(moved, t_utc_ns)[0] - site_km) / toward_deg)
-    east = np.cross(north, up)
-    line = _unit(line_km)
-    along = [np.einsum("mni,ni->mn", line, axis) for axis in (up, north, east)]
-    alt_deg = np.degrees(np.arcsin(np.clip(along[0], -1.0, 1.0)))
-    az_deg = np.degrees(np.arctan2(along[2], along[1])) % 360.0
-    lowest_deg = np.full(alt_deg.shape, limits.min_altitude_deg)
-    if limits.horizon:
-        lowest_deg = np.maximum(lowest_deg, horizon_altitude_deg(limits.horizon, az_deg))
-    margin_deg = np.where(np.isfinite(alt_deg), alt_deg - lowest_deg, -90.0)
-    return _Seen(r_km=r_km, line_km=line_km, margin_deg=margin_deg, alt_deg=alt_deg, az_deg=az_deg)
-
-
 def _minutes_left(
     entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: int, limits: LimitsConfig
 ) -> FloatArray:
     """Minutes until the margin of each is used up; infinite where it is not."""
     minutes = np.array(MINUTES)
     t = t_utc_ns + minutes.astype(np.int64) * 60 * NS_PER_S
-    margin = _seen(entries, site, t, limits).margin_deg
+    margin = standing(entries, site, t, limits).margin_deg
     is_down = margin <= 0.0
     first = np.argmax(is_down, axis=1)
     rows = np.arange(len(entries))
@@ -129,7 +91,3 @@ def _minutes_left(
         share = before / (before - after)
         left = minutes[last] + share * (minutes[first] - minutes[last])
     return np.where(is_down.any(axis=1), left, np.inf)
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

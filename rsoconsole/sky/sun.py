@@ -25,16 +25,21 @@ def sun_altitude_deg(site: Site, t_utc_ns: int) -> float:
 
 
 def lit_fraction(position_gcrs_km: FloatArray, t_utc_ns: TimeLike) -> FloatArray:
-    """Share of the solar disc that a satellite at (..., 3) sees: 1 in the light, 0 in the umbra.
+    """Share of the solar disc that a satellite at (..., 3) sees: 1 in the light, 0 in the umbra."""
+    return lit_fraction_by(sun_gcrs_km(t_utc_ns), position_gcrs_km)
+
+
+def lit_fraction_by(sun_km: FloatArray, position_gcrs_km: FloatArray) -> FloatArray:
+    """The same by where the Sun is, (..., 3) km from the Earth's centre.
 
     Overlap of two discs, the Earth a sphere without air. Source: Montenbruck & Gill 2000, 3.4.2.
     """
-    to_sun = sun_gcrs_km(t_utc_ns) - position_gcrs_km
-    sun_km = np.linalg.norm(to_sun, axis=-1)
+    to_sun = sun_km - position_gcrs_km
+    distance_km = np.linalg.norm(to_sun, axis=-1)
     earth_km = np.linalg.norm(position_gcrs_km, axis=-1)
-    a = np.arcsin(SUN_RADIUS_KM / sun_km)
+    a = np.arcsin(SUN_RADIUS_KM / distance_km)
     b = np.arcsin(np.minimum(EARTH_RADIUS_KM / earth_km, 1.0))
-    cosine = -np.sum(position_gcrs_km * to_sun, axis=-1) / (earth_km * sun_km)
+    cosine = -np.sum(position_gcrs_km * to_sun, axis=-1) / (earth_km * distance_km)
     c = np.arccos(np.clip(cosine, -1.0, 1.0))
     with np.errstate(invalid="ignore", divide="ignore"):
         x = (c * c + a * a - b * b) / (2.0 * c)
