@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from rsoconsole.orbit.low_cloud import SkyAhead
+from rsoconsole.orbit.ahead import SkyAhead
 from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.orbit.streak_ends import StreakEnds
 from rsoconsole.records import FloatArray, Site

@@ -11,13 +11,15 @@ from math import erf
 
 import numpy as np
 
-from rsoconsole.orbit.low_cloud import Cloud, SkyAhead, ahead, nearest, through
+from rsoconsole.orbit.ahead import SkyAhead, SkyPath, path_of
+from rsoconsole.orbit.known import KnownOrbit
+from rsoconsole.orbit.low_cloud import Cloud, ahead, nearest, through
 from rsoconsole.orbit.low_fit import LowOrbit, Timing, fit_streaks
-from rsoconsole.orbit.prediction import predict_motion
+from rsoconsole.orbit.prediction import predict, predict_motion
 from rsoconsole.orbit.streak_ends import StreakEnds
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.angles import position_angle_deg, separation_deg, wrap_180
-from rsoconsole.sky.times import NS_PER_S
+from rsoconsole.sky.times import NS_PER_S, IntArray
 
 GATE = 30.0
 """Squared residual of a streak's four numbers beyond which it is none of this object's: 5e-6."""
@@ -55,6 +57,47 @@ class LeapTrack:
     def ahead(self, t_utc_ns: int, number: int = 0) -> SkyAhead | None:
         """Where it will be by the n-th hypothesis; None where that is below the ground."""
         return _ahead(self.site, self.timing, self.hypotheses[number], t_utc_ns)
+
+    def path(
+        self, from_utc_ns: int, span_s: float, number: int = 0, step_s: float = 2.0
+    ) -> SkyPath | None:
+        """Places by the n-th hypothesis for a while; None where it sets within two steps."""
+        each, steps = self.hypotheses[number], int(np.ceil(span_s / step_s)) + 1
+        t = from_utc_ns + (np.arange(steps) * step_s * NS_PER_S).astype(np.int64)
+        if each.orbit is not None:
+            return path_of_orbit(each.orbit, self.site, t)
+        places = [ahead(each.cloud, self.site, int(at), self.timing.scatter_s) for at in t]
+        known = [place for place in places if place is not None]
+        return path_of(known) if len(known) > 1 else None
+
+
+def path_of_orbit(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> SkyPath | None:
+    """Where an orbit leads, at instants in order; None where it has come down."""
+    found = predict(orbit, site, t_utc_ns)
+    places = found.places
+    east = places.ra_rate_deg_s * np.cos(np.radians(places.dec_icrs_deg))
+    rates = 3600.0 * np.stack([east, places.dec_rate_deg_s], axis=-1)
+    if not (np.all(np.isfinite(rates)) and np.all(np.isfinite(found.cov_sky_arcsec2))):
+        return None
+    return path_of(
+        [
+            SkyAhead(
+                t_utc_ns=int(t),
+                ra_icrs_deg=float(ra),
+                dec_icrs_deg=float(dec),
+                rate_arcsec_s=rate,
+                covariance_arcsec2=np.array([[ee, en], [en, nn]]),
+            )
+            for t, ra, dec, rate, (ee, en, nn) in zip(
+                places.t_utc_ns,
+                places.ra_icrs_deg,
+                places.dec_icrs_deg,
+                rates,
+                found.cov_sky_arcsec2,
+                strict=True,
+            )
+        ]
+    )
 
 
 def begin(site: Site, streak: StreakEnds, timing: Timing) -> LeapTrack | None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rsoconsole.orbit.ahead import SkyAhead
 from rsoconsole.orbit.streak_ends import StreakEnds
 from rsoconsole.orbit.two_body import MU_EARTH_KM3_S2, cross, dot, propagate
 from rsoconsole.records import FloatArray, Site
@@ -39,29 +40,6 @@ _RETROGRADE_DEG, _RETROGRADE = 101.0, 0.02
 """Inclination from which on orbits are rare, and how rare."""
 _LEAST_WEIGHT = 1e-4
 _MOST = 600
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SkyAhead:
-    """Where it will be, as a plate solution would measure it, and how sure that is."""
-
-    t_utc_ns: int
-    ra_icrs_deg: float
-    dec_icrs_deg: float
-    rate_arcsec_s: FloatArray
-    """(2,) east and north."""
-    covariance_arcsec2: FloatArray
-    """(2, 2) of the place, east and north."""
-
-    @property
-    def speed_arcsec_s(self) -> float:
-        """On the sky."""
-        return float(np.hypot(*self.rate_arcsec_s))
-
-    @property
-    def sigma_arcsec(self) -> float:
-        """Half the longer axis of the one-sigma ellipse."""
-        return float(np.sqrt(max(np.linalg.eigvalsh(self.covariance_arcsec2)[-1], 0.0)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

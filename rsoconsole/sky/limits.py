@@ -123,6 +123,18 @@ class Limits:
         ha_deg = self._hour_angle_at(track, t_utc_ns)
         return side_after(ha_deg, start.pier_side, self._mount.flip_hysteresis_deg)
 
+    def travel_deg(
+        self, start: Pose, ra_icrs_deg: float, dec_icrs_deg: float
+    ) -> tuple[float, float]:
+        """What the polar and the declination axis have to go for a slew begun now.
+
+        The longest way where the side of the pier or, at a pole, the polar axis is not known.
+        """
+        epoch = epoch_at(start.t_utc_ns)
+        target = self._track(epoch, ra_icrs_deg, dec_icrs_deg, None)
+        turns = (way.travel_deg for way, _ in self._ways(epoch, start, target))
+        return max(turns, key=max, default=(0.0, 0.0))
+
     def refuse_pose(
         self,
         pose: Pose,
