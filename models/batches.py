@@ -12,6 +12,8 @@ from models.targets import targets_of
 from models.turning import cropped, turned
 
 Float32Array = npt.NDArray[np.float32]
+BATCH = 16
+"""Crops of one step."""
 CROP_CELLS = 128
 """Side of what is learnt from at once: multiples of 32."""
 _SHARE_CUT = 0.12

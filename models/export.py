@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from models.batches import read_fields
+from models.batches import BATCH, read_fields
 from models.dataset import FIELDS_PER_SHARD, RUN, SEED, SHARDS
 from models.nights import CALIBRATION_NIGHTS, FRAME_CELLS, ORDINARY_FRAMES, TAU, ordinary_nights
 from models.precision import INT8, choose, judged, network_at, quantise
@@ -103,8 +103,6 @@ def export(
 
     ``precision``: float32 or a name of ``INT8``; None: the better one on the calibration split.
     """
-    from models.train import BATCH
-
     torch.set_num_threads(threads)
     folder = folder or Path(__file__).parent
     net, step = load_average(run)

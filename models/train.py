@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from models.batches import CROP_CELLS, batch, read_fields
+from models.batches import BATCH, CROP_CELLS, batch, read_fields
 from models.dataset import RUN, SEED, SHARDS, real_shards, write_shards
 from models.fields import Field
 from models.loss import loss_of
@@ -23,7 +23,6 @@ from models.scoring import Score, score
 from models.streak_net import StreakNet
 from rsoconsole.vision.maps import ByteArray
 
-BATCH = 16
 PEAK_RATE = 3e-3
 WARM_UP_STEPS = 300
 AVERAGE_DECAY = 0.998

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from rsoconsole.config import OpticsConfig
 from rsoconsole.records import Site
-from rsoconsole.simulator.server import ObservatorySettings
+from rsoconsole.simulator.observatory_settings import ObservatorySettings
 from rsoconsole.simulator.stage import Stage
 
 T_START_UTC_NS = 1_687_400_000_000_000_000

@@ -17,7 +17,7 @@ from rsoconsole.records import Measurement, Site
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.simulator.mount_model import MountModel
 from rsoconsole.simulator.night_plan import NightPlan
-from rsoconsole.simulator.server import ObservatorySettings
+from rsoconsole.simulator.observatory_settings import ObservatorySettings
 from rsoconsole.simulator.stage import open_stage
 from rsoconsole.sky import times
 from rsoconsole.sky.angles import separation_deg

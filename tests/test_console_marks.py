@@ -9,8 +9,8 @@ from textual.widgets import Static
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs import ConfirmDialog
+from rsoconsole.console.frame_rows import FrameDetail
 from rsoconsole.console.marks import Mark
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.sheet_marks import faint_ends
 from rsoconsole.console.verdicts import VerdictsDialog, fate, verdict_lines

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rsoconsole.console.frame_rows import FrameDetail
 from rsoconsole.console.marks import Mark, Window, marks_of, outline_px, overlay
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.picture import (
     GREYS,
     STRETCHES,

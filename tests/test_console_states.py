@@ -29,7 +29,7 @@ from rsoconsole.control import ControlServer, Outcome, Request
 from rsoconsole.records import Event
 from rsoconsole.session.writer import SessionWriter
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from rsoconsole.simulator.server import ObservatorySettings
+from rsoconsole.simulator.observatory_settings import ObservatorySettings
 from rsoconsole.simulator.stage import Stage
 from tests import made_up_night as night
 from tests.makers import NS

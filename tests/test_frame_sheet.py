@@ -19,9 +19,9 @@ from textual.pilot import Pilot
 from rsoconsole.config import Config, with_setting
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs import help_text
+from rsoconsole.console.frame_rows import FrameDetail
 from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.key_line import MARKABLE
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.sheet import Sheet
 from rsoconsole.console.sheet_actions import FAR, MarkTo

@@ -9,7 +9,7 @@ from astropy.io import fits
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.instruments.fits_images import image_by_astropy
+from rsoconsole.instruments.fits_by_astropy import image_by_astropy
 from rsoconsole.instruments.frame_files import frame_from_bytes
 from rsoconsole.instruments.plain_fits import read_plain
 from rsoconsole.simulator.indi_fits import fits_bytes

@@ -13,7 +13,7 @@ import pytest
 
 from rsoconsole.records import OperatorAction, StateChange
 from rsoconsole.simulator.launch import Observatory, start_observatory
-from rsoconsole.simulator.server import ObservatorySettings
+from rsoconsole.simulator.observatory_settings import ObservatorySettings
 from rsoconsole.simulator.stage import Stage
 from tests.relay import Relay
 from tests.stub_stage import open_plain

@@ -14,10 +14,11 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.coast_words import coast_words
 from rsoconsole.console.engine_view import EngineView, engine_view
 from rsoconsole.console.facts import fact_lines
+from rsoconsole.console.frame_rows import FrameRow
 from rsoconsole.console.kept_words import kept_words
 from rsoconsole.console.key_line import keys_for
 from rsoconsole.console.messages import StopNewsCame
-from rsoconsole.console.night import FrameRow, Night, NightView
+from rsoconsole.console.night import Night, NightView
 from rsoconsole.console.plot import Line
 from rsoconsole.console.second_press import WITHIN_S
 from rsoconsole.console.streak_actions import too_late_to_mark

@@ -9,8 +9,8 @@ from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 
 from rsoconsole.console.dialogs import Dialog
+from rsoconsole.console.frame_rows import FrameRow
 from rsoconsole.console.moments import Moment
-from rsoconsole.console.night import FrameRow
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.plot import Line
 from rsoconsole.console.review_words import holder_then

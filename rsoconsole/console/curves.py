@@ -3,7 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import Literal
 
-from rsoconsole.console.night import FrameRow, NightView
+from rsoconsole.console.frame_rows import FrameRow
+from rsoconsole.console.night import NightView
 from rsoconsole.console.panels import NEWEST, rule
 from rsoconsole.console.plot import Ink, Line, value_plot
 from rsoconsole.console.plot_window import PlotWindow, axis_lines

@@ -2,12 +2,9 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from rsoconsole.console.frame_rows import FrameDetail, FrameRow
 from rsoconsole.sky.angles import largest_sigma
-
-if TYPE_CHECKING:
-    from rsoconsole.console.night import FrameDetail, FrameRow
 
 MOST = 9
 
@@ -25,7 +22,7 @@ class LastMeasured:
 
 
 def last_measured(
-    details: Iterable[tuple[int, "FrameDetail"]], rows: Mapping[int, "FrameRow"]
+    details: Iterable[tuple[int, FrameDetail]], rows: Mapping[int, FrameRow]
 ) -> tuple[LastMeasured, ...]:
     """Newest first, at most nine."""
     found: list[LastMeasured] = []

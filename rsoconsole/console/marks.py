@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from rsoconsole.console.night import FrameDetail
+from rsoconsole.console.frame_rows import FrameDetail
 from rsoconsole.console.track_fold import FrameTrack
 from rsoconsole.console.track_marks import Numbered, placed_numbers
 from rsoconsole.records import Detection, Measurement, Solution, TrackState

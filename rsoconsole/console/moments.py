@@ -12,9 +12,10 @@ from time import monotonic
 from typing import Any
 
 from rsoconsole.config import Config
+from rsoconsole.console.frame_rows import FrameDetail
 from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.marks import marks_of
-from rsoconsole.console.night import FrameDetail, KeptNight, Night, NightView
+from rsoconsole.console.night import KeptNight, Night, NightView
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.picture_files import read_picture
 from rsoconsole.console.timeline import TOLD_BY_RECORD, FrameMark, Timeline, TimelineFold

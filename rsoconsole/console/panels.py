@@ -2,8 +2,9 @@
 
 import itertools
 
+from rsoconsole.console.frame_rows import FrameRow
 from rsoconsole.console.marks import SHOWN_REJECTED
-from rsoconsole.console.night import FrameRow, NightView
+from rsoconsole.console.night import NightView
 from rsoconsole.console.plot import (
     REFUSED,
     Column,

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.console.blocks import QUADRANTS, Blocks
+from rsoconsole.console.frame_rows import FrameDetail
 from rsoconsole.console.marks import Mark, Window
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.records import Closeup
 
 GREYS = 24

@@ -1,7 +1,7 @@
 """The small pictures of a frame, as its session keeps them."""
 
+from rsoconsole.console.frame_rows import FrameDetail
 from rsoconsole.console.marks import marks_of
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.picture import ByteImage, Picture, light_of, read_codes
 from rsoconsole.session.reader import SessionReader
 

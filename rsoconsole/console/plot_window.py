@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from rsoconsole.console.night import FrameRow
+from rsoconsole.console.frame_rows import FrameRow
 from rsoconsole.console.plot import AXIS_COLUMNS, Line, cells_a_frame
 from rsoconsole.console.words import clipped, clock_text
 

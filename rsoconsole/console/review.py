@@ -14,6 +14,7 @@ from rsoconsole.console.ask import LineDialog
 from rsoconsole.console.commands import bindings, first_key
 from rsoconsole.console.fold import Name, timeline_rows
 from rsoconsole.console.key_line import Key, Mode, review_keys
+from rsoconsole.console.live_behind import LiveBehind
 from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.messages import (
@@ -48,7 +49,6 @@ from rsoconsole.console.tune import TunePane
 from rsoconsole.console.tune_lines import TuneWords
 
 if TYPE_CHECKING:
-    from rsoconsole.console.live import LiveScreen
     from rsoconsole.pipeline.outlook import Outlook
 
 LIVE_S = 0.5
@@ -77,7 +77,7 @@ class ReviewScreen(ReviewCompare):
         *arguments: Any,
         folder: Path | None,
         start: str = "",
-        live: "LiveScreen | None" = None,
+        live: LiveBehind | None = None,
         **named: Any,
     ) -> None:
         """``start``: a frame, a UTC time or ``HEAD``, empty: the first frame; ``live``: what lies

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from rsoconsole.console.frame_rows import FrameDetail
 from rsoconsole.console.marks import SHOWN_REJECTED, Mark, mark_of, marks_of
-from rsoconsole.console.night import FrameDetail
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline.reprocess import Compared, Verdict

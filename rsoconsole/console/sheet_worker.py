@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsoconsole.config import Config
+from rsoconsole.console.frame_rows import FrameDetail
 from rsoconsole.console.marks import marks_of
-from rsoconsole.console.night import FrameDetail, Night
+from rsoconsole.console.night import Night
 from rsoconsole.console.picture import Picture, light_of, read_codes
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.records import MapMode

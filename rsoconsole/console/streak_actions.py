@@ -5,10 +5,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.frame_rows import FrameDetail
 from rsoconsole.console.marking import Marking
 from rsoconsole.console.marks import Mark
 from rsoconsole.console.messages import MarkHeld, Pointed
-from rsoconsole.console.night import FrameDetail
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.reject_dialog import RejectDialog

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, assert_never
 
 from rsoconsole.console.alerts import FOLLOWING
-from rsoconsole.console.night import FrameRow
+from rsoconsole.console.frame_rows import FrameRow
 from rsoconsole.console.panels import refused_of
 from rsoconsole.control.commands import BeginMark, Note
 from rsoconsole.field_records import ExpectedMembers, PairMotions

@@ -8,7 +8,8 @@ from textual.binding import Binding, BindingType
 from textual.message import Message
 
 from rsoconsole.console.curve_actions import CurveActions
-from rsoconsole.console.night import FrameRow, NightView
+from rsoconsole.console.frame_rows import FrameRow
+from rsoconsole.console.night import NightView
 from rsoconsole.console.pair_lines import neighbour_lines
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.track_fold import FollowedTrack

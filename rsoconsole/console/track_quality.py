@@ -3,7 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from rsoconsole.console.night import FrameRow, NightView
+from rsoconsole.console.frame_rows import FrameRow
+from rsoconsole.console.night import NightView
 from rsoconsole.console.tune import NAMES
 from rsoconsole.tracking.consistency import lag_one, mean_band
 

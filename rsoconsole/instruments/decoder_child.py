@@ -72,8 +72,9 @@ def _limit_memory() -> None:
 def _answer(connection: Connection, request: DecodeRequest, content: bytes) -> None:
     import numpy as np
 
-    from rsoconsole.instruments.fits_images import FitsImage, image_by_astropy
-    from rsoconsole.instruments.pictures import picture_by_opencv
+    from rsoconsole.instruments.fits_by_astropy import image_by_astropy
+    from rsoconsole.instruments.pictures_by_opencv import picture_by_opencv
+    from rsoconsole.instruments.plain_fits import FitsImage
 
     try:
         image = (

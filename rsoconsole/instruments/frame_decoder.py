@@ -20,8 +20,7 @@ import numpy.typing as npt
 
 from rsoconsole.errors import FrameError
 from rsoconsole.instruments.decoder_child import DecodeReply, DecodeRequest
-from rsoconsole.instruments.fits_images import FitsImage
-from rsoconsole.instruments.plain_fits import Content
+from rsoconsole.instruments.plain_fits import Content, FitsImage
 
 START_S = 60.0
 LEAST_S, BYTES_A_S = 4.0, 8_000_000

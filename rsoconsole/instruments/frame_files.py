@@ -19,7 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.errors import FrameError
-from rsoconsole.instruments.fits_images import ALL, FitsImage, fits_image
+from rsoconsole.instruments.fits_by_astropy import ALL
+from rsoconsole.instruments.fits_images import fits_image
 from rsoconsole.instruments.frame_header import (
     EXTENSION_KEY,
     NOTES_KEY,
@@ -38,7 +39,7 @@ from rsoconsole.instruments.frame_pixels import (
 )
 from rsoconsole.instruments.pictures import MAGIC as PICTURE_MAGIC
 from rsoconsole.instruments.pictures import picture
-from rsoconsole.instruments.plain_fits import Content
+from rsoconsole.instruments.plain_fits import Content, FitsImage
 from rsoconsole.records import Frame
 
 MIN_SIDE_PX = 64

@@ -6,6 +6,7 @@ Source: FITS standard 4.0, chapters 3 and 4.
 """
 
 import re
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,20 @@ _RECORD = re.compile(r"[A-Za-z_]\w*(?:\.\w+)*: ")
 _LEFT_TO_ASTROPY = {"CONTINUE", "HIERARCH", "GROUPS", "ZIMAGE", "XTENSION", "LONGSTRN"}
 
 Content = bytes | memoryview
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitsImage:
+    """One two-dimensional image of a file."""
+
+    raw: npt.NDArray[Any]
+    """(height, width) as stored: not scaled by BZERO and BSCALE."""
+    header: dict[str, Any]
+    """Values of the primary header and of the image's own, which win."""
+    label: str = ""
+    """Name, "NAME,VERSION" or number of its extension; empty where it is the file's only image."""
+    others: tuple[str, ...] = ()
+    """Labels of the file's other images, in order."""
 
 
 def read_plain(content: Content) -> tuple[npt.NDArray[Any], dict[str, Any]] | None:

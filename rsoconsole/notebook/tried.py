@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.notebook.night import Night, NightFold
@@ -10,19 +10,49 @@ from rsoconsole.notebook.plots import NightPlots
 from rsoconsole.notebook.summary import Summary, summary_of
 from rsoconsole.notebook.svg import text
 from rsoconsole.pipeline.replay import ReplayedFrame, replay
-from rsoconsole.records import FrameTaken, ParameterChange, StateChange
-
-if TYPE_CHECKING:
-    from rsoconsole.notebook.session import Session
+from rsoconsole.records import FrameTaken, ParameterChange, Record, StateChange
 
 _CELL = "padding:1px 14px 1px 0;text-align:left"
 _TABLE = "border-collapse:collapse;margin:4px 0;color:inherit;font-size:inherit"
 
 
+class Recorded(Protocol):
+    """What is asked of the session that is followed otherwise."""
+
+    @property
+    def path(self) -> Path:
+        """Its folder."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """As it was named."""
+        ...
+
+    @property
+    def config(self) -> Config:
+        """As it was recorded."""
+        ...
+
+    @property
+    def records(self) -> tuple[tuple[int, int, Record], ...]:
+        """Its log."""
+        ...
+
+    @property
+    def summary(self) -> Summary:
+        """How it went."""
+        ...
+
+    def nights(self) -> tuple[Night, ...]:
+        """Itself."""
+        ...
+
+
 class WhatIf(NightPlots):
     """Made by ``Session.what_if``; its figures show both nights side by side."""
 
-    def __init__(self, session: "Session", tried: Mapping[str, float | str]) -> None:
+    def __init__(self, session: Recorded, tried: Mapping[str, float | str]) -> None:
         """Follow the night again. Raises ConfigError for a setting that cannot be."""
         self.session = session
         self.settings = dict(tried)

@@ -12,7 +12,6 @@ import socket
 import sys
 import threading
 from collections.abc import Coroutine
-from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -27,41 +26,14 @@ from rsoconsole.simulator.launch import CAMERA_NAME, DOME_NAME, HOST, MOUNT_NAME
 from rsoconsole.simulator.mount_device import MountDevice
 from rsoconsole.simulator.mount_model import MountModel, MountTraits
 from rsoconsole.simulator.mount_unrest import MountUnrest
+from rsoconsole.simulator.observatory_settings import ObservatorySettings
 from rsoconsole.simulator.stage import Stage, open_stage
 from rsoconsole.simulator.virtual_clock import VirtualClock
-from rsoconsole.simulator.weather_and_dome import DomeDevice, Schedule, WeatherDevice
+from rsoconsole.simulator.weather_and_dome import DomeDevice, WeatherDevice
 from rsoconsole.simulator.world import World
 from rsoconsole.sky.frames import icrs_to_jnow
 
 _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ObservatorySettings:
-    """What the observatory is to be; crosses to its process as JSON."""
-
-    scenario: str
-    seed: int
-    speed: float
-    """Virtual seconds a wall second; 0: at once."""
-    truth_path: str | None = None
-    width_px: int | None = None
-    """A smaller sensor than the scenario's, for quick looks."""
-    height_px: int | None = None
-    stage: str | None = None
-    """``module:function`` that opens another stage than the scenarios'."""
-    plan: dict[str, Any] | None = None
-    """A ``NightPlan`` as a table, instead of the scenario."""
-    weather: Schedule = ()
-    """(seconds since the start, "ok" | "warning" | "alert") in order; ok before the first."""
-    dome: Schedule = ()
-    """(seconds since the start, "open" | "closed" | "moving") in order; open before the first."""
-    world: dict[str, Any] = field(default_factory=dict)
-    """Imperfections, as ``World.named`` gives them."""
-
-    def to_json(self) -> str:
-        """One line."""
-        return json.dumps(asdict(self))
 
 
 class ObservatoryDriver(IPyDriver):  # type: ignore[misc]

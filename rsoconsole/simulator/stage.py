@@ -2,21 +2,18 @@
 
 import importlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from rsoconsole.config import OpticsConfig
 from rsoconsole.records import Site
 from rsoconsole.simulator.camera_device import SceneLike
 from rsoconsole.simulator.night_plan import plan_of_table, scenario_of, stars_of
+from rsoconsole.simulator.observatory_settings import ObservatorySettings
 from rsoconsole.simulator.scenarios import scenario_named
 from rsoconsole.simulator.scene import Scene
 from rsoconsole.simulator.world import NAMELESS, World
 from rsoconsole.simulator.world_file import world_from
 from rsoconsole.simulator.world_scene import binned
 from rsoconsole.sky.frames import icrs_of_hour_angle
-
-if TYPE_CHECKING:
-    from rsoconsole.simulator.server import ObservatorySettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +31,7 @@ class Stage:
     """What is imperfect; the scene knows its own part of it."""
 
 
-def open_stage(settings: "ObservatorySettings") -> Stage:
+def open_stage(settings: ObservatorySettings) -> Stage:
     """The stage of a named scenario, of a plan, or of the function that the settings name.
 
     Raises ConfigError for a name that no scenario has, and for a world that cannot be.
@@ -46,7 +43,7 @@ def open_stage(settings: "ObservatorySettings") -> Stage:
     return stage
 
 
-def _scenario_stage(settings: "ObservatorySettings") -> Stage:
+def _scenario_stage(settings: ObservatorySettings) -> Stage:
     plan = None if settings.plan is None else plan_of_table(settings.plan)
     scenario = scenario_named(settings.scenario) if plan is None else scenario_of(plan)
     world = world_from(settings.world)
