@@ -19,6 +19,7 @@ from rsoconsole.fault_text import nearest, plain_fault
 from rsoconsole.foreign_text import read_foreign, toml_of
 from rsoconsole.indi_port import INDI_PORT
 from rsoconsole.records import Site
+from rsoconsole.shutter_config import CalibratedTiming
 
 APP = "rsoconsole"
 
@@ -145,6 +146,12 @@ class ExposureConfig(_Section):
         le=1000,
         description="rolling shutter: each row of the frame begins so much after the row above;"
         " below 0 where the frame stands on its head",
+    )
+    calibrated: tuple[CalibratedTiming, ...] = Field(
+        (),
+        description="the shutter by camera mode, as 'rsoconsole calibrate-time --write' measured"
+        " it; where a frame's mode is among them, in place of header_latency_s, timing_sigma_s and"
+        " line_time_us",
     )
     readout_s: float = Field(1.0, ge=0, le=60, description="shutter to the end of the read-out")
     frame_timeout_s: float = Field(

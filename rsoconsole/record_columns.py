@@ -158,6 +158,11 @@ width_px integer columns
 height_px integer rows
 pointing_ra_icrs_deg real where the mount said it pointed
 pointing_dec_icrs_deg real where the mount said it pointed
+binning=camera.binning text as 2x2, where the header tells it
+x0_px=camera.x0_px integer where a subframe begins on the sensor, column
+y0_px=camera.y0_px integer where a subframe begins on the sensor, row
+gain=camera.gain real in the camera's own steps
+time_by=camera.time_by?header text header or gps: whose the time of the exposure is
 """
 _OF_FILES = """
 file text its pixels, in the session's folder

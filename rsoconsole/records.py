@@ -60,6 +60,21 @@ class Site:
     elevation_m: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraMode:
+    """How a frame was read out, as far as its header tells; with its size and exposure its mode."""
+
+    binning: str | None = None
+    """As ``2x2``."""
+    x0_px: int | None = None
+    """Where a subframe begins on the sensor."""
+    y0_px: int | None = None
+    gain: float | None = None
+    """In the camera's own steps."""
+    time_by: Literal["header", "gps"] = "header"
+    """Whose the time of the exposure is: DATE-OBS, or the camera's own GPS receiver's."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame:
     """One exposure as the camera gave it, with what its header promises."""
@@ -76,6 +91,8 @@ class Frame:
     """Where the mount said it pointed; a hint for the solver, never a measurement."""
     pointing_dec_icrs_deg: float | None = None
     saturation_adu: float = 65535.0
+    camera: CameraMode | None = None
+    """None where no header was read."""
     header: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -570,6 +587,8 @@ class FrameTaken:
     pointing_dec_icrs_deg: float | None
     blocked: SlewRefusal | Told | None = None
     """Why the slew to what is followed was refused before it; None where nothing was."""
+    camera: CameraMode | None = None
+    """None in sessions from before it was on record."""
 
     @property
     def t_mid_utc_ns(self) -> int | None:

@@ -101,6 +101,7 @@ def test_every_check_reports_and_what_is_not_well_has_a_remedy(
         "INDI server",
         "mount site",
         "clock",
+        "shutter",
         "time source",
         "temperature",
         "power",

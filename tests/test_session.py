@@ -22,6 +22,7 @@ from rsoconsole.errors import SessionError
 from rsoconsole.reasons import DONE, Told
 from rsoconsole.record_columns import TABLES, documentation
 from rsoconsole.records import (
+    CameraMode,
     Closeup,
     CycleTiming,
     Detection,
@@ -109,6 +110,7 @@ NIGHT = (
         height_px=3520,
         pointing_ra_icrs_deg=320.0,
         pointing_dec_icrs_deg=None,
+        camera=CameraMode(binning="1x1", x0_px=0, y0_px=8, gain=139.0, time_by="gps"),
     ),
     Detections(
         frame_id=1,
@@ -276,6 +278,7 @@ def test_the_views_spread_every_record_into_columns(writer: SessionWriter, folde
         "timings": 2,
     }
     assert rows["frames"][0]["t_start_utc_ns"] == T0_UTC_NS
+    assert (rows["frames"][0]["gain"], rows["frames"][0]["time_by"]) == (139.0, "gps")
     assert [row["confidence"] for row in rows["detections"]] == [0.9, 0.5]
     assert rows["detections"][0]["y1_px"] == 4.0
     assert rows["rejections"][0] | {"seq": 0} == rows["rejections"][0] | {

@@ -9,6 +9,7 @@ import typer
 
 from rsoconsole import __version__
 from rsoconsole.cli import (
+    calibrate_time,
     demo,
     export,
     figures,
@@ -51,6 +52,7 @@ for group in (
     ledger,
     passes,
     what_if,
+    calibrate_time,
     house,
     sessions,
     service,

@@ -19,6 +19,7 @@ from rsoconsole.console.plot import (
 )
 from rsoconsole.console.plot_window import PlotWindow
 from rsoconsole.console.words import arcsec_text, clipped, short, unsigned_text
+from rsoconsole.pipeline.shutter_time import usual_sigma_s
 from rsoconsole.tracking.adaptive import summary_words
 from rsoconsole.tracking.consistency import NIS_BAND, WINDOW, consistency
 
@@ -117,7 +118,8 @@ def nis_lines(
     band = f"95% {NIS_BAND[0]:.2f}-{NIS_BAND[1]:.1f}"
     title = rule(f"{mean} · {frames}", band, width)
     ink: Ink = "" if judged.verdict in {"sound", "too few"} else "warn"
-    learnt = summary_words(night.track, float(night.setting("exposure.timing_sigma_s") or 0.0))
+    known_s = 0.0 if night.config is None else usual_sigma_s(night.config.exposure)
+    learnt = summary_words(night.track, known_s)
     told = " · ".join(each for each in (judged.words, learnt) if each)
     said = clipped([(f" {told}", ink or "dim")], width)
     return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]

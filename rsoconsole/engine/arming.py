@@ -5,7 +5,7 @@ but by name, and it is logged.
 """
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,6 +17,7 @@ from rsoconsole.engine.night import darkness_words, dome_fault, sun_fault, weath
 from rsoconsole.engine.retention import DISK_REMEDY, bytes_until_dawn
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments.ports import Instruments, MountReport, SiteCheck, SkyReport
+from rsoconsole.pipeline.shutter_words import day_of, shutter_words
 from rsoconsole.records import NotSolved, Solution
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.tracking.pointing import CLIP_ARCSEC
@@ -103,7 +104,7 @@ def gather_facts(instruments: Instruments, config: Config, session_folder: Path)
 def arming_checks(facts: ArmingFacts, config: Config) -> tuple[ArmingCheck, ...]:
     """Every check but "pointing", which needs a frame. Pure."""
     return (
-        _clock(facts),
+        _clock(facts, config),
         _site(facts),
         _time(facts),
         _sun(facts, config),
@@ -175,7 +176,16 @@ def refusal_text(checks: Sequence[ArmingCheck], overridden: Collection[str]) -> 
     return f"not armed. {told}. If you answer for it: {options}"
 
 
-def _clock(facts: ArmingFacts) -> ArmingCheck:
+def _clock(facts: ArmingFacts, config: Config) -> ArmingCheck:
+    """The machine's clock; with it what is known of the shutter, if anything was measured."""
+    found = _machine_clock(facts)
+    if not config.exposure.calibrated:
+        return found
+    shutter = shutter_words(config.exposure, day_of(facts.now_utc_ns))
+    return replace(found, detail=f"{found.detail}; {shutter}")
+
+
+def _machine_clock(facts: ArmingFacts) -> ArmingCheck:
     name, clock = "clock", facts.clock
     if facts.is_simulated:
         return ArmingCheck(name=name, ok=True, detail="the simulated observatory's own")

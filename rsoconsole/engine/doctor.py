@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING
 
 from rsoconsole import setup_check
 from rsoconsole.config import Config, IndiConfig, SiteConfig
-from rsoconsole.engine import doctor_calibration, doctor_indi, doctor_machine, doctor_system
+from rsoconsole.engine import (
+    doctor_calibration,
+    doctor_indi,
+    doctor_machine,
+    doctor_shutter,
+    doctor_system,
+)
 from rsoconsole.engine.doctor_check import Check
 from rsoconsole.engine.retention import DISK_REMEDY, disk_outlook
 from rsoconsole.errors import InstrumentError, RsoconsoleError
@@ -61,6 +67,7 @@ def run_checks(config: Config) -> Iterator[Check]:
         ("INDI server", check_indi_server),
         ("mount site", check_mount_site),
         ("clock", lambda _: check_clock()),
+        ("shutter", doctor_shutter.check_shutter),
         ("time source", lambda _: doctor_machine.check_time_source()),
         ("temperature", lambda _: doctor_machine.check_temperature()),
         ("power", lambda _: doctor_machine.check_power()),

@@ -37,6 +37,7 @@ from rsoconsole.instruments.process_memory import return_what_is_freed
 from rsoconsole.pipeline.kept_pixels import kept_pixels
 from rsoconsole.pipeline.open import open_reducer
 from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.pipeline.shutter_words import day_of, shutter_words
 from rsoconsole.session.store import cut_off_session, new_session_folder
 from rsoconsole.session.writer import SessionWriter
 from rsoconsole.waits import told_to
@@ -123,6 +124,8 @@ def run_engine(
             past=past,
         )
         stack.enter_context(warnings_on_record(engine.chronicle, "rsoconsole.instruments"))
+        if config.exposure.calibrated:
+            engine.chronicle.say("info", shutter_words(config.exposure, day_of(now_ns)))
         if cut_off is not None:
             engine.chronicle.say(
                 "warning",

@@ -51,10 +51,12 @@ def to_iod(
     check_station(station, sky)
     offset_s = night.about.get("clock_offset_s")
     clock_s = float(offset_s) if isinstance(offset_s, int | float) else 0.0
-    time_sigma_s = math.hypot(night.config.exposure.timing_sigma_s, clock_s)
     rows = [row for track in tracks for row in whole(night.of_track(track))]
     rows.sort(key=lambda row: row.t_mid_utc_ns)
-    return "".join(_line(row, target, station, sky, time_sigma_s) + "\n" for row in rows)
+    return "".join(
+        _line(row, target, station, sky, math.hypot(night.time_sigma_s(row), clock_s)) + "\n"
+        for row in rows
+    )
 
 
 def check_station(station: str, sky: str) -> None:

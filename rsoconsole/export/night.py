@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any, TypeAlias, assert_never
 
 from rsoconsole import __version__
-from rsoconsole.config import Config
+from rsoconsole.config import Config, ExposureConfig
 from rsoconsole.export.rows import MeasuredRow, row_of
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.pipeline.shutter_time import shutter_time, usual_sigma_s
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Closeup,
@@ -54,6 +55,8 @@ class ExportedNight:
     """What happened to the clock that all these times are by, a line each."""
     names: Mapping[int, Identified] = field(default_factory=dict)
     """The last name of each track on record, by track id."""
+    taken: Mapping[int, FrameTaken] = field(default_factory=dict)
+    """The frames, by their numbers."""
 
     @property
     def tracks(self) -> tuple[int, ...]:
@@ -69,6 +72,14 @@ class ExportedNight:
         """Whether no telescope was there."""
         return self.about.get("is_simulated") is True
 
+    def time_sigma_s(self, row: MeasuredRow) -> float:
+        """One sigma of a row's time by the shutter alone."""
+        taken = self.taken.get(row.frame_id)
+        exposure = self.config.exposure
+        if taken is None:
+            return exposure.timing_sigma_s
+        return shutter_time(taken, exposure).total_sigma_s
+
     def facts(self) -> dict[str, Any]:
         """What a table says of where it comes from; plain values."""
         site, optics = self.config.site, self.config.optics
@@ -80,7 +91,8 @@ class ExportedNight:
             "site": site.model_dump(mode="json"),
             "optics": optics.model_dump(mode="json"),
             "exposure_s": self.config.exposure.exposure_s,
-            "timing_sigma_s": self.config.exposure.timing_sigma_s,
+            "timing_sigma_s": usual_sigma_s(self.config.exposure),
+            **_shutter_facts(self.config.exposure),
             "clock_offset_s": self.about.get("clock_offset_s"),
             "clock_faults": list(self.clock_notes),
             "filter_preset": self.config.filter.preset,
@@ -195,9 +207,17 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
         config=config,
         about=about,
         rows=tuple(rows),
+        taken={frame_id: story.taken for frame_id, story in stories.items()},
         clock_notes=clock_notes(reader),
         names=names,
     )
+
+
+def _shutter_facts(exposure: ExposureConfig) -> dict[str, Any]:
+    """The shutter as it was calibrated; nothing where it was not."""
+    if not exposure.calibrated:
+        return {}
+    return {"shutter": [each.model_dump(mode="json") for each in exposure.calibrated]}
 
 
 def _hear(story: _FrameStory, record: OfFrame) -> None:

@@ -22,6 +22,7 @@ from rsoconsole.export.night import ExportedNight
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.export.target import Target
 from rsoconsole.export.track_names import name_words
+from rsoconsole.pipeline.shutter_words import day_of, shutter_words
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import direction_to_unit, wrap_360
 from rsoconsole.sky.frames import hour_angle_icrs_deg
@@ -98,6 +99,8 @@ def _metadata(
         f"COMMENT Telescope: focal length {optics.focal_length_mm:g} mm, pixels of"
         f" {optics.pixel_um:g} um; angles by streaks against catalogue stars"
     )
+    if night.config.exposure.calibrated:
+        yield f"COMMENT Times: {_shutter_words(night, rows)}"
     if track in night.names:
         yield f"COMMENT Track {track} {name_words(night.names[track])}"
     yield "COMMENT Angles are astrometric and along ICRS axes; EME2000 differs by 0.02 arcsec"
@@ -123,6 +126,11 @@ def _metadata(
     yield f"CORRECTION_ABERRATION_YEARLY = {annual_deg:.7f}"
     yield f"CORRECTION_ABERRATION_DIURNAL = {diurnal_deg:.7f}"
     yield "CORRECTIONS_APPLIED = YES"
+
+
+def _shutter_words(night: ExportedNight, rows: tuple[MeasuredRow, ...]) -> str:
+    words = shutter_words(night.config.exposure, day_of(rows[0].t_mid_utc_ns))
+    return words.replace("±", "+-").replace("µs", "us")
 
 
 def aberration_deg(

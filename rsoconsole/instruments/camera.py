@@ -6,6 +6,7 @@ from typing import Any
 
 from rsoconsole.config import IndiConfig, OpticsConfig, WaitsConfig
 from rsoconsole.errors import InstrumentError
+from rsoconsole.instruments.frame_header import camera_mode
 from rsoconsole.instruments.frame_ring import FrameRing
 from rsoconsole.instruments.indi_process import IndiProcess
 from rsoconsole.records import Frame
@@ -116,6 +117,7 @@ class IndiCamera:
             for key, value in facts["header"].items()
         }
         facts["header"][ARRIVED_KEY] = outcome["arrived_monotonic_s"]
+        facts["camera"] = camera_mode(facts["header"])
         return Frame(pixels=pixels, **facts)
 
     def abort(self) -> None:

@@ -25,6 +25,7 @@ from rsoconsole.instruments.frame_header import (
     EXTENSION_KEY,
     NOTES_KEY,
     absurd_scale,
+    camera_mode,
     exposure_s,
     pointing_deg,
     scale,
@@ -223,6 +224,7 @@ def _frame(
         pointing_ra_icrs_deg=ra_deg,
         pointing_dec_icrs_deg=dec_deg,
         saturation_adu=full_adu,
+        camera=camera_mode(header),
         header={**header, NOTES_KEY: tuple(notes)},
     )
 

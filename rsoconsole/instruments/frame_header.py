@@ -4,7 +4,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from rsoconsole.sky.times import iso_to_utc_ns
+from rsoconsole.instruments.gps_time import gps_time
+from rsoconsole.records import CameraMode
+from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
 
 NOTES_KEY = "NOTES"
 """Key under which a frame's header carries what its reader has to say, a tuple of sentences."""
@@ -17,10 +19,41 @@ POSSIBLE_ARCSEC_PX = (0.01, 3600.0)
 
 
 def start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
-    """Start of the exposure (UTC ns), or None and the reason why it is not known."""
+    """Start of the exposure (UTC ns), or None and the reason why it is not known.
+
+    By the camera's own GPS receiver where it has one and that was locked, else by DATE-OBS, else
+    by DATE-BEG or DATE-AVG. A word also where the receiver's time is not used.
+    """
+    stated_ns, note = header_start(header)
+    receiver = gps_time(header, stated_ns, exposure_s(header))
+    if receiver is None:
+        return stated_ns, note
+    if receiver.start_utc_ns is None:
+        return stated_ns, note or receiver.note
+    return receiver.start_utc_ns, None
+
+
+def camera_mode(header: Mapping[str, Any]) -> CameraMode:
+    """How the frame was read out, and whose its time is."""
+    receiver = gps_time(header, header_start(header)[0], exposure_s(header))
+    binned = [_number(header.get(key)) for key in ("XBINNING", "YBINNING")]
+    whole = [int(each) for each in binned if each is not None and 1.0 <= each < 100.0]
+    corner = [_number(header.get(key)) for key in ("XORGSUBF", "YORGSUBF")]
+    x0, y0 = (int(each) if each is not None and each >= 0.0 else None for each in corner)
+    return CameraMode(
+        binning=f"{whole[0]}x{whole[-1]}" if whole else None,
+        x0_px=x0,
+        y0_px=y0,
+        gain=_number(header.get("GAIN")),
+        time_by="gps" if receiver is not None and receiver.start_utc_ns is not None else "header",
+    )
+
+
+def header_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
+    """As ``start``, without the camera's GPS receiver."""
     stated = header.get("DATE-OBS")
     if not isinstance(stated, str) or not stated.strip():
-        return None, None
+        return _standard_start(header)
     system = str(header.get("TIMESYS", "UTC")).strip().upper()
     if system not in ("UTC", ""):
         return None, f"TIMESYS is {system}, not UTC: the time of exposure is not used"
@@ -34,6 +67,23 @@ def start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
         return iso_to_utc_ns(iso), None
     except ValueError:
         return None, f"DATE-OBS '{stated}' is not ISO 8601: the time of exposure is not known"
+
+
+def _standard_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
+    """By the FITS standard's DATE-BEG, else DATE-AVG; (None, None) without either."""
+    system = str(header.get("TIMESYS", "UTC")).strip().upper()
+    length_s = exposure_s(header)
+    for key, earlier_s in (("DATE-BEG", 0.0), ("DATE-AVG", length_s and length_s / 2.0)):
+        stated = header.get(key)
+        if not isinstance(stated, str) or earlier_s is None:
+            continue
+        if system not in ("UTC", ""):
+            return None, f"TIMESYS is {system}, not UTC: the time of exposure is not used"
+        try:
+            return iso_to_utc_ns(stated.strip()) - round(earlier_s * NS_PER_S), None
+        except ValueError:
+            continue
+    return None, None
 
 
 def exposure_s(header: Mapping[str, Any]) -> float | None:

@@ -29,6 +29,8 @@ from rsoconsole.notebook.report_field import MOST_PAIRS, field_facts
 from rsoconsole.notebook.report_figures import inline_figures
 from rsoconsole.notebook.report_pictures import shown_frames
 from rsoconsole.notebook.tracks import tracks_of
+from rsoconsole.pipeline.shutter_time import usual_sigma_s
+from rsoconsole.pipeline.shutter_words import day_of, shutter_words
 from rsoconsole.pipeline.what_if import TrackFigures
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.sky.angles import format_dec, format_ra
@@ -263,6 +265,13 @@ def _alts(night: Night, figures: TrackFigures) -> dict[str, str]:
     return alts
 
 
+def _shutter(exported: ExportedNight) -> str:
+    exposure = exported.config.exposure
+    if not exposure.calibrated or not exported.rows:
+        return f"shutter known to {usual_sigma_s(exposure) * 1e3:g} ms"
+    return shutter_words(exposure, day_of(exported.rows[0].t_mid_utc_ns))
+
+
 def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
     """How it was observed, for whoever wants to do it again."""
     config, about = exported.config, exported.about
@@ -289,7 +298,7 @@ def _setup(exported: ExportedNight) -> list[tuple[str, str]]:
         (
             "Exposure",
             f"{config.exposure.exposure_s:g} s every {config.exposure.cadence_s:g} s at the"
-            f" sidereal rate; shutter known to {config.exposure.timing_sigma_s * 1e3:g} ms",
+            f" sidereal rate; {_shutter(exported)}",
         ),
         ("Clock", "; ".join((clock, *exported.clock_notes))),
         (

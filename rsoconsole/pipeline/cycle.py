@@ -173,4 +173,5 @@ def taken_record(frame: Frame, blocked: SlewRefusal | None = None) -> FrameTaken
         pointing_ra_icrs_deg=frame.pointing_ra_icrs_deg,
         pointing_dec_icrs_deg=frame.pointing_dec_icrs_deg,
         blocked=blocked,
+        camera=frame.camera,
     )

@@ -18,6 +18,7 @@ from rsoconsole.pipeline.field_points import Points, points_of
 from rsoconsole.pipeline.measure import measure, shutter_mid_utc_ns
 from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.pipeline.reduce import FrameReducer
+from rsoconsole.pipeline.shutter_time import shutter_time
 from rsoconsole.reasons import BelowTau
 from rsoconsole.records import Detection, FloatArray, Frame, NotSolved, Solution
 from rsoconsole.sky.angles import direction_to_unit, unit_to_direction
@@ -244,7 +245,7 @@ def line_of(detection: Detection, solution: Solution, frame: Frame, config: Conf
         is_end_a=is_end_a,
         is_end_b=is_end_b,
         is_ordered=False,
-        after_s=detection.y_px * config.exposure.line_time_us * 1e-6,
+        after_s=detection.y_px * shutter_time(frame, config.exposure).line_time_us * 1e-6,
         cov_sky_rad2=(east * ARCSEC_RAD**2, both * ARCSEC_RAD**2, north * ARCSEC_RAD**2),
         sigma_direction_rad=math.radians(sigma_deg),
         sigma_length_rad=length_px * scale_rad,

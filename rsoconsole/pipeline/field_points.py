@@ -13,6 +13,7 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.orbit.field_match import Line
 from rsoconsole.pipeline.measure import AIR_ARCSEC_ROOT_S
+from rsoconsole.pipeline.shutter_time import shutter_time
 from rsoconsole.records import Detection, FloatArray, Frame, Solution
 from rsoconsole.sky.angles import direction_to_unit, unit_to_direction
 from rsoconsole.sky.times import ARCSEC_RAD, NS_PER_S
@@ -109,7 +110,8 @@ def points_of(  # noqa: PLR0917 - what a frame is made of
     air = AIR_ARCSEC_ROOT_S / math.sqrt(max(exposure_s, 0.01))
     plate = solution.rms_arcsec / math.sqrt(max(solution.matched, 1))
     scale = solution.scale_arcsec_px
-    row_ns = np.rint(y * config.exposure.line_time_us * 1e3).astype(np.int64)
+    line_time_us = shutter_time(frame, config.exposure).line_time_us
+    row_ns = np.rint(y * line_time_us * 1e3).astype(np.int64)
     return Points(
         u=direction_to_unit(*pixel_to_sky(solution.wcs, x, y)),
         t_utc_ns=t_mid_utc_ns + row_ns,

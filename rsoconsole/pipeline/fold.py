@@ -13,6 +13,7 @@ from rsoconsole.pipeline.absence import StarHistory, counted, explain_absence, s
 from rsoconsole.pipeline.better_predictor import may_guide
 from rsoconsole.pipeline.measure import at_its_row, shutter_mid_utc_ns
 from rsoconsole.pipeline.reduce import plain_absence
+from rsoconsole.pipeline.shutter_time import shutter_time
 from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     Detections,
@@ -82,8 +83,9 @@ def fold(before: Following, stars_before: StarHistory, shown: Shown, config: Con
         blocked=taken.blocked,
     )
     ruling = shown.ruling or Ruling(frame_id=taken.frame_id)
-    refused = tuple(at_its_row(m, t_mid_ns, config.exposure) for m in ruling.refused)
-    chosen = ruling.taken and at_its_row(ruling.taken, t_mid_ns, config.exposure)
+    shutter = shutter_time(taken, config.exposure)
+    refused = tuple(at_its_row(m, t_mid_ns, shutter) for m in ruling.refused)
+    chosen = ruling.taken and at_its_row(ruling.taken, t_mid_ns, shutter)
     # The ruling's own instant is the recorded one: another where its latency is tried.
     measurements = tuple(m for m in shown.measurements if m not in refused)
     if chosen is not None and chosen not in measurements:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rsoconsole.config import ExposureConfig
+from rsoconsole.pipeline.shutter_time import ShutterTime, shutter_time
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -34,25 +35,23 @@ def shutter_mid_utc_ns(frame: Frame | FrameTaken, exposure: ExposureConfig) -> i
     """
     if frame.t_mid_utc_ns is None:
         return None
-    return frame.t_mid_utc_ns + round(exposure.header_latency_s * 1e9)
+    return frame.t_mid_utc_ns + round(shutter_time(frame, exposure).late_s * 1e9)
 
 
-def at_its_row(
-    measurement: Measurement, t_mid_utc_ns: int, exposure: ExposureConfig
-) -> Measurement:
+def at_its_row(measurement: Measurement, t_mid_utc_ns: int, shutter: ShutterTime) -> Measurement:
     """A measurement of the frame whose first row has this mid-exposure, at that of its own row."""
-    t_row_ns = _row_mid_utc_ns(t_mid_utc_ns, measurement.y_px, exposure)
+    t_row_ns = _row_mid_utc_ns(t_mid_utc_ns, measurement.y_px, shutter)
     if t_row_ns == measurement.t_mid_utc_ns:
         return measurement
     return replace(measurement, t_mid_utc_ns=t_row_ns)
 
 
-def _row_mid_utc_ns(t_mid_utc_ns: int, y_px: float, exposure: ExposureConfig) -> int:
+def _row_mid_utc_ns(t_mid_utc_ns: int, y_px: float, shutter: ShutterTime) -> int:
     """Mid-exposure of a row: with a rolling shutter later than the first row's.
 
     A streak over several rows has the mid-exposure of its middle one, as its motion is even.
     """
-    return t_mid_utc_ns + round(y_px * exposure.line_time_us * 1e3)
+    return t_mid_utc_ns + round(y_px * shutter.line_time_us * 1e3)
 
 
 def measure(
@@ -75,6 +74,7 @@ def measure(
     t_mid_ns = shutter_mid_utc_ns(frame, exposure)
     if t_mid_ns is None or frame.exposure_s is None:
         return None
+    shutter = shutter_time(frame, exposure)
     wcs = solution.wcs
     x, y = detection.x_px, detection.y_px
     ra, dec = pixel_to_sky(wcs, x, y)
@@ -86,10 +86,10 @@ def measure(
     return Measurement(
         measurement_id=measurement_id,
         frame_id=frame.frame_id,
-        t_mid_utc_ns=_row_mid_utc_ns(t_mid_ns, y, exposure),
+        t_mid_utc_ns=_row_mid_utc_ns(t_mid_ns, y, shutter),
         ra_icrs_deg=float(ra),
         dec_icrs_deg=float(dec),
-        cov_sky_arcsec2=_covariance(detection, solution, frame.exposure_s, exposure),
+        cov_sky_arcsec2=_covariance(detection, solution, frame.exposure_s, shutter),
         x_px=x,
         y_px=y,
         confidence=detection.confidence,
@@ -149,13 +149,13 @@ def numbered_like(
 
 
 def _covariance(
-    detection: Detection, solution: Solution, exposure_s: float, exposure: ExposureConfig
+    detection: Detection, solution: Solution, exposure_s: float, shutter: ShutterTime
 ) -> tuple[float, float, float]:
     jacobian = jacobian_arcsec_px(solution.wcs, detection.x_px, detection.y_px)
     angle = math.radians(detection.angle_deg)
     along = jacobian @ np.array([math.cos(angle), math.sin(angle)])
     across = jacobian @ np.array([-math.sin(angle), math.cos(angle)])
-    timing_px = detection.length_px / exposure_s * exposure.timing_sigma_s
+    timing_px = detection.length_px / exposure_s * shutter.sigma_s
     variance_along = detection.sigma_along_px**2 + timing_px**2
     cov = variance_along * np.outer(along, along)
     cov += detection.sigma_across_px**2 * np.outer(across, across)

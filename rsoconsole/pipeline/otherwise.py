@@ -5,13 +5,15 @@ from dataclasses import replace
 from rsoconsole.config import Config, ExposureConfig
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import at_its_row, measure
+from rsoconsole.pipeline.shutter_time import shutter_time
 from rsoconsole.reasons import BelowTau
 from rsoconsole.records import Rejection, Solution, measurement_id_of
 
 
 def at_instant(shown: Shown, t_mid_utc_ns: int, exposure: ExposureConfig) -> Shown:
     """The same measurements at the frame's mid-exposure: another where its latency is tried."""
-    moved = tuple(at_its_row(m, t_mid_utc_ns, exposure) for m in shown.measurements)
+    shutter = shutter_time(shown.taken, exposure)
+    moved = tuple(at_its_row(m, t_mid_utc_ns, shutter) for m in shown.measurements)
     return shown if moved == shown.measurements else replace(shown, measurements=moved)
 
 

@@ -19,6 +19,7 @@ from rsoconsole.pipeline.propose_evidence import Proposal
 from rsoconsole.pipeline.propose_inquiry import LEAST, Inquiry
 from rsoconsole.pipeline.propose_likelihood import Arc, arcs_of
 from rsoconsole.pipeline.replay import replay
+from rsoconsole.pipeline.shutter_time import usual_sigma_s
 from rsoconsole.records import TrackState
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.tracking.adaptive import scatter_words
@@ -76,7 +77,7 @@ def _nothing_to_propose(sessions: Sequence[_Session]) -> str:
     for session in sessions:
         states = (r for r in session.records if isinstance(r, TrackState) and r.mixture is not None)
         last = deque(states, maxlen=1)
-        known_s = session.config.exposure.timing_sigma_s
+        known_s = usual_sigma_s(session.config.exposure)
         words = scatter_words(last[0], known_s) if last else None
         if words is not None:
             told.append(f"{session.folder.name}: {words}")

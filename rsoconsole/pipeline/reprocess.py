@@ -14,6 +14,7 @@ from pathlib import Path
 from rsoconsole.config import Config, with_setting
 from rsoconsole.errors import FrameError, RsoconsoleError, SessionError
 from rsoconsole.instruments.frame_files import read_frame
+from rsoconsole.instruments.frame_header import header_start
 from rsoconsole.instruments.solver import PlateSolver
 from rsoconsole.pipeline.calibration import Calibration
 from rsoconsole.pipeline.cautions import calibration_warnings
@@ -193,6 +194,8 @@ def read_pixels(recorded: RecordedFrame) -> Frame:
             f" {taken.frame_id} was {taken.width_px} x {taken.height_px}: it is another's file"
         )
     then_ns, read_ns = taken.t_start_utc_ns, frame.t_start_utc_ns
+    if taken.camera is None:  # recorded before the camera's own receiver was asked
+        read_ns, _ = header_start(frame.header)
     if then_ns is not None and read_ns is not None and abs(read_ns - then_ns) > ROUNDED_NS:
         raise FrameError(
             f"{recorded.path.name} began at another instant than frame {taken.frame_id}:"
@@ -205,6 +208,7 @@ def read_pixels(recorded: RecordedFrame) -> Frame:
         exposure_s=taken.exposure_s,
         pointing_ra_icrs_deg=taken.pointing_ra_icrs_deg,
         pointing_dec_icrs_deg=taken.pointing_dec_icrs_deg,
+        camera=taken.camera,
     )
 
 

@@ -23,6 +23,7 @@ from rsoconsole.pipeline.replay import (
     Walk,
     is_from_outside,
 )
+from rsoconsole.pipeline.shutter_time import shutter_time
 from rsoconsole.reasons import Cause
 from rsoconsole.records import (
     Closeup,
@@ -195,7 +196,9 @@ class _Telling:
         t_mid_ns = shutter_mid_utc_ns(again.shown.taken, again.config.exposure)
         if t_mid_ns is None:
             return measurement
-        return at_its_row(measurement, t_mid_ns, again.config.exposure)
+        return at_its_row(
+            measurement, t_mid_ns, shutter_time(again.shown.taken, again.config.exposure)
+        )
 
     def _tell_frame(self, closed: ReplayedFrame | LookedAt) -> None:
         """A complete frame: its inputs, what the fold makes of them, and what came beside."""

@@ -17,6 +17,7 @@ OF_THE_FOLD = (
     "filter.",
     "search.follow",
     "detector.tau",
+    "exposure.calibrated",
     "exposure.header_latency_s",
     "exposure.timing_sigma_s",
     "exposure.line_time_us",

@@ -100,6 +100,23 @@ def teme_to_gcrs_rotation(t_utc_ns: TimeLike) -> FloatArray:
     return np.asarray(cirs_to_gcrs(t_utc_ns) @ about_pole)
 
 
+def itrf_to_gcrs_rotation(t_utc_ns: TimeLike) -> FloatArray:
+    """Rotation matrices (..., 3, 3) from the Earth-fixed frame (ITRF, WGS84) to GCRS."""
+    orientation, tt = earth_orientation(t_utc_ns), jd_tt(t_utc_ns)
+    to_cirs = erfa.era00(*jd_ut1(t_utc_ns))
+    cos_a, sin_a = np.cos(to_cirs), np.sin(to_cirs)
+    zero, one = np.zeros_like(cos_a), np.ones_like(cos_a)
+    rows = [[cos_a, -sin_a, zero], [sin_a, cos_a, zero], [zero, zero, one]]
+    about_pole = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    polar_motion = erfa.pom00(
+        orientation.pole_x_arcsec * ARCSEC_RAD,
+        orientation.pole_y_arcsec * ARCSEC_RAD,
+        erfa.sp00(*tt),
+    )
+    from_itrf = np.swapaxes(polar_motion, -1, -2)
+    return np.asarray(cirs_to_gcrs(t_utc_ns) @ about_pole @ from_itrf)
+
+
 def earth_velocity_km_s(t_utc_ns: TimeLike) -> FloatArray:
     """Velocity (..., 3) of the Earth's centre about the barycentre of the solar system."""
     _, barycentric = erfa.epv00(*jd_tt(t_utc_ns))
