@@ -269,7 +269,10 @@ def _write_frame(  # noqa: PLR0917 -- all that a frame has
     rate = way / plan.exposure_s
     ahead = rate / np.hypot(*rate)
     aside = np.array([-ahead[1], ahead[0]])
-    noise = rng.normal(0.0, shutter.along_arcsec) * ahead
+    # Each end is found by itself: their mean is the middle, their difference is in the length.
+    one, other = rng.normal(0.0, shutter.along_arcsec * np.sqrt(2.0), 2)
+    longer = (other - one) * ahead
+    noise = (one + other) / 2.0 * ahead
     noise = noise + rng.normal(0.0, shutter.across_arcsec) * aside
     if is_outlier:
         noise = noise + 15.0 * ahead
@@ -278,7 +281,7 @@ def _write_frame(  # noqa: PLR0917 -- all that a frame has
     own = shutter.along_arcsec**2 * np.outer(ahead, ahead)
     own = own + shutter.across_arcsec**2 * np.outer(aside, aside)
     told = own + np.outer(rate, rate) * 0.015**2  # by the default exposure.timing_sigma_s
-    half = way / 2.0 / 3600.0
+    half = (way + longer) / 2.0 / 3600.0
     ends = tuple(
         (float((ra + s * half[0] / cos_dec) % 360.0), float(dec + s * half[1])) for s in (-1, 1)
     )

@@ -8,9 +8,10 @@ direction minus its orbit, at the instant that the frame's header names, is
 
 where drift is what all catalogue stars of a night are off together, and the place of a track what
 one orbit and its field's stars are off. Drift is told from time by satellites that go in several
-directions. Scatter, the places and the scale of the measurements' own errors are variances, found
-by restricted maximum likelihood (Patterson & Thompson 1971) with Fisher's scoring; what lies along
-and across the motion tells them apart.
+directions. Scatter, the places, the scale of the measurements' own errors and what ends are found
+worse than that are variances, found with the unknowns (``variance_components``). Wind at one end is
+not that at the other, so that it shows in the lengths of streaks; the shutter moves a streak as a
+whole: that tells the two apart.
 """
 
 import math
@@ -21,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.errors import OrbitError
+from rsoconsole.orbit.variance_components import Block, Fit, Known, fit
 from rsoconsole.records import FloatArray
 
 Index = npt.NDArray[np.int64]
@@ -41,10 +43,13 @@ SCALE_PRIOR = 0.5
 """One sigma of how far off the scale of the measurements' own variances may be."""
 FEWEST = 6
 """Measurements of a mode without which nothing is told of it."""
-_TOO_FAR = 20.0
-"""Of a measurement with two degrees of freedom: 4.5 sigma."""
-_ROUNDS, _STEPS = 6, 40
-_CLOSE = 1e-4
+_TOO_FAR = 13.8
+"""Of a measurement with two degrees of freedom: one good one in a thousand is farther."""
+_ROUNDS = 10
+_ROUGHLY = 4.5 * 1.4826
+"""Times the median of what is off: 4.5 sigma."""
+_ENDS_UNKNOWN_ARCSEC = 0.1
+"""One sigma of what ends may be off beyond what they say, where no lengths tell it."""
 _LEAST_SCATTER_S = 1e-4
 _SURELY_SOME = 3.0
 """Sigma of a variance below which there may be none."""
@@ -71,6 +76,13 @@ class TimedDirections:
     track: Index
     """Number of satellite and night together."""
     night: Index
+    length_off_arcsec: FloatArray
+    """By how much the streak is longer than those of its track; NaN where they are too few."""
+
+    @property
+    def ahead(self) -> FloatArray:
+        """(N, 2) where the satellites go, unit vectors."""
+        return np.asarray(self.rate_arcsec_s / np.hypot(*self.rate_arcsec_s.T)[:, None])
 
     def __len__(self) -> int:
         return len(self.row_px)
@@ -130,18 +142,6 @@ class TimeCalibration:
     """Of each direction; False: it does not fit."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Block:
-    """Directions whose errors hang together."""
-
-    z: FloatArray
-    """(2n,)"""
-    x: FloatArray
-    """(2n, unknowns)"""
-    parts: tuple[FloatArray, ...]
-    """(2n, 2n) by which each variance contributes: scale, place, scatter of each mode."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Before:
     """What is known before: (value, sigma) of each mode's line time, and of a track's place."""
@@ -155,14 +155,6 @@ class _Before:
     def unknowns(self) -> int:
         """How many there are: biases, line times, drifts."""
         return 2 * self.modes + 2 * self.nights
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Fit:
-    unknowns: FloatArray
-    covariance: FloatArray
-    variances: FloatArray
-    variance_sigmas: FloatArray
 
 
 def calibrate(
@@ -191,15 +183,15 @@ def calibrate(
         lines=((0.0, LINE_TIME_PRIOR_S),) * modes,
         place_arcsec=max(place_arcsec, PLACE_PRIOR_ARCSEC),
     )
-    fit, is_used = _rounds(seen, is_used, before)
-    lines = _lines(fit, modes, line_time_s)
+    found, is_used = _rounds(seen, is_used, before)
+    lines = _lines(found, modes, line_time_s)
     if lines != before.lines:
         before = replace(before, lines=lines)
-        fit, is_used = _rounds(seen, is_used, before)
-    return _told(seen, is_used, fit, before)
+        found, is_used = _rounds(seen, is_used, before)
+    return _told(seen, is_used, found, before)
 
 
-def _lines(fit: _Fit, modes: int, configured_s: Sequence[float]) -> tuple[tuple[float, float], ...]:
+def _lines(fit: Fit, modes: int, configured_s: Sequence[float]) -> tuple[tuple[float, float], ...]:
     """Those that are found stay open, the others are as configured."""
     sigma = np.sqrt(np.diag(fit.covariance))[modes : 2 * modes]
     return tuple(
@@ -218,11 +210,13 @@ def _roughly(seen: TimedDirections, modes: int) -> Mask:
         if not np.any(of_it):
             continue
         off = np.abs(late_s[of_it] - np.median(late_s[of_it]))
-        good[of_it] = off <= max(6.0 * 1.4826 * float(np.median(off)), 0.05)
+        good[of_it] = off <= max(_ROUGHLY * float(np.median(off)), 0.05)
+        long = np.abs(np.nan_to_num(seen.length_off_arcsec[of_it]))
+        good[of_it] &= long <= max(_ROUGHLY * float(np.median(long)), 1.0)
     return good
 
 
-def _rounds(seen: TimedDirections, is_used: Mask, before: _Before) -> tuple[_Fit, Mask]:
+def _rounds(seen: TimedDirections, is_used: Mask, before: _Before) -> tuple[Fit, Mask]:
     """Fit, leave out what does not fit, and again."""
     could = is_used.copy()
     fit = _fit(seen.of(is_used), before)
@@ -235,15 +229,20 @@ def _rounds(seen: TimedDirections, is_used: Mask, before: _Before) -> tuple[_Fit
     return fit, is_used
 
 
-def _distance(seen: TimedDirections, fit: _Fit, before: _Before) -> FloatArray:
+def _distance(seen: TimedDirections, fit: Fit, before: _Before) -> FloatArray:
     """(N,) squared, of each direction from the fit, in its own sigmas."""
     z, x = _rows(seen, before)
     off = z - np.einsum("nij,j->ni", x, fit.unknowns)
-    scale, place, *scatter = fit.variances
+    scale, place = fit.variances[:2]
+    ends, scatter = fit.variances[2:].reshape(2, -1)[:, seen.mode]
     own = scale * seen.covariance_arcsec2 + place * np.eye(2)
-    rate = seen.rate_arcsec_s
-    own = own + np.array(scatter)[seen.mode][:, None, None] * rate[:, :, None] * rate[:, None, :]
-    return np.asarray(np.einsum("ni,nij,nj->n", off, np.linalg.inv(own), off))
+    speed_2 = np.sum(seen.rate_arcsec_s**2, axis=1)
+    along = ends + scatter * speed_2
+    own = own + along[:, None, None] * seen.ahead[:, :, None] * seen.ahead[:, None, :]
+    far = np.einsum("ni,nij,nj->n", off, np.linalg.inv(own), off)
+    stated = np.einsum("ni,nij,nj->n", seen.ahead, seen.covariance_arcsec2, seen.ahead)
+    long = np.nan_to_num(seen.length_off_arcsec) ** 2 / (4.0 * (scale * stated + ends))
+    return np.asarray(np.maximum(far, long))
 
 
 def _rows(seen: TimedDirections, before: _Before) -> tuple[FloatArray, FloatArray]:
@@ -259,23 +258,35 @@ def _rows(seen: TimedDirections, before: _Before) -> tuple[FloatArray, FloatArra
     return z, x
 
 
-def _blocks(seen: TimedDirections, before: _Before) -> Iterator[_Block]:
+def _blocks(seen: TimedDirections, before: _Before) -> Iterator[Block]:
+    """Directions, two rows each, then lengths of streaks, by what hangs together."""
     z, x = _rows(seen, before)
     for members in _connected(seen.frame, seen.track):
-        part = seen.of(np.isin(np.arange(len(seen)), members))
-        n = len(part)
-        own = np.zeros((2 * n, 2 * n))
-        for k in range(n):
-            own[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = part.covariance_arcsec2[k]
-        same_track = part.track[:, None] == part.track
-        parts = [own, np.kron(same_track, np.eye(2))]
+        chosen = np.sort(members)
+        part = seen.of(np.isin(np.arange(len(seen)), chosen))
+        measured = np.flatnonzero(np.isfinite(part.length_off_arcsec))
+        n, lengths = 2 * len(part), len(measured)
+        parts = [np.zeros((n + lengths, n + lengths)) for _ in range(2 + 2 * before.modes)]
         rate = part.rate_arcsec_s.ravel()
         same_frame = np.kron(part.frame[:, None] == part.frame, np.ones((2, 2)))
+        parts[1][:n, :n] = np.kron(part.track[:, None] == part.track, np.eye(2))
+        for k, ahead in enumerate(part.ahead):
+            two = slice(2 * k, 2 * k + 2)
+            parts[0][two, two] = part.covariance_arcsec2[k]
+            parts[2 + part.mode[k]][two, two] = np.outer(ahead, ahead)
+        for row, k in enumerate(measured.tolist(), start=n):
+            # Of two ends: the length is off by their difference, the middle by half their sum.
+            along = float(part.ahead[k] @ part.covariance_arcsec2[k] @ part.ahead[k])
+            parts[0][row, row] = 4.0 * along
+            parts[2 + part.mode[k]][row, row] = 4.0
         for mode in range(before.modes):
-            of_it = np.repeat(part.mode == mode, 2)
-            parts.append(np.outer(rate * of_it, rate * of_it) * same_frame)
-        chosen = np.sort(members)
-        yield _Block(z=z[chosen].ravel(), x=x[chosen].reshape(2 * n, -1), parts=tuple(parts))
+            late = rate * np.repeat(part.mode == mode, 2)
+            parts[2 + before.modes + mode][:n, :n] = np.outer(late, late) * same_frame
+        yield Block(
+            z=np.concatenate([z[chosen].ravel(), part.length_off_arcsec[measured]]),
+            x=np.concatenate([x[chosen].reshape(n, -1), np.zeros((lengths, before.unknowns))]),
+            parts=tuple(parts),
+        )
 
 
 def _connected(frame: Index, track: Index) -> Iterator[Index]:
@@ -297,78 +308,45 @@ def _connected(frame: Index, track: Index) -> Iterator[Index]:
         yield np.array(group, np.int64)
 
 
-def _fit(seen: TimedDirections, before: _Before) -> _Fit:
-    blocks, modes = list(_blocks(seen, before)), before.modes
-    prior = np.concatenate(
+def _fit(seen: TimedDirections, before: _Before) -> Fit:
+    modes = before.modes
+    has_ends = np.array(
         [
-            np.full(modes, 1e-6),
-            [sigma**-2.0 for _, sigma in before.lines],
-            np.full(2 * before.nights, DRIFT_PRIOR_ARCSEC**-2.0),
+            np.sum((seen.mode == m) & np.isfinite(seen.length_off_arcsec)) >= FEWEST
+            for m in range(modes)
         ]
     )
-    means = np.array([1.0, before.place_arcsec**2])
-    widths = np.array([2.0 * SCALE_PRIOR, (PLACE_WIDTH * before.place_arcsec) ** 2])
-    variances = np.concatenate([means, np.full(modes, 0.02**2)])
-    least = np.concatenate([[0.05, 1e-6], np.full(modes, _LEAST_SCATTER_S**2)])
-    for _ in range(_STEPS):
-        unknowns, covariance, score, information = _scored(blocks, variances, prior)
-        score[:2] -= (variances[:2] - means) / widths**2
-        information[:2, :2] += np.diag(widths**-2.0)
-        step = np.linalg.solve(information, score)
-        after = np.clip(variances + step, np.maximum(least, variances / 5.0), variances * 5.0)
-        is_close = np.all(np.abs(after - variances) <= _CLOSE * variances + 1e-12)
-        variances = after
-        if is_close:
-            break
-    unknowns, _, _, information = _scored(blocks, variances, prior)
-    information[:2, :2] += np.diag(widths**-2.0)
-    variance_sigmas = np.sqrt(np.diag(np.linalg.inv(information)))
-    # Few tracks tell their own variance badly, and the errors hang on it: one sigma more of it.
-    wide = variances + np.array([0.0, 1.0, *np.zeros(modes)]) * variance_sigmas
-    _, covariance, _, _ = _scored(blocks, wide, prior)
-    return _Fit(
-        unknowns=unknowns,
-        covariance=covariance,
-        variances=variances,
-        variance_sigmas=variance_sigmas,
+    place = before.place_arcsec**2
+    scatter = np.full(modes, 0.02**2)
+    known = Known(
+        precisions=np.concatenate(
+            [
+                np.full(modes, 1e-6),
+                [sigma**-2.0 for _, sigma in before.lines],
+                np.full(2 * before.nights, DRIFT_PRIOR_ARCSEC**-2.0),
+            ]
+        ),
+        start=np.concatenate([[1.0, place], np.full(modes, 0.05), scatter]),
+        least=np.concatenate(
+            [[0.05, 1e-6], np.full(modes, 1e-6), np.full(modes, _LEAST_SCATTER_S**2)]
+        ),
+        means=np.concatenate([[1.0, place], np.zeros(2 * modes)]),
+        sigmas=np.concatenate(
+            [
+                [2.0 * SCALE_PRIOR, PLACE_WIDTH**2 * place],
+                np.where(has_ends, np.inf, _ENDS_UNKNOWN_ARCSEC**2),
+                np.full(modes, np.inf),
+            ]
+        ),
+        is_widened=np.concatenate([[0.0, 1.0], np.zeros(2 * modes)]),
     )
-
-
-def _scored(
-    blocks: Sequence[_Block], variances: FloatArray, prior: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Unknowns and their covariance; score and information of the variances."""
-    normal, right = np.diag(prior), np.zeros(len(prior))
-    inverses = []
-    for block in blocks:
-        total = sum(v * part for v, part in zip(variances, block.parts, strict=True))
-        inverse = np.linalg.inv(total)
-        inverses.append(inverse)
-        normal = normal + block.x.T @ inverse @ block.x
-        right = right + block.x.T @ inverse @ block.z
-    covariance = np.linalg.inv(normal)
-    unknowns = covariance @ right
-    count = len(variances)
-    score, information = np.zeros(count), np.zeros((count, count))
-    for block, inverse in zip(blocks, inverses, strict=True):
-        left = inverse @ (block.z - block.x @ unknowns)
-        through = inverse @ block.x
-        turned = [inverse @ part for part in block.parts]
-        for j, part in enumerate(block.parts):
-            lost = np.trace(covariance @ (through.T @ part @ through))
-            score[j] += 0.5 * (left @ part @ left - np.trace(turned[j]) + lost)
-            for k in range(j + 1):
-                information[j, k] += 0.5 * np.sum(turned[j] * turned[k].T)
-    information = np.tril(information) + np.tril(information, -1).T
-    # A mode without directions has neither.
-    information += np.diag(np.where(np.diag(information) == 0.0, 1.0, 0.0))
-    return np.asarray(unknowns), np.asarray(covariance), score, information
+    return fit(list(_blocks(seen, before)), known)
 
 
 def _told(
     seen: TimedDirections,
     is_used: Mask,
-    fit: _Fit,
+    fit: Fit,
     before: _Before,
 ) -> TimeCalibration:
     nights, drift = before.nights, 2 * before.modes
@@ -398,11 +376,11 @@ def _told(
 def _mode(
     seen: TimedDirections,
     is_used: Mask,
-    fit: _Fit,
+    fit: Fit,
     mode: int,
     before: _Before,
 ) -> ShutterTiming | None:
-    line = before.lines[mode]
+    line, scatter = before.lines[mode], 2 + before.modes + mode
     taken = is_used & (seen.mode == mode)
     if int(np.sum(taken)) < FEWEST:
         return None
@@ -416,7 +394,7 @@ def _mode(
     line_value_s = float(line_s) + line[0]
     return ShutterTiming(
         bias_s=Estimated(value=float(bias_s), sigma=math.sqrt(float(both[0, 0]))),
-        scatter_s=_root(float(fit.variances[2 + mode]), float(fit.variance_sigmas[2 + mode])),
+        scatter_s=_root(float(fit.variances[scatter]), float(fit.variance_sigmas[scatter])),
         line_time_s=Estimated(
             value=line_value_s, sigma=math.sqrt(float(both[1, 1])) if is_found else 0.0
         ),

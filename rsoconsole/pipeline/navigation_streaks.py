@@ -114,6 +114,11 @@ def _without_time(
     return np.asarray((vectors * values) @ vectors.T)
 
 
+def length_arcsec(streak: Streak) -> float:
+    """From end to end."""
+    return float(np.hypot(*_along(streak.measurement)))
+
+
 def header_mid(streak: Streak) -> int:
     """Mid-exposure by the header (UTC ns), whatever is known of the shutter."""
     return streak.taken.t_mid_utc_ns or 0

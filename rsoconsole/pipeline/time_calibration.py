@@ -12,6 +12,7 @@ from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from rsoconsole.config import ExposureConfig
 from rsoconsole.errors import OrbitError
@@ -34,6 +35,7 @@ from rsoconsole.pipeline.navigation_streaks import (
     Streak,
     header_mid,
     label_of,
+    length_arcsec,
     match,
     match_later,
     read_streaks,
@@ -44,6 +46,8 @@ from rsoconsole.sky.times import ARCSEC_RAD, NS_PER_DAY, NS_PER_S
 
 _TYPICAL_RANGE_KM = 22_000.0
 _EPOCH = date(1970, 1, 1)
+_FEWEST_LENGTHS = 3
+"""Of a track: fewer do not tell what is usual."""
 _PAUSE_S = 1800
 """Seen again later, a satellite stands before other stars."""
 _UNLIKELY = 3.0
@@ -247,24 +251,29 @@ def _night(
 
 def _modes(used: Sequence[Streak]) -> tuple[list[Mode], list[int]]:
     """The modes, and which each streak is of; exposures that are rare go together."""
-    exact = [_rounded(streak.taken.exposure_s or 1.0) for streak in used]
     read_outs = [read_out_of(streak.taken) for streak in used]
-    counts = Counter(zip(exact, read_outs, strict=True))
+    exposures = [streak.taken.exposure_s or 1.0 for streak in used]
     named: dict[Mode, int] = {}
-    number = []
-    for exposure_s, read_out in zip(exact, read_outs, strict=True):
-        is_rare = counts[exposure_s, read_out] < FEWEST
-        mode = Mode(exposure_s=None if is_rare else exposure_s, read_out=read_out)
-        number.append(named.setdefault(mode, len(named)))
+    number = [0] * len(used)
+    for read_out in dict.fromkeys(read_outs):
+        of_it = [n for n, each in enumerate(read_outs) if each == read_out]
+        for group in _alike(of_it, exposures):
+            usual, _ = Counter(exposures[n] for n in group).most_common(1)[0]
+            mode = Mode(exposure_s=usual if len(group) >= FEWEST else None, read_out=read_out)
+            for n in group:
+                number[n] = named.setdefault(mode, len(named))
     return list(named), number
 
 
-def _rounded(exposure_s: float) -> float:
-    """Exposures of one mode have one number: steps of ``SAME_EXPOSURE``, whole ones as they are."""
-    if math.isclose(exposure_s, float(f"{exposure_s:.2g}"), rel_tol=1e-9):
-        return float(f"{exposure_s:.2g}")
-    step = math.log(SAME_EXPOSURE)
-    return float(f"{math.exp(round(math.log(exposure_s) / step) * step):.3g}")
+def _alike(chosen: Sequence[int], exposures: Sequence[float]) -> Iterator[list[int]]:
+    """Groups of exposures that differ by no more than ``SAME_EXPOSURE``."""
+    group: list[int] = []
+    for n in sorted(chosen, key=lambda k: exposures[k]):
+        if group and exposures[n] > SAME_EXPOSURE * exposures[group[0]]:
+            yield group
+            group = []
+        group.append(n)
+    yield group
 
 
 def _configured_line_times(
@@ -310,9 +319,27 @@ def _about_the_middle(
             [frames.setdefault((s.session, s.taken.frame_id), len(frames)) for s in used], np.int64
         ),
         track=track,
+        length_off_arcsec=_lengths_off(used, track),
         night=np.array([night_of[s.session] for s in used], np.int64),
     )
     return seen, late_s
+
+
+def _lengths_off(used: Sequence[Streak], track: npt.NDArray[np.int64]) -> FloatArray:
+    """By how much each streak is longer than the middle one of its track.
+
+    A mount that drifts makes all of a track longer or shorter than the rate says.
+    """
+    length = np.array([length_arcsec(streak) for streak in used])
+    length -= [float(np.hypot(*s.rate_arcsec_s)) * (s.taken.exposure_s or 0.0) for s in used]
+    off = np.full(len(used), np.nan)
+    for each in np.unique(track):
+        of_it = track == each
+        count = int(np.sum(of_it))
+        if count >= _FEWEST_LENGTHS:
+            apart = length[of_it] - np.median(length[of_it])
+            off[of_it] = apart * math.sqrt(count / (count - 1))
+    return off
 
 
 def _tracks(used: Sequence[Streak]) -> Iterator[list[int]]:
