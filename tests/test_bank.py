@@ -356,6 +356,28 @@ def test_what_a_length_tells_of_an_error_is_held_against_the_innovations(off_arc
     assert sigma < 2.0 if off_arcsec == 0.0 else sigma > 3.0
 
 
+@pytest.mark.parametrize("bent_deg", [0.0, 10.0, -14.0])
+def test_a_streak_that_is_too_long_errs_along_itself_where_drift_has_bent_it(
+    bent_deg: float,
+) -> None:
+    """A star at one end moves the middle by half of what it adds, off the motion as the streak."""
+    night = measured("geostationary", 0.015, 5)
+    *before, last = night[:14]
+    state = followed(before)[1][-1]
+    predicted = estimator.predict(state, last.t_mid_utc_ns, ADAPTIVE, last.frame_id)
+    rate = np.array(lqe.sky_rate_arcsec_s(predicted))
+    turn = math.radians(bent_deg)
+    bent = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    axis = bent @ rate / np.hypot(*rate)
+    off = with_more_error(last, 30.0 * axis)
+    ends = [with_more_error(off, side * 105.0 * axis) for side in (-1.0, 1.0)]
+    off = replace(off, ends_icrs_deg=tuple((e.ra_icrs_deg, e.dec_icrs_deg) for e in ends))
+    assert (estimator.update(predicted, off, ADAPTIVE, 30.0).nis or 0.0) < 4.0
+    across = with_more_error(last, 30.0 * np.array([-axis[1], axis[0]]))
+    across = replace(across, ends_icrs_deg=off.ends_icrs_deg)
+    assert (estimator.update(predicted, across, ADAPTIVE, 30.0).nis or 0.0) > GATE_NIS
+
+
 @pytest.mark.parametrize("times", [1.0, 3.0, 6.0])
 def test_errors_many_times_as_large_as_claimed_are_learnt(times: float) -> None:
     """Across the motion no scatter of the shutter explains them."""

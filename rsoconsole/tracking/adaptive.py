@@ -14,6 +14,7 @@ from rsoconsole.config import FilterConfig
 from rsoconsole.records import FloatArray, Measurement, Mixture, TrackState
 from rsoconsole.tracking import bank as banks
 from rsoconsole.tracking import bank_update, lqe
+from rsoconsole.tracking.association import streak_axis
 from rsoconsole.tracking.bank import Bank, Position
 from rsoconsole.tracking.bank_update import Innovation
 from rsoconsole.tracking.scatter import scatter_interval_s
@@ -203,6 +204,7 @@ def _position(
         dec_icrs_deg=measurement.dec_icrs_deg,
         covariance=noise * np.outer(to_sky, to_sky),
         along_arcsec=along_arcsec,
+        axis=streak_axis(measurement) if along_arcsec else None,
     )
 
 

@@ -11,8 +11,10 @@ half an hour, it agrees with the track's rate to 2 per cent.
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from rsoconsole.reasons import MotionMismatch
-from rsoconsole.records import Measurement
+from rsoconsole.records import FloatArray, Measurement
 from rsoconsole.sky.angles import wrap_180
 
 DIRECTION_TOLERANCE_DEG = 12.0
@@ -60,6 +62,14 @@ def streak_motion(measurement: Measurement) -> Motion | None:
         return None
     (ra_a, dec_a), (ra_b, dec_b) = measurement.ends_icrs_deg
     return motion_between(ra_a, dec_a, ra_b, dec_b)
+
+
+def streak_axis(measurement: Measurement) -> FloatArray | None:
+    """(2,) unit vector east and north along the streak, sense unknown; None without an own one."""
+    streak = streak_motion(measurement)
+    if streak is None or streak.length_arcsec <= 0.0:
+        return None
+    return np.array([streak.east_arcsec, streak.north_arcsec]) / streak.length_arcsec
 
 
 def axis_difference_deg(a_deg: float, b_deg: float) -> float:

@@ -156,7 +156,14 @@ class Position:
     covariance: FloatArray
     """(2, 2) arcsec^2, without the shutter's scatter."""
     along_arcsec: float = 0.0
-    """Sigma along the motion beyond that, from the length of its streak."""
+    """Sigma along its streak beyond that, from the streak's length."""
+    axis: FloatArray | None = None
+    """(2,) unit vector along its streak, which drift and wind bend; None: the motion's."""
+
+    def length_error(self, ahead: FloatArray) -> FloatArray:
+        """(..., 2, 2) arcsec^2 of what the length adds; ``ahead`` (..., 2): unit, the motion's."""
+        axis = ahead if self.axis is None else self.axis
+        return np.asarray(self.along_arcsec**2 * axis[..., :, None] * axis[..., None, :])
 
 
 def initiate(
@@ -180,8 +187,7 @@ def initiate(
     covariances = np.zeros((len(MOTIONS), len(VARIANCE_SCALES), len(SCATTERS_S), 6, 6))
     along = np.outer(ahead, ahead) * speed**2
     covariances[..., :2, :2] = VARIANCE_SCALES[:, None, None, None] * first.covariance
-    late_s2 = SCATTERS_S**2 + (first.along_arcsec / speed) ** 2
-    covariances[..., :2, :2] += late_s2[:, None, None] * along
+    covariances[..., :2, :2] += (SCATTERS_S**2)[:, None, None] * along + first.length_error(ahead)
     covariances[..., 2, 2] = covariances[..., 3, 3] = (_OF_RATE * speed) ** 2
     covariances[ANY_ORBIT:, ..., ACCELERATION:, ACCELERATION:] = _WIDENED * spread
     likely = SCATTERS_S**-_SCATTER_FALLS

@@ -185,15 +185,22 @@ def _centred(bank: Bank) -> Bank:
 
 def _measured_noise(bank: Bank, speed: FloatArray, seen: Position) -> FloatArray:
     """(N, 2, 2): the measurement's own, as much wider as each filter has it, and its scatter."""
-    late_s = bank.grid.late_s
-    if seen.along_arcsec != 0.0:
-        late_s = np.hypot(late_s, seen.along_arcsec / speed)
-    shift = bank.means[:, 2:4] * late_s[:, None]
+    shift = bank.means[:, 2:4] * bank.grid.late_s[:, None]
     own = bank.grid.widened_by[:, None, None] * seen.covariance
-    return np.asarray(own + shift[:, :, None] * shift[:, None, :])
+    noise = own + shift[:, :, None] * shift[:, None, :]
+    return np.asarray(_with_length_error(noise, bank, speed, seen))
 
 
 def _rare_noise(bank: Bank, speed: FloatArray, seen: Position) -> FloatArray:
     """(N, 2, 2) of a measurement that has gone wrong."""
-    shift = bank.means[:, 2:4] * np.hypot(_RARE_SCATTER_S, seen.along_arcsec / speed)[:, None]
-    return np.asarray(VARIANCE_SCALES[-1] * seen.covariance + shift[:, :, None] * shift[:, None, :])
+    shift = bank.means[:, 2:4] * _RARE_SCATTER_S
+    noise = VARIANCE_SCALES[-1] * seen.covariance + shift[:, :, None] * shift[:, None, :]
+    return np.asarray(_with_length_error(noise, bank, speed, seen))
+
+
+def _with_length_error(
+    noise: FloatArray, bank: Bank, speed: FloatArray, seen: Position
+) -> FloatArray:
+    if seen.along_arcsec == 0.0:
+        return noise
+    return noise + seen.length_error(bank.means[:, 2:4] / speed[:, None])

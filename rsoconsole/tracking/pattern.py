@@ -15,6 +15,7 @@ import numpy.typing as npt
 from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.sky.times import IntArray
 from rsoconsole.tracking import lqe
+from rsoconsole.tracking.association import streak_axis
 from rsoconsole.tracking.sky_path import Plane
 
 BoolArray = npt.NDArray[np.bool_]
@@ -213,15 +214,17 @@ def own_covariance(
 ) -> FloatArray:
     """Covariance (2, 2) of a streak's place that it shares with no other, arcsec^2.
 
-    By what its track has learnt of its errors; ``along_arcsec``: what its length adds along the
-    motion; None: as of the one that the track took last.
+    By what its track has learnt of its errors; ``along_arcsec``: what its length adds along
+    the streak; None: as of the one that the track took last.
     """
     ee, en, nn = m.cov_sky_arcsec2
     said = track.mixture
     scale, more = (1.0, 0.0) if said is None else (said.variance_scale, said.along_arcsec)
     more = more if along_arcsec is None else along_arcsec
-    rate = np.array(lqe.sky_rate_arcsec_s(track))
-    ahead = rate / max(float(np.hypot(*rate)), 1e-3)
+    ahead = streak_axis(m)
+    if ahead is None:
+        rate = np.array(lqe.sky_rate_arcsec_s(track))
+        ahead = rate / max(float(np.hypot(*rate)), 1e-3)
     own = scale * np.array([[ee, en], [en, nn]]) + more**2 * np.outer(ahead, ahead)
     return own + _LEAST_ARCSEC**2 * np.eye(2)
 
