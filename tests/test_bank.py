@@ -99,7 +99,7 @@ def measured(name: str, scatter_s: float, seed: int, frames: int = FRAMES) -> li
     return found
 
 
-def begun(first: Measurement, second: Measurement) -> TrackState:
+def begun(first: Measurement, second: Measurement, *, is_shutter_known: bool = False) -> TrackState:
     rate = np.array(lqe.sky_rate_arcsec_s(lqe.initialise(first, second, ADAPTIVE)))
     told = bending(
         DAYTONA,
@@ -108,14 +108,23 @@ def begun(first: Measurement, second: Measurement) -> TrackState:
         (float(rate[0]), float(rate[1])),
     )
     assert told is not None
-    return estimator.initialise(first, second, ADAPTIVE, bend=(told.mean, told.covariance))
+    return estimator.initialise(
+        first,
+        second,
+        ADAPTIVE,
+        bend=(told.mean, told.covariance),
+        is_shutter_known=is_shutter_known,
+    )
 
 
 def followed(
-    measurements: list[Measurement], *, is_one_of_many: bool = False
+    measurements: list[Measurement],
+    *,
+    is_one_of_many: bool = False,
+    is_shutter_known: bool = False,
 ) -> tuple[list[TrackState], list[TrackState]]:
     """(predicted, updated) of every measurement but the first two."""
-    state = begun(*measurements[:2])
+    state = begun(*measurements[:2], is_shutter_known=is_shutter_known)
     if is_one_of_many:
         state = adaptive.thinned(state)
     predicted, updated = [], []
@@ -192,6 +201,19 @@ def test_a_punctual_shutter_is_not_accused() -> None:
     assert said is not None
     assert said.scatter_low_s == 0.0
     assert said.scatter_high_s < 0.05
+
+
+def test_of_a_calibrated_shutter_less_is_expected_beyond_it_and_a_late_one_is_learnt() -> None:
+    few = measured("navigation", 0.0, 5, 4)
+    plain, known = (
+        followed(few, is_shutter_known=is_known)[1][-1].mixture for is_known in (False, True)
+    )
+    assert plain is not None
+    assert known is not None
+    assert known.scatter_high_s < 0.8 * plain.scatter_high_s
+    late = followed(measured("navigation", 0.2, 6, 25), is_shutter_known=True)[1][-1].mixture
+    assert late is not None
+    assert late.scatter_low_s <= 0.2 <= late.scatter_high_s
 
 
 def test_the_motion_is_named_that_it_is() -> None:

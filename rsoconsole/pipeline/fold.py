@@ -13,7 +13,7 @@ from rsoconsole.pipeline.absence import StarHistory, counted, explain_absence, s
 from rsoconsole.pipeline.better_predictor import may_guide
 from rsoconsole.pipeline.measure import at_its_row, shutter_mid_utc_ns
 from rsoconsole.pipeline.reduce import plain_absence
-from rsoconsole.pipeline.shutter_time import shutter_time
+from rsoconsole.pipeline.shutter_time import calibrated_for, shutter_time
 from rsoconsole.reasons import Missed
 from rsoconsole.records import (
     Detections,
@@ -192,6 +192,7 @@ def follow_settings(config: Config, frame: Frame | FrameTaken) -> FollowSettings
         half_field_deg=half_field_px * config.optics.scale_arcsec_px / 3600.0,
         choice=config.search.follow,
         bend=functools.partial(_bend, config.site.to_site()),
+        is_shutter_known=calibrated_for(frame, config.exposure) is not None,
     )
 
 

@@ -216,6 +216,7 @@ def initiated(
         track_id=track_id,
         bend=_bend_of(first, second, settings),
         along_arcsec=(along_error_arcsec(first, moved), along_error_arcsec(second, moved)),
+        is_shutter_known=settings.is_shutter_known,
     )
 
 

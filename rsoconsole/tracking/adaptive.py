@@ -38,12 +38,13 @@ def initialise(
     track_id: int = 1,
     bend: Bend | None = None,
     along_arcsec: tuple[float, float] = (0.0, 0.0),
+    is_shutter_known: bool = False,
 ) -> TrackState:
     """Track at the second of two measurements.
 
     ``bend``: what an orbit through the first may do; ``along_arcsec``: sigma along the motion that
-    the length of each streak adds. Raises ValueError when the second is not the
-    later one.
+    the length of each streak adds; ``is_shutter_known``: see ``bank.initiate``. Raises ValueError
+    when the second is not the later one.
     """
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
     if dt_s <= 0.0:
@@ -52,7 +53,7 @@ def initialise(
     two = _position(second, settings, along_arcsec[1])
     way = Plane.at(one.ra_icrs_deg, one.dec_icrs_deg).place_of(two.ra_icrs_deg, two.dec_icrs_deg)
     rate = (float(way[0]) / dt_s, float(way[1]) / dt_s)
-    bank = banks.initiate(one, rate, bend)
+    bank = banks.initiate(one, rate, bend, is_shutter_known=is_shutter_known)
     bank = bank_update.update(banks.predict(bank, two.t_utc_ns, _roots(settings)), two).after
     return _state(
         bank,

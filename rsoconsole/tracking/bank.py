@@ -72,8 +72,9 @@ class Grid:
 FINE = Grid(VARIANCE_SCALES, SCATTERS_S)
 COARSE = Grid(VARIANCE_SCALES[1::2], SCATTERS_S[1::2])
 """For the many members of a group: every second one of both."""
-_SCATTER_FALLS = 0.1
-"""Before anything is measured a scatter is as likely as it is small, to this power."""
+_SCATTER_FALLS, _SCATTER_FALLS_KNOWN = 0.1, 0.5
+"""Before anything is measured a scatter is as likely as it is small, to this power; the second
+where the shutter's own is calibrated, so that it is in the measurements' covariances already."""
 MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
 _VARIANCE_SCALE_PRIORS = (0.04, 0.24, 0.2, 0.18, 0.16, 0.12, 0.06)
 LEAST_WEIGHT = 1e-12
@@ -170,9 +171,12 @@ def initiate(
     first: Position,
     rate_arcsec_s: tuple[float, float],
     bend: tuple[FloatArray, FloatArray] | None,
+    *,
+    is_shutter_known: bool = False,
 ) -> Bank:
     """A bank at one direction, with a rate (east, north) that is hardly believed.
 
+    ``is_shutter_known``: its scatter is calibrated, and in the covariance: more is less likely.
     ``bend``: mean (2,) and covariance (2, 2) of change of speed and turn of any orbit through it;
     None: unknown.
     """
@@ -190,7 +194,7 @@ def initiate(
     covariances[..., :2, :2] += (SCATTERS_S**2)[:, None, None] * along + first.length_error(ahead)
     covariances[..., 2, 2] = covariances[..., 3, 3] = (_OF_RATE * speed) ** 2
     covariances[ANY_ORBIT:, ..., ACCELERATION:, ACCELERATION:] = _WIDENED * spread
-    likely = SCATTERS_S**-_SCATTER_FALLS
+    likely = SCATTERS_S ** -(_SCATTER_FALLS_KNOWN if is_shutter_known else _SCATTER_FALLS)
     weights = np.einsum("m,w,s->mws", MOTION_PRIORS, _VARIANCE_SCALE_PRIORS, likely / likely.sum())
     return Bank(
         plane=plane,

@@ -22,16 +22,23 @@ def initialise(
     track_id: int = 1,
     bend: Bend | None = None,
     along_arcsec: tuple[float, float] = (0.0, 0.0),
+    is_shutter_known: bool = False,
 ) -> TrackState:
     """Track at the second of two measurements.
 
-    For the preset that asks: ``bend``, how an orbit's path may bend there, and ``along_arcsec``,
-    sigma along the motion that the length of each streak adds. Raises ValueError when the second
-    is not the later one.
+    For the preset that asks: ``bend``, how an orbit's path may bend there, ``along_arcsec``, sigma
+    along the motion that the length of each streak adds, and ``is_shutter_known``, whether the
+    shutter's scatter was calibrated. Raises ValueError when the second is not the later one.
     """
     if settings.preset == "adaptive":
         return adaptive.initialise(
-            first, second, settings, track_id=track_id, bend=bend, along_arcsec=along_arcsec
+            first,
+            second,
+            settings,
+            track_id=track_id,
+            bend=bend,
+            along_arcsec=along_arcsec,
+            is_shutter_known=is_shutter_known,
         )
     return lqe.initialise(first, second, settings, track_id=track_id)
 

@@ -86,6 +86,8 @@ class FollowSettings:
     bend: Callable[[int, tuple[float, float], tuple[float, float]], Bend | None] | None = None
     """How an orbit through a direction with a rate (east, north, arcsec/s) may bend at an instant;
     None: nobody knows."""
+    is_shutter_known: bool = False
+    """Whether the frame's camera mode is calibrated: its scatter is in every measurement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
