@@ -4,18 +4,25 @@ from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rsoconsole.config import Config, ExposureConfig, load_config
 from rsoconsole.config_edit import write_settings
 from rsoconsole.config_file import config_to_toml
+from rsoconsole.engine.arming import ArmingCheck, arming_checks
 from rsoconsole.engine.doctor_shutter import check_shutter
+from rsoconsole.export import read_night
 from rsoconsole.pipeline.measure import measure, shutter_mid_utc_ns
 from rsoconsole.pipeline.shutter_time import shutter_time
 from rsoconsole.pipeline.timing_settings import put_together
 from rsoconsole.records import CameraMode, FrameTaken
 from rsoconsole.shutter_config import CalibratedTiming
+from rsoconsole.sky.times import iso_to_utc_ns
+from tests.export_nights import closed_night
 from tests.makers import straight_detection
+from tests.navigation_truth import Plan, Shutter, constellation, night
+from tests.test_arming import FACTS
 from tests.test_measure import solution
 
 NS = 1_000_000_000
@@ -170,3 +177,41 @@ def test_the_doctor_tells_the_age() -> None:
     assert "370 days old" in old.detail
     assert "measure again" in old.remedy
     assert "clock is wrong" in seen_on(date(2026, 11, 1), TWO_S).remedy
+
+
+def test_the_checklist_before_arming_tells_it() -> None:
+    def clock_check(*known: CalibratedTiming) -> ArmingCheck:
+        config = Config(exposure=ExposureConfig(calibrated=known))
+        now_utc_ns = iso_to_utc_ns("2026-11-25T20:00:00Z")
+        return arming_checks(replace(FACTS, now_utc_ns=now_utc_ns), config)[0]
+
+    plain, known = clock_check(), clock_check(TWO_S)
+    assert plain.name == known.name == "clock"
+    assert "shutter" not in plain.detail
+    assert known.detail.startswith(plain.detail)
+    assert "shutter at 2 s, 1x1" in known.detail
+    assert "5 days old" in known.detail
+
+
+class TestExports:
+    @pytest.fixture
+    def folder(self, tmp_path: Path) -> Path:
+        plan = Plan(tracks=1, frames=4, strays=0, outliers=0)
+        exposure = {"calibrated": [TWO_S.model_dump(mode="json")]}
+        sky = constellation(iso_to_utc_ns("2023-06-22T00:59:42Z"), 4.0)
+        rng = np.random.default_rng(1)
+        return night(tmp_path / "n", sky, Shutter(), plan, rng, exposure=exposure)
+
+    def test_the_time_of_a_row_has_the_error_of_its_mode(self, folder: Path) -> None:
+        exported = read_night(folder)
+        expected_s = np.hypot(0.0081, 0.0023)
+        assert [exported.time_sigma_s(row) for row in exported.rows] == pytest.approx(
+            [expected_s] * len(exported.rows)
+        )
+        (told,) = exported.facts()["shutter"]
+        assert (told["bias_s"], told["measured_on"]) == (0.1372, "2026-11-20")
+
+    def test_a_night_without_a_calibration_says_what_it_always_said(self, tmp_path: Path) -> None:
+        exported = read_night(closed_night(tmp_path / "old", frames=4))
+        assert "shutter" not in exported.facts()
+        assert {exported.time_sigma_s(row) for row in exported.rows} == {0.015}
