@@ -199,12 +199,16 @@ def night(
     shutter: Shutter,
     plan: Plan,
     rng: np.random.Generator,
+    *,
+    about: dict[str, Any] | None = None,
     **config: Any,
 ) -> Path:
     """A recorded session: frames with header times, and what was measured of them."""
     settings = Config.model_validate({"site": SITE, **config})
     rows = plan.rows
-    writer = SessionWriter.create(folder, settings, {"title": "navigation satellites"})
+    writer = SessionWriter.create(
+        folder, settings, {"title": "navigation satellites", **(about or {})}
+    )
     frame_id, done = 0, 0
     for _ in range(4000):
         if done == plan.tracks:

@@ -219,6 +219,18 @@ class TestWriting:
         found(recorded[0], "--sp3", sp3, "--config", path, "--write", "--force")
         assert load_config(path).exposure.calibrated == (known,)
 
+    def test_a_simulated_shutter_is_not_written_over_a_cameras(self, sky, sp3, tmp_path) -> None:
+        folder = night(
+            tmp_path / "n", sky, Shutter(), Plan(tracks=4), np.random.default_rng(2),
+            about={"is_simulated": True},
+        )  # fmt: skip
+        path = tmp_path / "mine.toml"
+        path.write_text("")
+        assert "simulated observatory" in failure(folder, "--sp3", sp3, "--config", path, "--write")
+        assert path.read_text() == ""
+        found(folder, "--sp3", sp3, "--config", path, "--write", "--force")
+        assert len(load_config(path).exposure.calibrated) == 1
+
     def test_people_are_told_the_same(self, recorded, sp3) -> None:
         done = CliRunner().invoke(app, ["calibrate-time", str(recorded[0]), "--sp3", str(sp3)])
         assert done.exit_code == 0, done.output

@@ -148,6 +148,11 @@ def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> st
     from rsoconsole.pipeline.shutter_words import errors_words
     from rsoconsole.pipeline.timing_settings import put_together, timings_of, worse_than_known
 
+    if found.simulated and not force:
+        raise ConfigError(
+            f"not written: {found.simulated[0].name} is of the simulated observatory, whose shutter"
+            " is not your camera's; --force writes it all the same"
+        )
     exposure = load_config(config_path).exposure
     timings = timings_of(found)
     worse = worse_than_known(timings, exposure)

@@ -266,26 +266,29 @@ def _blocks(seen: TimedDirections, before: _Before) -> Iterator[Block]:
         part = seen.of(np.isin(np.arange(len(seen)), chosen))
         measured = np.flatnonzero(np.isfinite(part.length_off_arcsec))
         n, lengths = 2 * len(part), len(measured)
-        parts = [np.zeros((n + lengths, n + lengths)) for _ in range(2 + 2 * before.modes)]
+        of_ends = {int(mode): 2 + int(mode) for mode in np.unique(part.mode)}
+        of_scatter = {mode: before.modes + place for mode, place in of_ends.items()}
+        numbers = (0, 1, *of_ends.values(), *of_scatter.values())
+        parts = {number: np.zeros((n + lengths, n + lengths)) for number in numbers}
         rate = part.rate_arcsec_s.ravel()
         same_frame = np.kron(part.frame[:, None] == part.frame, np.ones((2, 2)))
         parts[1][:n, :n] = np.kron(part.track[:, None] == part.track, np.eye(2))
         for k, ahead in enumerate(part.ahead):
             two = slice(2 * k, 2 * k + 2)
             parts[0][two, two] = part.covariance_arcsec2[k]
-            parts[2 + part.mode[k]][two, two] = np.outer(ahead, ahead)
+            parts[of_ends[int(part.mode[k])]][two, two] = np.outer(ahead, ahead)
         for row, k in enumerate(measured.tolist(), start=n):
             # Of two ends: the length is off by their difference, the middle by half their sum.
             along = float(part.ahead[k] @ part.covariance_arcsec2[k] @ part.ahead[k])
             parts[0][row, row] = 4.0 * along
-            parts[2 + part.mode[k]][row, row] = 4.0
-        for mode in range(before.modes):
+            parts[of_ends[int(part.mode[k])]][row, row] = 4.0
+        for mode, number in of_scatter.items():
             late = rate * np.repeat(part.mode == mode, 2)
-            parts[2 + before.modes + mode][:n, :n] = np.outer(late, late) * same_frame
+            parts[number][:n, :n] = np.outer(late, late) * same_frame
         yield Block(
             z=np.concatenate([z[chosen].ravel(), part.length_off_arcsec[measured]]),
             x=np.concatenate([x[chosen].reshape(n, -1), np.zeros((lengths, before.unknowns))]),
-            parts=tuple(parts),
+            parts=parts,
         )
 
 

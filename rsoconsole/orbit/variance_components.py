@@ -4,7 +4,7 @@ Restricted maximum likelihood (Patterson & Thompson 1971) by Fisher's scoring. E
 within blocks alone, so that thousands of measurements cost little.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,8 +25,8 @@ class Block:
     """(N,)"""
     x: FloatArray
     """(N, unknowns)"""
-    parts: tuple[FloatArray, ...]
-    """(N, N) by which each variance contributes to their covariance."""
+    parts: Mapping[int, FloatArray]
+    """By number of a variance (N, N), by which it contributes to their covariance; else nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,8 +83,7 @@ def _scored(
     normal, right = np.diag(prior), np.zeros(len(prior))
     inverses = []
     for block in blocks:
-        total = sum(v * part for v, part in zip(variances, block.parts, strict=True))
-        inverse = np.linalg.inv(total)
+        inverse = np.linalg.inv(sum(variances[j] * part for j, part in block.parts.items()))
         inverses.append(inverse)
         normal = normal + block.x.T @ inverse @ block.x
         right = right + block.x.T @ inverse @ block.z
@@ -95,13 +94,12 @@ def _scored(
     for block, inverse in zip(blocks, inverses, strict=True):
         left = inverse @ (block.z - block.x @ unknowns)
         through = inverse @ block.x
-        turned = [inverse @ part for part in block.parts]
-        for j, part in enumerate(block.parts):
-            lost = np.trace(covariance @ (through.T @ part @ through))
+        turned = {j: inverse @ part for j, part in block.parts.items()}
+        for j, part in block.parts.items():
+            lost = np.sum(covariance * (through.T @ part @ through))
             score[j] += 0.5 * (left @ part @ left - np.trace(turned[j]) + lost)
-            for k in range(j + 1):
-                information[j, k] += 0.5 * np.sum(turned[j] * turned[k].T)
-    information = np.tril(information) + np.tril(information, -1).T
+            for k, other in turned.items():
+                information[j, k] += 0.5 * np.sum(turned[j] * other.T)
     # A variance without measurements has neither.
     information += np.diag(np.where(np.diag(information) == 0.0, 1.0, 0.0))
     return np.asarray(unknowns), np.asarray(covariance), score, information

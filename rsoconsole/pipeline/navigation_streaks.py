@@ -55,13 +55,15 @@ class NightStreaks:
     config: Config
     streaks: list[Streak]
     clock_offset_s: float | None
+    is_simulated: bool
 
 
 def read_streaks(folder: Path, session: int) -> NightStreaks:
     """What a session has measured that may be used. Raises SessionError."""
     reader = SessionReader(folder)
     config = reader.config()
-    offset = reader.about().get("clock_offset_s")
+    about = reader.about()
+    offset = about.get("clock_offset_s")
     taken: dict[int, FrameTaken] = {}
     streaks: dict[str, Streak] = {}
     for _, _, record in reader.records(kinds=(FrameTaken, Measurement)):
@@ -81,6 +83,7 @@ def read_streaks(folder: Path, session: int) -> NightStreaks:
         config=config,
         streaks=list(streaks.values()),
         clock_offset_s=float(offset) if isinstance(offset, int | float) else None,
+        is_simulated=about.get("is_simulated") is True,
     )
 
 

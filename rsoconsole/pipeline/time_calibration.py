@@ -112,6 +112,8 @@ class FoundTiming:
     satellites: tuple[SeenSatellite, ...]
     measured_on: date
     """Day of the last night."""
+    simulated: tuple[Path, ...] = ()
+    """Sessions of the simulated observatory, whose shutter is no camera's."""
 
 
 def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -> FoundTiming:
@@ -165,6 +167,7 @@ def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -
             _night(day, [(n, sessions[n]) for n in members], used) for day, members in nights
         ),
         satellites=_satellites(used),
+        simulated=tuple(each.folder for each in sessions if each.is_simulated),
         measured_on=datetime.fromtimestamp(last_ns / NS_PER_S, UTC).date(),
     )
 
