@@ -379,6 +379,23 @@ class AimConfig(_Section):
         return any((self.lead_s, self.along_arcmin, self.across_arcmin))
 
 
+class LeapConfig(_Section):
+    """Low satellites: the telescope stares, and leaps ahead of what it catches."""
+
+    enabled: bool = Field(
+        False,
+        description="stare where the telescope points, exposures back to back, and leap ahead of"
+        " each low satellite that comes through, until it sets",
+    )
+    stare_exposure_s: float = Field(0.2, ge=0.001, le=60, description="while it stares")
+    least_rate_arcsec_s: float = Field(
+        150.0, ge=20, le=10000, description="slower on the sky, nothing is leapt after"
+    )
+    most_misses: int = Field(
+        4, ge=1, le=50, description="leaps in a row without it, after which it is given up"
+    )
+
+
 class OrbitConfig(_Section):
     """The orbit of what is followed, found while it is followed."""
 
@@ -473,6 +490,7 @@ class Config(_Section):
     search: SearchConfig = SearchConfig()
     aim: AimConfig = AimConfig()
     orbit: OrbitConfig = OrbitConfig()
+    leap: LeapConfig = LeapConfig()
     catalogue: CatalogueConfig = CatalogueConfig()
     alert: AlertConfig = AlertConfig()
     session: SessionConfig = SessionConfig()

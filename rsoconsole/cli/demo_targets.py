@@ -87,12 +87,16 @@ def whole_sky_stars(config: Config) -> Path | None:
 
 
 def planned_config(config: Config, plan: NightPlan) -> Config:
-    """Exposures as the plan has them, and a search that waits where the night begins."""
+    """Exposures as the plan has them, and a search that waits where the night begins.
+
+    A low satellite is leapt after.
+    """
     exposure = config.exposure.model_copy(
         update={"exposure_s": plan.exposure_s, "cadence_s": plan.cadence_s}
     )
     search = config.search.model_copy(update={"pattern": "stay"})
-    return config.model_copy(update={"exposure": exposure, "search": search})
+    leap = config.leap.model_copy(update={"enabled": plan.leaps})
+    return config.model_copy(update={"exposure": exposure, "search": search, "leap": leap})
 
 
 def plan_words(plan: NightPlan) -> str:

@@ -38,6 +38,8 @@ class Hands:
         self._is_wanted = is_wanted
         self.sent: tuple[tuple[float, float], int] | None = None
         """Where the mount was sent last (ICRS, by its own word), and when; None: nowhere yet."""
+        self.arrived_utc_ns = 0
+        """When the mount was seen to have arrived last, before it settled."""
         self.on_tick: Callable[[], None] = lambda: None
         """Called at every step of a wait, at least once a second."""
         self.on_clock_fault: Callable[[ClockFault], None] = lambda _fault: None
@@ -97,8 +99,10 @@ class Hands:
         self.sent = None
         self.instruments.mount.park()
 
-    def wait_for_arrival(self, ra_icrs_deg: float, dec_icrs_deg: float) -> MountReport:
-        """Wait for the mount's arrival by read-back, then for it to settle.
+    def wait_for_arrival(
+        self, ra_icrs_deg: float, dec_icrs_deg: float, *, poll_ns: int = POLL_NS
+    ) -> MountReport:
+        """Wait for the mount's arrival by read-back, asked so often, then for it to settle.
 
         A mount that stops a little beside the place is sent again, twice: some lose the sky's
         motion on a long way. Raises StoppedElsewhere when it came to rest far from the place:
@@ -107,7 +111,7 @@ class Hands:
         """
         limit_ns = self.now_utc_ns() + round(self._config.mount.slew_timeout_s * NS)
         for sent_again in itertools.count():
-            report = self._wait_for_rest(limit_ns)
+            report = self._wait_for_rest(limit_ns, poll_ns)
             off_deg = separation_deg(
                 report.ra_icrs_deg, report.dec_icrs_deg, ra_icrs_deg, dec_icrs_deg
             )
@@ -124,7 +128,8 @@ class Hands:
                     f"the mount stopped {off_deg:.1f} deg short of where it was sent"
                 )
             self.order_slew(ra_icrs_deg, dec_icrs_deg)
-        self.wait_until(self.now_utc_ns() + round(self._config.mount.settle_s * NS))
+        self.arrived_utc_ns = self.now_utc_ns()
+        self.wait_until(self.arrived_utc_ns + round(self._config.mount.settle_s * NS))
         return report
 
     def wait_for_rest(self) -> MountReport:
@@ -138,10 +143,10 @@ class Hands:
             )
         return report
 
-    def _wait_for_rest(self, limit_utc_ns: int) -> MountReport:
+    def _wait_for_rest(self, limit_utc_ns: int, poll_ns: int = POLL_NS) -> MountReport:
         """The first report of a mount that does not slew any more, or the last before the limit."""
         while True:
-            self.wait_until(self.now_utc_ns() + POLL_NS)
+            self.wait_until(self.now_utc_ns() + poll_ns)
             report = self.mount_report()
             if not report.is_slewing or self.now_utc_ns() > limit_utc_ns:
                 return report

@@ -22,9 +22,10 @@ from rsoconsole.engine.exposures import Exposures
 from rsoconsole.engine.faults import Faults
 from rsoconsole.engine.guide import Guide
 from rsoconsole.engine.handlers import joined
-from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
+from rsoconsole.engine.hands import NS, POLL_NS, Hands, Interrupted, StoppedElsewhere
 from rsoconsole.engine.interruptions import Interruptions
 from rsoconsole.engine.kept import KeptTrack, name_of
+from rsoconsole.engine.leaping import LEAP_POLL_NS, Leaping
 from rsoconsole.engine.modes import Modes
 from rsoconsole.engine.pace import Pace
 from rsoconsole.engine.parking import Parking
@@ -149,6 +150,8 @@ class Engine:
             guide=self.guide,
             chronicle=self.chronicle,
         )
+        self.leaping = Leaping(self, parts)
+        """Stares and leaps, where that is configured."""
         self.by_hand = ByHand(self, parts)
         self.seeking = Seeking(self, hands, self.planner, self.slews, self.guide)
         self.verdicts = Verdicts(self, self.cycle, self.chronicle, pixels_of)
@@ -405,6 +408,7 @@ class Engine:
         self._note_end_of_fault(before, happening)
         if not self.charge.is_autonomous:
             self._is_first_look = False
+            self.leaping.forget()
             # The next arming looks with the night's own exposure.
             self._set_pace(None)
         for action in result.actions:
@@ -466,12 +470,15 @@ class Engine:
         """Wait for the mount, expose, reduce, follow, send the mount on; then put it on record."""
         plan = self._plan or self._order_next()
         self._plan = None
-        if self.slews.finish(plan, is_held=self.charge.is_held):
+        poll_ns = LEAP_POLL_NS if self.leaping.is_on else POLL_NS
+        if self.slews.finish(plan, is_held=self.charge.is_held, poll_ns=poll_ns):
             self.cycle.forget_plate()
+        self.leaping.arrived()
         frame, read_ms = self._exposures.take(plan)
         place_px: tuple[float, float] | None = None
         try:
             self._exposures.pass_processing_time()
+            self.leaping.read_out(frame, self.hands.now_utc_ns())
             reduction = self._reduce_and_go_on(frame, read_ms, plan.blocked)
             place_px = self._places.of(frame, reduction, self.following)
         finally:
@@ -482,6 +489,8 @@ class Engine:
         """Where and when the next exposure is; the mount is on its way when this returns."""
         if self._is_first_look:
             return self.planner.first_look(self.hands.now_utc_ns())
+        if self.leaping.is_on:
+            return self.leaping.order_next(is_held=self.charge.is_held)
         return self.slews.order_next(self.following, is_held=self.charge.is_held)
 
     def _one_look(self) -> None:
@@ -513,7 +522,8 @@ class Engine:
             self.chronicle.append(change)
         if changes:
             self.configure(config)
-        self._set_pace(self.following.track)
+        if not self.leaping.is_on:
+            self._set_pace(self.following.track)
         if self.following.track is not None:
             self.last_track = self.following.track
         is_cloudy = self.cycle.cloud is not None
@@ -546,6 +556,7 @@ class Engine:
         is_first_look, self._is_first_look = self._is_first_look, False
         if is_first_look and self._must_check_pointing:
             self._check_pointing(result.reduction)
+        self.leaping.saw(frame, result.reduction)
         if self.charge.is_autonomous:
             self._plan = self._order_next()
             self._exposures.next_start_utc_ns = self._plan.t_start_utc_ns
@@ -574,6 +585,7 @@ class Engine:
         """What lives by times that are wrong."""
         self.last_track = None
         self.orbits.forget()
+        self.leaping.forget()
 
     def _check_pointing(self, reduction: Reduction) -> None:
         """The first frame after arming must agree with where the mount says it looks."""

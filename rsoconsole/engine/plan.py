@@ -20,6 +20,7 @@ from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Frame, SlewCommand, Solution, TrackState
 from rsoconsole.sky.angles import separation_deg, wrap_180
 from rsoconsole.sky.frames import hour_angle_jnow_deg, icrs_to_jnow
+from rsoconsole.sky.limits import Pose
 from rsoconsole.tracking.following import Following
 from rsoconsole.tracking.pointing import PointingModel, PointingOffset, command_for, observed
 
@@ -154,6 +155,29 @@ class Planner:
         if self._centre is not None:
             self._search.look_here(self._centre, t_mid_ns)
         return Plan(t_start_utc_ns=t_start_ns, t_mid_utc_ns=t_mid_ns, slew=None)
+
+    def pose(self, now_utc_ns: int) -> Pose | None:
+        """Where the telescope looks now; None where nobody knows."""
+        if self._centre is None:
+            return None
+        ra_deg, dec_deg = self._centre
+        return Pose(
+            t_utc_ns=now_utc_ns,
+            ra_icrs_deg=ra_deg,
+            dec_icrs_deg=dec_deg,
+            pier_side=self._pier_side,
+        )
+
+    def to_place(
+        self, direction: Direction | None, t_start_utc_ns: int, reason: str, now_utc_ns: int
+    ) -> Plan:
+        """An exposure at an instant, there; None: where the telescope looks already."""
+        t_mid_ns = self._t_mid_ns(t_start_utc_ns)
+        slew = None
+        if direction is not None:
+            slew = slew_to(self._frame_id, direction, t_mid_ns, reason, None)
+            self._planned = (slew, now_utc_ns)
+        return Plan(t_start_utc_ns=t_start_utc_ns, t_mid_utc_ns=t_mid_ns, slew=slew)
 
     def plan(
         self, following: Following, now_utc_ns: int, is_refused: IsRefused | None = None

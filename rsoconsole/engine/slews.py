@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from rsoconsole.engine.chronicle import Chronicle
-from rsoconsole.engine.hands import FAR_OFF_DEG, Hands, StoppedElsewhere
+from rsoconsole.engine.hands import FAR_OFF_DEG, POLL_NS, Hands, StoppedElsewhere
 from rsoconsole.engine.plan import Plan, Planner
 from rsoconsole.engine.watch import Watch
 from rsoconsole.errors import RsoconsoleError
@@ -53,19 +53,37 @@ class Slews:
             return plan
         if is_held:
             return replace(plan, slew=None)
-        self._planner.last_report = None  # until it has arrived nobody knows where it is
-        self._hands.order_slew(*self._planner.command(plan.slew))
-        self._chronicle.append(plan.slew)
+        self._order(plan.slew)
         return plan
 
-    def finish(self, plan: Plan, *, is_held: bool) -> bool:
+    def order(self, plan: Plan, *, t_until_utc_ns: int) -> SlewRefusal | None:
+        """Send the mount where a plan wants it until an instant, or say why not.
+
+        Raises StoppedElsewhere when somebody else has moved the mount, Interrupted instead of
+        moving.
+        """
+        if plan.slew is None:
+            return None
+        self._expect_mount_where_left(self._hands.mount_report())
+        refused = self._refusal_of(plan.slew, t_until_utc_ns)
+        if refused is None:
+            self._order(plan.slew)
+        return refused
+
+    def _order(self, slew: SlewCommand) -> None:
+        self._planner.last_report = None  # until it has arrived nobody knows where it is
+        self._hands.order_slew(*self._planner.command(slew))
+        self._chronicle.append(slew)
+
+    def finish(self, plan: Plan, *, is_held: bool, poll_ns: int = POLL_NS) -> bool:
         """Wait until the mount is where the plan wants it; True when the last plate is void.
 
         Raises StoppedElsewhere when somebody else has moved or stopped it, InstrumentError when
         it does not arrive.
         """
         if plan.slew is not None:
-            report = self._hands.wait_for_arrival(*self._planner.command(plan.slew))
+            to = self._planner.command(plan.slew)
+            report = self._hands.wait_for_arrival(*to, poll_ns=poll_ns)
             return self._planner.arrived(plan.slew, report)
         report = self._hands.mount_report()
         if report.is_slewing:

@@ -28,8 +28,11 @@ RIM = 0.96
 LEAST_WITHIN = 0.2
 """Less likely to be in the field, a leap is not worth it."""
 _WAITS_S = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
-_ROUNDS = 25
-_SAME_S = 0.01
+_ROUNDS = 30
+_SAME_S = 0.05
+"""So near to the earliest instant is near enough."""
+_GAINING = 0.97
+"""Steps that shrink by less lead nowhere in time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,33 +174,47 @@ def _meeting(
     earliest_ns: int,
     telescope: Telescope,
 ) -> Leap | NoLeap:
-    """Where the mount has arrived and settled just when the satellite comes."""
+    """Where the mount has arrived and settled just when the satellite comes.
+
+    Near a pole the polar axis gains on it slowly: steps that shrink by a steady factor are summed
+    up at once, and where that leads too far it goes half the way back.
+    """
     motion, terms, limits = telescope.motion, telescope.terms, telescope.limits
-    t_expose_ns = max(earliest_ns, path.from_utc_ns)
-    exposure_s, slew_s = SHORTEST_S, 0.0
+    t_ns = max(earliest_ns, path.from_utc_ns)
+    late_ns, soon_ns, step_ns = t_ns, 0, 0
+    exposure_s = SHORTEST_S
     for _ in range(_ROUNDS):
-        t_mid_ns = t_expose_ns + round((terms.latency_s + exposure_s / 2.0) * NS_PER_S)
-        place = path.at(t_mid_ns)
-        if place is None:
+        met = path.at(t_ns + round((terms.latency_s + exposure_s / 2.0) * NS_PER_S))
+        if met is None:
             return NoLeap(kind="it sets")
-        exposure_s = exposure_for(place, terms)
-        slew_s = motion.surely_s(limits.travel_deg(start, *place.direction_deg))
+        exposure_s = exposure_for(met, terms)
+        slew_s = motion.surely_s(limits.travel_deg(start, *met.direction_deg))
         there_ns = now_utc_ns + round((slew_s + terms.settle_s) * NS_PER_S)
-        needed_ns = max(earliest_ns, there_ns)
-        if abs(needed_ns - t_expose_ns) <= _SAME_S * NS_PER_S and needed_ns <= t_expose_ns:
-            break
-        # A hair later than needed: the search ends from above.
-        t_expose_ns = needed_ns + round(0.5 * _SAME_S * NS_PER_S)
+        if there_ns <= t_ns:
+            if t_ns <= late_ns or t_ns - max(there_ns, late_ns) <= _SAME_S * NS_PER_S:
+                break
+            soon_ns = t_ns
+        else:
+            late_ns, before_ns, step_ns = t_ns, step_ns, there_ns - t_ns
+            ratio = step_ns / before_ns if before_ns > 0 else 0.0
+            more_s = _SAME_S / 2.0 * NS_PER_S
+            if 0.0 < ratio < _GAINING:
+                more_s += step_ns * ratio / (1.0 - ratio)
+            t_ns = there_ns + round(more_s)
+        if soon_ns and not late_ns < t_ns < soon_ns:
+            t_ns = (late_ns + soon_ns) // 2
     else:
-        return NoLeap(kind="too fast")
-    t_mid_ns = t_expose_ns + round((terms.latency_s + exposure_s / 2.0) * NS_PER_S)
+        if not soon_ns:
+            return NoLeap(kind="too fast")
+        t_ns = soon_ns
+    t_mid_ns = t_ns + round((terms.latency_s + exposure_s / 2.0) * NS_PER_S)
     met = path.at(t_mid_ns)
     if met is None:
         return NoLeap(kind="it sets")
     side = limits.arrival_side(start, *met.direction_deg, now_utc_ns)
     return Leap(
         t_order_utc_ns=now_utc_ns,
-        t_expose_utc_ns=t_expose_ns,
+        t_expose_utc_ns=t_ns,
         t_mid_utc_ns=t_mid_ns,
         exposure_s=exposure_s,
         place=met,

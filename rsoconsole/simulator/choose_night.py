@@ -8,10 +8,11 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.errors import SolverError
+from rsoconsole.orbit.catalogue import CatalogueEntry
 from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.records import FloatArray
 from rsoconsole.simulator.mount_model import MountTraits, systematic_error_deg
-from rsoconsole.simulator.night_plan import NightPlan, cadence_for, exposure_for
+from rsoconsole.simulator.night_plan import NightPlan, cadence_for, exposure_for, regime
 from rsoconsole.simulator.when_up import Window, first_window, look, refuse_time, visible_from
 from rsoconsole.sky.angles import wrap_360
 from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle, icrs_to_jnow, pier_side
@@ -73,6 +74,7 @@ def choose_night(
     exposed = config.exposure.model_copy(update={"exposure_s": exposure_s, "cadence_s": cadence_s})
     config = config.model_copy(update={"exposure": exposed})
     start = _start(targets, config, window.t_start_utc_ns, seed)
+    first = targets[0].element_set
     names = tuple(each.element_set.name or str(each.element_set.norad_id) for each in targets)
     return NightPlan(
         title=", ".join(names),
@@ -90,6 +92,7 @@ def choose_night(
         element_files=tuple(str(path) for path in element_files),
         star_file=_stars_for(seen.dec_deg[:, in_time], config, star_file, names[0]),
         visible_s=window.visible_s,
+        leaps=isinstance(first, CatalogueEntry) and regime(first) == "LEO",
     )
 
 

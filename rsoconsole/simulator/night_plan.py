@@ -57,6 +57,8 @@ class NightPlan:
     """A whole-sky index file whose stars are drawn; None: the shipped belt's."""
     visible_s: float
     """How long the targets stay up, lit and in darkness, as far as was looked."""
+    leaps: bool = False
+    """Whether the first target is a low satellite, which the telescope follows by leaps."""
 
     @property
     def site(self) -> Site:

@@ -1,0 +1,102 @@
+"""What the log says of leaps, in the operator's words. Pure."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from rsoconsole.orbit.leap_track import LeapTrack
+from rsoconsole.orbit.low_fit import LowOrbit
+from rsoconsole.orbit.next_pass import passes_above
+from rsoconsole.orbit.two_body import elements_of
+from rsoconsole.pipeline.leap_pass import PassPlan
+from rsoconsole.pipeline.leap_streaks import FrameStreak
+from rsoconsole.pipeline.leaps import Leap
+from rsoconsole.records import Site
+from rsoconsole.sky.sun import EARTH_RADIUS_KM
+from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
+
+SEARCHED_NS = NS_PER_DAY
+
+
+def leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
+    """One that was met: its number, how far off, how well the orbit fits."""
+    best, number = track.best, len(track.best.streaks) - 1
+    words = f"leap {number} met: {seen.detection.length_px:.0f} px"
+    if leap is not None:
+        slew = f"slew {leap.slew_s:.1f} s"
+        words += f", {slew}, {100 * leap.within:.0f} % sure of it"
+    orbit = best.orbit
+    if orbit is not None:
+        across = orbit.residuals_arcsec[..., 1]
+        words += f"; across {np.sqrt(np.mean(across**2)):.1f} arcsec rms"
+    return words
+
+
+def pass_words(plan: PassPlan) -> str:
+    """A whole pass before its first leap."""
+    words = f"up to {len(plan.leaps)} leaps"
+    if plan.flips:
+        words += f", {plan.flips} of them over the pier ({plan.longest_gap_s:.0f} s)"
+    end = plan.end.kind if plan.end.refusal is None else plan.end.refusal.text
+    return f"{words}; then: {end}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeapParts:
+    """What one leap took, in seconds."""
+
+    total_s: float
+    """From the order of its slew until the next could be ordered."""
+    slew_s: float
+    settle_s: float
+    shutter_s: float
+    exposure_s: float
+    readout_s: float
+
+    @property
+    def wait_s(self) -> float:
+        """For the satellite to come, and all that has no name."""
+        named_s = self.slew_s + self.settle_s + self.shutter_s + self.exposure_s + self.readout_s
+        return self.total_s - named_s
+
+
+def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
+    """What came of it, and what a leap took."""
+    streaks = track.best.streaks
+    span_s = (streaks[-1].t_mid_utc_ns - streaks[0].t_mid_utc_ns) / NS_PER_S
+    words = f"{len(streaks)} streaks in {span_s:.0f} s"
+    if not parts:
+        return words
+
+    def mean(of: Callable[[LeapParts], float]) -> float:
+        return float(np.median([of(each) for each in parts]))
+
+    return (
+        f"{words}; a leap took {mean(lambda each: each.total_s):.1f} s: slew"
+        f" {mean(lambda each: each.slew_s):.1f}, settle {mean(lambda each: each.settle_s):.1f},"
+        f" shutter {mean(lambda each: each.shutter_s):.1f}, exposure"
+        f" {mean(lambda each: each.exposure_s):.2f}, read-out"
+        f" {mean(lambda each: each.readout_s):.1f}, wait {mean(lambda each: each.wait_s):.1f}"
+    )
+
+
+def orbit_words(
+    orbit: LowOrbit, site: Site, now_utc_ns: int, least_altitude_deg: float
+) -> Iterator[str]:
+    """Its orbit, and when it comes again with what that is worth."""
+    found = elements_of(orbit.r_km, orbit.v_km_s)
+    yield (
+        f"its orbit: {found.a_km - EARTH_RADIUS_KM:.0f} km, e {found.e:.4f},"
+        f" i {found.i_deg:.2f} deg{', taken to be nearly round' if orbit.believes_round else ''}"
+    )
+    later = passes_above(
+        orbit, site, now_utc_ns + 600 * NS_PER_S, now_utc_ns + SEARCHED_NS, least_altitude_deg
+    )
+    for each in islice(later, 1):
+        yield (
+            f"its next pass: {utc_ns_to_iso(each.rise_utc_ns, 0)} +- {each.sigma_s:.1f} s,"
+            f" {60 * each.sigma_across_deg:.1f} arcmin across,"
+            f" up to {each.top_altitude_deg:.0f} deg"
+        )

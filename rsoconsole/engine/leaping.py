@@ -1,0 +1,325 @@
+"""Stares where low satellites come by, and leaps ahead of one until it sets.
+
+The telescope exposes where it looks, one frame after another. A streak fast enough to be of a low
+orbit begins a track (`orbit.leap_track`); from then on each exposure is where and when that says.
+What the frames show is measured and recorded as ever; here is only where the next one is.
+"""
+
+from collections import deque
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from rsoconsole.config import Config
+from rsoconsole.engine.by_hand import Parts
+from rsoconsole.engine.hands import NS
+from rsoconsole.engine.leap_words import (
+    LeapParts,
+    last_words,
+    leap_words,
+    orbit_words,
+    pass_words,
+)
+from rsoconsole.engine.plan import Plan
+from rsoconsole.engine.tunables import change_record, changed
+from rsoconsole.orbit.known import KnownOrbit
+from rsoconsole.orbit.leap_track import LeapTrack, begin, path_of_orbit, unseen, updated
+from rsoconsole.orbit.low_fit import Timing
+from rsoconsole.orbit.point_mass import PointMass
+from rsoconsole.pipeline.leap_pass import duty, plan_pass
+from rsoconsole.pipeline.leap_streaks import FrameStreak, streaks_of
+from rsoconsole.pipeline.leaps import Leap, NoLeap, Telescope, next_leap, terms_of
+from rsoconsole.pipeline.mount_motion import LAST_SLEWS, SlewSeen, learned
+from rsoconsole.pipeline.reduce import Reduction
+from rsoconsole.reason_text import text
+from rsoconsole.records import Frame, Solution
+from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky.frames import hour_angle_icrs_deg, icrs_of_hour_angle, icrs_to_jnow
+from rsoconsole.sky.limits import Pose
+
+LEAP_POLL_NS = NS // 10
+"""How often a mount that leaps is asked whether it has arrived."""
+_EXPOSURE = "exposure.exposure_s"
+_WORTH_CHANGING = 0.15
+_DRIFT = 0.1
+"""Share of the field's short side by which a stare may drift with the stars."""
+_AHEAD_S, _STEP_S = 150.0, 3.0
+"""How far a track's path is looked at for the next leap: a flip of the mount fits in."""
+_PASS_S, _PASS_STEP_S = 1_200.0, 10.0
+_READOUTS = 12
+_LONGEST_READOUT_S = 20.0
+
+
+class LeapControl(Protocol):
+    """What leaping needs of the loop."""
+
+    config: Config
+
+    def configure(self, config: Config) -> None:
+        """Take new tunables."""
+
+
+class Leaping:
+    """Knows what is leapt after, and what mount and camera take for it."""
+
+    def __init__(self, control: LeapControl, parts: Parts) -> None:
+        self._control = control
+        self._hands, self._planner = parts.hands, parts.planner
+        self._slews, self._watch = parts.slews, parts.watch
+        self._chronicle = parts.chronicle
+        self._site = control.config.site.to_site()
+        self.track: LeapTrack | None = None
+        """What is leapt after; None while it stares."""
+        self._leap: Leap | None = None
+        """The one under way."""
+        self._misses = 0
+        self._stare: tuple[float, float] | None = None
+        """Hour angle and declination of date."""
+        self._seen: deque[SlewSeen] = deque(maxlen=LAST_SLEWS)
+        self._readouts_s: deque[float] = deque(maxlen=_READOUTS)
+        self._ordered: tuple[tuple[float, float], int] | None = None
+        """Travel of the slew under way, and when it was ordered."""
+        self._parts: list[LeapParts] = []
+        """Of each leap after the present track, what it took."""
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the telescope stares and leaps at all."""
+        return self._control.config.leap.enabled
+
+    def forget(self) -> None:
+        """Autonomy has lost the mount, or time its meaning: it stares where it then points."""
+        self.track = self._leap = self._stare = self._ordered = None
+        self._misses = 0
+        self._parts = []
+
+    def arrived(self) -> None:
+        """A slew of its own has ended: what it took is learned."""
+        if self._ordered is None:
+            return
+        travel, since_ns = self._ordered
+        self._ordered = None
+        took_s = (self._hands.arrived_utc_ns - since_ns) / NS
+        self._seen.append(SlewSeen(travel_deg=travel, seconds=took_s))
+
+    def read_out(self, frame: Frame, now_utc_ns: int) -> None:
+        """A frame can be used from now on: what read-out and transfer took is learned."""
+        if frame.t_start_utc_ns is None or frame.exposure_s is None:
+            return
+        took_s = (now_utc_ns - frame.t_start_utc_ns) / NS - frame.exposure_s
+        if 0.0 <= took_s < _LONGEST_READOUT_S:
+            self._readouts_s.append(took_s)
+
+    def telescope(self) -> Telescope:
+        """What it can do, as learned so far."""
+        config = self._control.config
+        terms = terms_of(config)
+        if self._readouts_s:
+            terms = replace(terms, readout_s=float(np.median(self._readouts_s)))
+        return Telescope(
+            motion=learned(config.mount, list(self._seen)),
+            terms=terms,
+            limits=self._watch.limits,
+            lifted=self._watch.lifted_limits(),
+        )
+
+    # --- what a frame shows
+
+    def saw(self, frame: Frame, reduction: Reduction) -> None:
+        """Follow what is leapt after through one more frame, or begin with what it shows."""
+        if not self.is_on:
+            return
+        leap, self._leap = self._leap, None
+        if leap is not None:
+            self._note_parts(leap)
+        solution = reduction.solution
+        if not isinstance(solution, Solution):
+            if self.track is not None:
+                self._miss("the frame is not solved")
+            return
+        exposure = self._control.config.exposure
+        found = streaks_of(reduction.detections, solution, frame, exposure)
+        if self.track is None:
+            self._begin(found)
+            return
+        for each in found:
+            after = updated(self.track, each.ends)
+            if after is not None:
+                self.track, self._misses = after, 0
+                self._chronicle.say("info", leap_words(after, each, leap))
+                return
+        centre = (solution.ra_icrs_deg, solution.dec_icrs_deg)
+        if frame.t_mid_utc_ns is not None:
+            radius_deg = min(self._control.config.optics.field_deg) / 2.0
+            self.track = unseen(self.track, frame.t_mid_utc_ns, centre, radius_deg)
+        self._miss("it is not in the frame" if not found else "no streak of the frame is its")
+
+    def _note_parts(self, leap: Leap) -> None:
+        """From the order of its slew until now, when the next could be ordered."""
+        config, terms = self._control.config, self.telescope().terms
+        total_s = (self._hands.now_utc_ns() - leap.t_order_utc_ns) / NS
+        slew_s = self._seen[-1].seconds if self._seen else leap.slew_s
+        self._parts.append(
+            LeapParts(
+                total_s=total_s,
+                slew_s=slew_s,
+                settle_s=config.mount.settle_s,
+                shutter_s=terms.latency_s,
+                exposure_s=config.exposure.exposure_s,
+                readout_s=terms.readout_s,
+            )
+        )
+
+    def _begin(self, found: tuple[FrameStreak, ...]) -> None:
+        config = self._control.config
+        for each in found:
+            ends = each.ends
+            if not ends.is_whole or ends.speed_arcsec_s < config.leap.least_rate_arcsec_s:
+                continue
+            track = begin(self._site, ends, Timing(scatter_s=config.exposure.timing_sigma_s))
+            if track is None:
+                continue
+            self.track, self._misses = track, 0
+            sure = 100.0 * track.best.probability
+            self._chronicle.say(
+                "info",
+                f"a low satellite, {ends.speed_arcsec_s:.0f} arcsec/s: leaps ahead of it"
+                f" (this sense {sure:.0f} %)",
+            )
+            self._plan_pass()
+            return
+
+    def _plan_pass(self) -> None:
+        """The whole of it before the first leap, by the likeliest orbit."""
+        assert self.track is not None
+        now_ns = self._hands.now_utc_ns()
+        pose = self._planner.pose(now_ns)
+        best = self.track.best
+        heaviest = int(np.argmax(best.cloud.weight))
+        orbit = KnownOrbit(
+            epoch_utc_ns=best.cloud.epoch_utc_ns,
+            r_km=best.cloud.r_km[heaviest],
+            v_km_s=best.cloud.v_km_s[heaviest],
+            covariance=np.eye(6) * 1e-6,
+            forces=PointMass(),
+        )
+        t = now_ns + (np.arange(0.0, _PASS_S, _PASS_STEP_S) * NS).astype(np.int64)
+        path = path_of_orbit(orbit, self._site, t)
+        if path is not None and pose is not None:
+            plan = plan_pass(path, pose, now_ns, self.telescope())
+            self._chronicle.say("info", pass_words(plan))
+
+    def _miss(self, why: str) -> None:
+        self._misses += 1
+        most = self._control.config.leap.most_misses
+        self._chronicle.say("info", f"leap missed ({self._misses} of {most}): {why}")
+        if self._misses >= most:
+            self._end("given up")
+
+    def _end(self, why: str) -> None:
+        """What was leapt after is done with: what is known of it goes into the log."""
+        track, self.track, self._misses = self.track, None, 0
+        if track is None:
+            return
+        orbit = track.best.orbit
+        self._chronicle.say("info", f"{why}: {last_words(track, self._parts)}")
+        self._parts = []
+        if orbit is not None:
+            config = self._control.config
+            now_ns = self._hands.now_utc_ns()
+            least_deg = config.limits.min_altitude_deg
+            for line in orbit_words(orbit, self._site, now_ns, least_deg):
+                self._chronicle.say("info", line)
+
+    # --- where the next one is
+
+    def order_next(self, *, is_held: bool) -> Plan:
+        """The next exposure; the mount is on its way when this returns.
+
+        Raises what ``Slews.order`` does.
+        """
+        now_ns = self._hands.now_utc_ns()
+        pose = self._planner.pose(now_ns)
+        if is_held or pose is None:
+            return self._in_place(now_ns)
+        if self.track is not None:
+            plan = self._leap_from(pose, now_ns)
+            if plan is not None:
+                return plan
+        return self._stared(pose, now_ns)
+
+    def _leap_from(self, pose: Pose, now_ns: int) -> Plan | None:
+        """A leap; None where there is none any more."""
+        assert self.track is not None
+        path = self.track.path(now_ns, _AHEAD_S, step_s=_STEP_S)
+        found: Leap | NoLeap = NoLeap(kind="it sets")
+        telescope = self.telescope()
+        if path is not None:
+            found = next_leap(path, pose, now_ns, telescope)
+        if isinstance(found, NoLeap):
+            words = found.kind if found.refusal is None else found.refusal.text
+            self._end(words)
+            return None
+        self._expose_for(found.exposure_s)
+        direction = found.place.direction_deg
+        plan = self._planner.to_place(direction, found.t_expose_utc_ns, "leap", now_ns)
+        travel = telescope.limits.travel_deg(pose, *direction)
+        refused = self._slews.order(plan, t_until_utc_ns=found.t_close_utc_ns)
+        if refused is not None:
+            self._end(text(refused))
+            return None
+        self._ordered = travel, now_ns
+        self._leap = found
+        return plan
+
+    def _stared(self, pose: Pose, now_ns: int) -> Plan:
+        """One more exposure where it stares; the mount moves where that has drifted away."""
+        self._leap = None
+        exposure = self._control.config.exposure
+        stare_s = self._control.config.leap.stare_exposure_s
+        self._expose_for(stare_s)
+        here = (pose.ra_icrs_deg, pose.dec_icrs_deg)
+        if self._stare is None:
+            self._stare = self._where_to_stare(here, now_ns)
+            share = duty(stare_s, exposure.start_latency_s, self.telescope().terms.readout_s)
+            self._chronicle.say(
+                "info", f"stares for low satellites: the shutter is open {100 * share:.0f} %"
+            )
+        there = icrs_of_hour_angle(self._site, *self._stare, now_ns)
+        drift_deg = _DRIFT * min(self._control.config.optics.field_deg)
+        if separation_deg(*here, *there) < drift_deg:
+            return self._in_place(now_ns)
+        plan = self._planner.to_place(there, now_ns, "stare", now_ns)
+        refused = self._slews.order(plan, t_until_utc_ns=now_ns + NS)
+        if refused is not None:
+            self._chronicle.say("warning", f"stares where it stands: {text(refused)}")
+            self._stare = self._of_date(here, now_ns)
+            return self._in_place(now_ns)
+        self._ordered = self.telescope().limits.travel_deg(pose, *there), now_ns
+        return plan
+
+    def _where_to_stare(self, here: tuple[float, float], now_ns: int) -> tuple[float, float]:
+        """As configured for a search; where that is silent, where the telescope points."""
+        search, (hour_angle_deg, dec_deg) = self._control.config.search, self._of_date(here, now_ns)
+        return (
+            hour_angle_deg if search.hour_angle_deg is None else search.hour_angle_deg,
+            dec_deg if search.declination_deg is None else search.declination_deg,
+        )
+
+    def _of_date(self, here: tuple[float, float], t_utc_ns: int) -> tuple[float, float]:
+        hour_angle_deg = hour_angle_icrs_deg(self._site, *here, t_utc_ns)
+        return hour_angle_deg, icrs_to_jnow(*here, t_utc_ns)[1]
+
+    def _in_place(self, now_ns: int) -> Plan:
+        return self._planner.to_place(None, now_ns, "", now_ns)
+
+    def _expose_for(self, exposure_s: float) -> None:
+        """Set the exposure, on record, where another one is wanted."""
+        config = self._control.config
+        wanted_s = float(np.format_float_positional(exposure_s, precision=2, fractional=False))
+        if abs(wanted_s / config.exposure.exposure_s - 1.0) <= _WORTH_CHANGING:
+            return
+        after = changed(config, _EXPOSURE, wanted_s)
+        self._chronicle.append(change_record(config, after, _EXPOSURE, "the leaps"))
+        self._control.configure(after)

@@ -1,0 +1,168 @@
+"""The engine that stares and leaps: caught, followed to the end, given up, and left alone."""
+
+import numpy as np
+import pytest
+
+from rsoconsole.records import Event, FrameTaken, ParameterChange, SlewCommand
+from rsoconsole.sky.angles import separation_deg
+from rsoconsole.sky.frames import icrs_to_altaz
+from rsoconsole.sky.times import iso_to_utc_ns
+from tests import engine_rig
+from tests.engine_rig import SITE, Rig
+from tests.leap_rig import config_with, leap_rig, orbit_over
+from tests.makers import NS, T0_UTC_NS
+
+
+def run(r: Rig, frames: int) -> Rig:
+    r.engine.arm()
+    r.engine.run(frames=frames)
+    return r
+
+
+def words(r: Rig) -> list[str]:
+    return [event.text for event in r.memory.of(Event)]
+
+
+def leaps(r: Rig) -> list[SlewCommand]:
+    return [slew for slew in r.memory.of(SlewCommand) if slew.reason == "leap"]
+
+
+def met(r: Rig) -> int:
+    return sum(text.startswith("leap ") and " met:" in text for text in words(r))
+
+
+@pytest.fixture(scope="module")
+def followed() -> Rig:
+    """A satellite at 600 km that goes north-east, and some frames after it has set."""
+    return run(leap_rig(orbit_over(heading_deg=50.0)), 75)
+
+
+def test_it_is_caught_in_a_stare_and_met_at_leap_after_leap(followed) -> None:
+    said = words(followed)
+    assert any(text.startswith("stares for low satellites") for text in said)
+    begun = next(n for n, text in enumerate(said) if text.startswith("a low satellite,"))
+    assert said[begun + 1].startswith("up to ")
+    planned = int(said[begun + 1].split()[2])
+    assert planned > 15
+    assert met(followed) >= 0.9 * planned
+    assert met(followed) >= 0.95 * len(leaps(followed))
+
+
+def test_both_ends_are_in_the_frame_of_every_leap(followed) -> None:
+    first = leaps(followed)[0].frame_id + 1
+    count = len(leaps(followed))
+    of_leaps = [is_in for frame, is_in in followed.reducer.in_frame if frame >= first][:count]
+    assert np.mean(of_leaps) >= 0.97
+    lengths = [each.exposure_s for each in followed.memory.of(FrameTaken) if each.frame_id >= first]
+    assert max(lengths) <= 1.0
+
+
+def test_it_ends_at_the_limit_with_an_orbit_and_its_next_pass(followed) -> None:
+    last = leaps(followed)[-1]
+    altitude, _ = icrs_to_altaz(SITE, last.ra_icrs_deg, last.dec_icrs_deg, last.t_aim_utc_ns)
+    assert 15.0 <= altitude < 22.0
+    said = words(followed)
+    orbit = next(text for text in said if text.startswith("its orbit: "))
+    assert float(orbit.split()[2]) == pytest.approx(600.0, abs=25.0)
+    expected = next(text for text in said if text.startswith("its next pass: "))
+    rise_ns = iso_to_utc_ns(expected.split()[3])
+    sigma_s = float(expected.split("+- ")[1].split()[0])
+    truth = altitudes(followed, rise_ns)
+    assert np.min(np.abs(truth - 15.0)) < 0.2  # rises about then, within three sigma
+    assert 0.0 < sigma_s < 5.0
+
+
+def altitudes(r: Rig, about_ns: int) -> np.ndarray:
+    from rsoconsole.sky.places import astrometric_places
+
+    t = about_ns + (np.arange(-12, 13) * NS).astype(np.int64)
+    places = astrometric_places(r.reducer.orbit.states, SITE, t)
+    return np.asarray(icrs_to_altaz(SITE, places.ra_icrs_deg, places.dec_icrs_deg, t)[0])
+
+
+def test_what_a_leap_took_is_told_by_part(followed) -> None:
+    told = next(text for text in words(followed) if "a leap took" in text)
+    parts = (part.rsplit(" ", 1) for part in told.split("s: ")[-1].split(", "))
+    figures = {name: float(value) for name, value in parts}
+    assert set(figures) == {"slew", "settle", "shutter", "exposure", "read-out", "wait"}
+    assert figures["settle"] == 1.0
+    spent_s = 0.4 + config_with().indi.simulated_latency_s
+    assert figures["read-out"] == pytest.approx(spent_s, abs=0.1)
+    beside_s = figures["shutter"] + figures["read-out"] + figures["wait"]
+    assert beside_s <= spent_s + 0.1 + 0.5
+
+
+def test_afterwards_it_stares_where_it_stared_before(followed) -> None:
+    frames = followed.memory.of(FrameTaken)
+    stare = followed.memory.of(SlewCommand)[-1]
+    assert stare.reason == "stare"
+    first_ns, last_ns = frames[0].t_start_utc_ns, stare.t_aim_utc_ns
+    before = icrs_to_altaz(SITE, *engine_rig.START_DEG, first_ns)
+    after = icrs_to_altaz(SITE, stare.ra_icrs_deg, stare.dec_icrs_deg, last_ns)
+    assert separation_deg(before[1], before[0], after[1], after[0]) < 0.2
+
+
+def test_exposures_are_on_record_as_what_they_are(followed) -> None:
+    changes = [c for c in followed.memory.of(ParameterChange) if c.by == "the leaps"]
+    assert changes
+    assert all(c.name == "exposure.exposure_s" for c in changes)
+
+
+def test_the_slews_of_the_night_are_learned(followed) -> None:
+    motion = followed.engine.leaping.telescope().motion
+    assert motion.slews > 15
+    assert motion.slew_s((5.0, 0.0)) == pytest.approx(2.0 * np.sqrt(5.0 / 2.0), abs=0.3)
+
+
+@pytest.mark.parametrize("heading_deg", [2.0, 178.0])
+def test_across_the_poles_either_sense_is_tried(heading_deg) -> None:
+    """Half of them begin in the wrong one: the first leap is missed, a later one met."""
+    r = run(leap_rig(orbit_over(heading_deg)), 40)
+    assert met(r) >= 10
+
+
+def test_a_few_blind_frames_cost_leaps_and_not_the_satellite() -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.reducer.blind = {14, 15, 20}
+    r.reducer.unsolved = {24}
+    run(r, 45)
+    said = words(r)
+    assert any("leap missed (2 of 4)" in text for text in said)
+    assert not any(text.startswith("given up") for text in said)
+    assert met(r) >= 20
+
+
+def test_what_is_not_seen_again_is_given_up() -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.reducer.blind = set(range(12, 60))
+    run(r, 40)
+    assert any(text.startswith("given up") for text in words(r))
+    assert r.memory.of(SlewCommand)[-1].reason == "stare"
+
+
+def test_a_hold_keeps_the_mount_where_it_is() -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.engine.arm()
+    r.engine.run(frames=14)
+    before = len(r.mount.slews)
+    assert r.engine.leaping.track is not None
+    engine_rig.told(engine_rig.desk_of(r), "hold", {})
+    r.engine.run(frames=20)
+    assert len(r.mount.slews) <= before + 1
+
+
+def test_disarmed_it_leaps_no_more() -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.engine.arm()
+    r.engine.run(frames=14)
+    engine_rig.told(engine_rig.desk_of(r), "disarm", {})
+    r.engine.run(frames=14)
+    engine_rig.end_when_idle(r)
+    r.engine.run(None)
+    assert r.engine.leaping.track is None
+
+
+def test_without_the_setting_nothing_leaps() -> None:
+    r = run(leap_rig(orbit_over(heading_deg=50.0), config_with(leap={"enabled": False})), 8)
+    assert not leaps(r)
+    assert T0_UTC_NS  # the same night
