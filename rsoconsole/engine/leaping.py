@@ -28,7 +28,7 @@ from rsoconsole.orbit.leap_track import LeapTrack, begin, path_of_orbit, unseen,
 from rsoconsole.orbit.low_fit import Timing
 from rsoconsole.orbit.point_mass import PointMass
 from rsoconsole.pipeline.leap_pass import duty, plan_pass
-from rsoconsole.pipeline.leap_streaks import FrameStreak, streaks_of
+from rsoconsole.pipeline.leap_streaks import FrameStreak, streaks_of, timing_of
 from rsoconsole.pipeline.leaps import Leap, NoLeap, Telescope, next_leap, terms_of
 from rsoconsole.pipeline.mount_motion import LAST_SLEWS, SlewSeen, learned
 from rsoconsole.pipeline.reduce import Reduction
@@ -141,7 +141,7 @@ class Leaping:
         exposure = self._control.config.exposure
         found = streaks_of(reduction.detections, solution, frame, exposure)
         if self.track is None:
-            self._begin(found)
+            self._begin(found, timing_of(frame, exposure))
             return
         for each in found:
             after = updated(self.track, each.ends)
@@ -171,13 +171,13 @@ class Leaping:
             )
         )
 
-    def _begin(self, found: tuple[FrameStreak, ...]) -> None:
+    def _begin(self, found: tuple[FrameStreak, ...], timing: Timing) -> None:
         config = self._control.config
         for each in found:
             ends = each.ends
             if not ends.is_whole or ends.speed_arcsec_s < config.leap.least_rate_arcsec_s:
                 continue
-            track = begin(self._site, ends, Timing(scatter_s=config.exposure.timing_sigma_s))
+            track = begin(self._site, ends, timing)
             if track is None:
                 continue
             self.track, self._misses = track, 0

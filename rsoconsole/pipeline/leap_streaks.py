@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import ExposureConfig
+from rsoconsole.orbit.low_fit import Timing
 from rsoconsole.orbit.streak_ends import UNSEEN_ARCSEC, StreakEnds
 from rsoconsole.pipeline.measure import AIR_ARCSEC_ROOT_S, shutter_mid_utc_ns
+from rsoconsole.pipeline.shutter_time import shutter_time
 from rsoconsole.records import Detection, Detections, Frame, FrameTaken, Solution
 from rsoconsole.sky.times import NS_PER_S
 from rsoconsole.sky.wcs import pixel_to_sky
@@ -15,6 +17,8 @@ from rsoconsole.tracking.following import MAY_BE_FOLLOWED
 
 LEAST_SIGMA_PX = 0.3
 """Of an end, however well its streak fits."""
+UNKNOWN_BIAS_S = 0.1
+"""What a shutter may be off in all frames together, where nobody has measured it."""
 RIM_PX = 6.0
 """So near to the frame's edge an end is not the light's."""
 
@@ -38,6 +42,7 @@ def streaks_of(
     if t_mid_ns is None or exposure_s is None:
         return ()
     half_ns = round(exposure_s / 2.0 * NS_PER_S)
+    shutter = shutter_time(frame, exposure)
     size_px = (frame.width_px, frame.height_px)
     made = []
     for each in sorted(found.detections, key=lambda one: -one.confidence):
@@ -59,10 +64,18 @@ def streaks_of(
             dec_icrs_deg=np.asarray(dec),
             sigma_along_arcsec=np.where(cut, UNSEEN_ARCSEC, along),
             sigma_across_arcsec=np.full(2, across),
-            delay_s=y * exposure.line_time_us * 1e-6,
+            delay_s=y * shutter.line_time_us * 1e-6,
         )
         made.append(FrameStreak(ends=ends, detection=each))
     return tuple(made)
+
+
+def timing_of(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Timing:
+    """What the times of frames like this one are worth."""
+    shutter = shutter_time(frame, exposure)
+    is_gps = frame.camera is not None and frame.camera.time_by == "gps"
+    unknown_s = 0.0 if is_gps else UNKNOWN_BIAS_S
+    return Timing(scatter_s=shutter.sigma_s, bias_sigma_s=shutter.bias_sigma_s or unknown_s)
 
 
 def _sigmas(detection: Detection, solution: Solution, exposure_s: float) -> tuple[float, float]:
