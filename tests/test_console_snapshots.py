@@ -1,11 +1,8 @@
 """Every screen in every state, as pictures that somebody has looked at.
 
-``RSOCONSOLE_WRITE_SNAPSHOTS=1`` writes them anew; look at them then, in a browser.
+``RSOCONSOLE_WRITE_SNAPSHOTS=1`` writes them again; look at the diff then.
 """
 
-import gzip
-import os
-import re
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
@@ -19,9 +16,9 @@ from rsoconsole.reasons import Told
 from rsoconsole.records import StateChange
 from tests import eight_tracks, orbit_night
 from tests import made_up_night as night
+from tests.screen_text import expect_as_agreed, screen_text
 from tests.seat_rig import FakeWire, has_outlook, play, until
 
-SNAPSHOTS = Path(__file__).parent / "snapshots"
 SIZES = ((80, 24), (120, 40), (200, 60))
 FAILED = {"name": "network", "ok": False, "detail": "damaged", "remedy": "install it again"}
 AIM = {
@@ -137,19 +134,11 @@ def test_the_screen_looks_as_it_was_agreed(
         if state == "tune":
             await until(pilot, lambda: app.live._figures[1] is not None)
         await pilot.pause(0.05)
-        seen = _plain(app.export_screenshot(title="rsoconsole"))
+        seen = screen_text(app)
 
     play(wire, scene, size, frames=frames, read_only=state == "read-only")
-    agreed = SNAPSHOTS / f"{state}_{size[0]}x{size[1]}.svg.gz"
-    if "RSOCONSOLE_WRITE_SNAPSHOTS" in os.environ:
-        agreed.write_bytes(gzip.compress(seen.encode(), mtime=0))
-    assert seen == gzip.decompress(agreed.read_bytes()).decode()
+    expect_as_agreed(seen, f"{state}_{size[0]}x{size[1]}")
 
 
 def _outlook_utc_ns(app: ConsoleApp) -> int | None:
     return None if app.live.outlook is None else app.live.outlook.t_utc_ns
-
-
-def _plain(svg: str) -> str:
-    """Without what differs from run to run: the picture's own random name."""
-    return re.sub(r"terminal-\d+-", "terminal-", svg)

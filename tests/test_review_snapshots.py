@@ -1,10 +1,8 @@
 """The screens of a review, as pictures that somebody has looked at.
 
-``RSOCONSOLE_WRITE_SNAPSHOTS=1`` writes them anew; look at them then, in a browser.
+``RSOCONSOLE_WRITE_SNAPSHOTS=1`` writes them again; look at the diff then.
 """
 
-import gzip
-import os
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
@@ -17,8 +15,9 @@ from rsoconsole.console.review import ReviewScreen
 from rsoconsole.console.session_list import SessionListDialog
 from tests import eventful_night
 from tests.review_rig import play_review, press
+from tests.screen_text import expect_as_agreed, screen_text
 from tests.seat_rig import until
-from tests.test_console_snapshots import SIZES, SNAPSHOTS, _plain
+from tests.test_console_snapshots import SIZES
 
 FRAMES, SHOWN = 110, 51
 Act = Callable[[ReviewScreen, Pilot[str]], Awaitable[None]]
@@ -80,13 +79,10 @@ def test_the_review_looks_as_it_was_agreed(root: Path, impatient_seat: None, siz
             if review.notice[0]:
                 review.say("")  # it stays for some seconds, on a slow machine for fewer keys
                 await pilot.pause(0.05)
-            seen = _plain(pilot.app.export_screenshot(title="rsoconsole"))
+            seen = screen_text(pilot.app)
 
         play_review(root / "night", scene, size, start=f"{SHOWN}", sessions_root=root)
-        agreed = SNAPSHOTS / f"review-{state}_{size[0]}x{size[1]}.svg.gz"
-        if "RSOCONSOLE_WRITE_SNAPSHOTS" in os.environ:
-            agreed.write_bytes(gzip.compress(seen.encode(), mtime=0))
-        assert seen == gzip.decompress(agreed.read_bytes()).decode(), state
+        expect_as_agreed(seen, f"review-{state}_{size[0]}x{size[1]}")
 
 
 def test_in_the_smallest_terminal_state_time_and_place_stay(root: Path, impatient_seat: None):
