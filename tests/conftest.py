@@ -8,11 +8,17 @@ from hypothesis import settings
 
 from rsoconsole.console import watch
 from rsoconsole.session.writer import SessionWriter
+from tests.record_differences import differences
 from tests.seat_rig import FakeWire, written
 
 # How fast this machine was while it did something else says nothing of the program.
 settings.register_profile("any machine", deadline=None)
 settings.load_profile("any machine")
+
+
+def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str] | None:
+    """Of two records that should be the same, the fields in which they are not."""
+    return differences(left, right) if op == "==" else None
 
 
 @pytest.fixture(scope="session", autouse=True)
