@@ -87,7 +87,10 @@ def test_bias_scatter_and_line_time_lie_within_their_stated_errors(recorded, sp3
     for folder in recorded:
         told = found(folder, "--sp3", sp3)
         (mode,) = told["modes"]
-        assert mode["sigma_bias_s"] <= FIVE_MS
+        assert told["bias_s"] == mode["bias_s"]
+        assert told["bias_sigma_s"] == mode["sigma_bias_s"] <= FIVE_MS
+        assert told["line_time_sigma_us"] == mode["sigma_line_time_us"]
+        assert told["camera_mode"].startswith(f"{mode['exposure_s']:g} s")
         all_off.append(
             [
                 off(mode, "bias_s", 0.137),

@@ -15,6 +15,12 @@ _SOURCES = {
 }
 
 
+_KEYS = (
+    *("camera_mode", "bias_s", "bias_sigma_s", "scatter_s", "scatter_sigma_s"),
+    *("line_time_us", "line_time_sigma_us"),
+)
+
+
 def timing_report(found: FoundTiming, written: str | None) -> dict[str, Any]:
     """One object."""
     calibration = found.calibration
@@ -22,6 +28,7 @@ def timing_report(found: FoundTiming, written: str | None) -> dict[str, Any]:
         "source": found.kind,
         "is_sanity_check": found.kind == "tle",
         "measured_on": found.measured_on.isoformat(),
+        **_of_most_streaks(found),
         "modes": [_mode_report(mode, timing) for mode, timing in found.modes],
         "nights": [
             {
@@ -54,6 +61,24 @@ def timing_report(found: FoundTiming, written: str | None) -> dict[str, Any]:
         "rejected": sum(not each for each in calibration.is_used),
         "cautions": list(cautions(found)),
         "written": written,
+    }
+
+
+def _of_most_streaks(found: FoundTiming) -> dict[str, Any]:
+    """The mode in which most was measured, for those who have one."""
+    measured = [(timing.measurements, mode, timing) for mode, timing in found.modes if timing]
+    if not measured:
+        return dict.fromkeys(_KEYS)
+    _, mode, timing = max(measured, key=lambda each: each[0])
+    line = timing.line_time_s
+    return {
+        "camera_mode": mode_words(mode),
+        "bias_s": timing.bias_s.value,
+        "bias_sigma_s": timing.bias_s.sigma,
+        "scatter_s": timing.scatter_s.value,
+        "scatter_sigma_s": timing.scatter_s.sigma,
+        "line_time_us": line.value * 1e6,
+        "line_time_sigma_us": line.sigma * 1e6 if timing.is_line_time_found else None,
     }
 
 
