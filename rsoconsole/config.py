@@ -394,6 +394,22 @@ class LeapConfig(_Section):
     most_misses: int = Field(
         4, ge=1, le=50, description="leaps in a row without it, after which it is given up"
     )
+    pass_norad: int = Field(
+        0,
+        ge=0,
+        le=999_999_999,
+        description="catalogue number of the one whose passes are waited for; 0: whatever comes",
+    )
+    late_sigma_s: float = Field(
+        10.0,
+        ge=0.1,
+        le=300,
+        description="how early or late by its elements it may be, one sigma: it is waited for three"
+        " to either side",
+    )
+    waits: bool = Field(
+        False, description="wait for the next pass of what has been leapt after, by its own orbit"
+    )
 
 
 class OrbitConfig(_Section):

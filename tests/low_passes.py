@@ -117,3 +117,16 @@ def off_arcsec(one: LowPass, place: SkyAhead, site: Site = SITE) -> FloatArray:
 def sigmas_off(off: FloatArray, place: SkyAhead) -> float:
     """Its length in units of the ellipse that was stated."""
     return float(np.sqrt(off @ np.linalg.solve(place.covariance_arcsec2, off)))
+
+
+def in_true_sense(one: LowPass, streak: StreakEnds) -> StreakEnds:
+    """As SGP4 runs through it."""
+    true = one.satellite.astrometric_place(SITE, streak.t_utc_ns)
+    turn = sum(
+        np.diff(theirs)[0] * np.diff(ours)[0]
+        for theirs, ours in (
+            (true.ra_icrs_deg, streak.ra_icrs_deg),
+            (true.dec_icrs_deg, streak.dec_icrs_deg),
+        )
+    )
+    return streak if turn > 0.0 else streak.reversed

@@ -21,6 +21,7 @@ from tests.low_passes import (
     SITE,
     LowPass,
     are_there,
+    in_true_sense,
     low_passes,
     off_arcsec,
     sigmas_off,
@@ -210,19 +211,6 @@ def test_a_clock_that_is_off_is_in_the_errors_where_it_is_stated() -> None:
         sigmas.append(float(np.sqrt(off @ np.linalg.solve(orbit.covariance, off))))
     assert sigmas[0] > 6.0
     assert sigmas[1] < 4.3  # 99.5 in 100 of six numbers' normal law
-
-
-def in_true_sense(one: LowPass, streak: StreakEnds) -> StreakEnds:
-    """As SGP4 runs through it."""
-    true = one.satellite.astrometric_place(SITE, streak.t_utc_ns)
-    turn = sum(
-        np.diff(theirs)[0] * np.diff(ours)[0]
-        for theirs, ours in (
-            (true.ra_icrs_deg, streak.ra_icrs_deg),
-            (true.dec_icrs_deg, streak.dec_icrs_deg),
-        )
-    )
-    return streak if turn > 0.0 else streak.reversed
 
 
 def test_an_end_beyond_the_rim_is_no_measurement_along(followed) -> None:

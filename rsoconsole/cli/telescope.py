@@ -1,7 +1,8 @@
 """Verbs for the telescope's engine: run it, ask it, tell it what is wanted, stop it."""
 
 import logging
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
@@ -32,6 +33,7 @@ def register(app: typer.Typer) -> None:
 
 
 def engine(
+    *,
     config: ConfigOption = None,
     session: SessionOption = None,
     arm: Annotated[
@@ -42,18 +44,50 @@ def engine(
     frames: Annotated[
         int | None, typer.Option(min=1, help="End after this many exposures.")
     ] = None,
+    pass_: Annotated[
+        int | None,
+        typer.Option(
+            "--pass",
+            min=1,
+            metavar="NORAD",
+            help="Wait for the passes of this low satellite, and leap ahead of it.",
+        ),
+    ] = None,
+    tle: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Element sets for --pass; may be repeated. Default: catalogue.tle_files of the"
+            " configuration."
+        ),
+    ] = None,
 ) -> None:
     """Run the telescope; no terminal needed. SIGTERM or 'rsoconsole quit' end it safely.
 
     It moves nothing until it is armed: by --arm, or by 'rsoconsole arm' from another terminal.
+
+    With --pass it waits at a point of the satellite's orbit until it comes through there, early
+    or late by three times leap.late_sigma_s; the first streak says how late it is and how far
+    across, and the orbit of its streaks leads from then on ('rsoconsole passes' lists a night's).
+
     Example: rsoconsole engine --config ~/.config/rsoconsole/config.toml --arm
+
+    Example: rsoconsole engine --arm --pass 25544 --tle active.tle
     """
+    from rsoconsole.engine.pass_entry import entry_of
     from rsoconsole.engine.service import RunSettings, run_engine
 
+    if tle and pass_ is None:
+        raise typer.BadParameter("--tle belongs to --pass")
+    overrides: dict[str, Any] = {}
+    if pass_ is not None:
+        overrides = {"leap.enabled": True, "leap.pass_norad": pass_}
+        if tle:
+            overrides["catalogue.tle_files"] = [str(each.resolve()) for each in tle]
+        entry_of(load_config(config, overrides))  # now, not when the night has begun
     waits = "" if arm else "; it waits for 'rsoconsole arm'"
     with told_to(output.complain):
         run_engine(
-            load_config(config),
+            load_config(config, overrides),
             RunSettings(
                 title="night",
                 session=session,

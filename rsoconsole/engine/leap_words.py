@@ -10,6 +10,7 @@ from rsoconsole.orbit.leap_track import LeapTrack
 from rsoconsole.orbit.low_fit import LowOrbit
 from rsoconsole.orbit.next_pass import passes_above
 from rsoconsole.orbit.two_body import elements_of
+from rsoconsole.pipeline.awaited import Awaited, Came
 from rsoconsole.pipeline.leap_pass import PassPlan
 from rsoconsole.pipeline.leap_streaks import FrameStreak
 from rsoconsole.pipeline.leaps import Leap
@@ -18,6 +19,29 @@ from rsoconsole.sky.sun import EARTH_RADIUS_KM
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
 
 SEARCHED_NS = NS_PER_DAY
+
+
+def begun_words(track: LeapTrack, awaited: Awaited | None, found: Came | None) -> str:
+    """A first streak: how fast, in which sense; of one that was waited for how late."""
+    speed = track.best.streaks[0].speed_arcsec_s
+    if awaited is None or found is None:
+        sure = 100.0 * track.best.probability
+        return f"a low satellite, {speed:.0f} arcsec/s: leaps ahead of it (this sense {sure:.0f} %)"
+    late = "late" if found.late_s >= 0.0 else "early"
+    return (
+        f"{awaited.name} comes {abs(found.late_s):.2f} s {late},"
+        f" {found.across_arcmin:+.1f} arcmin across, {speed:.0f} arcsec/s: leaps ahead of it"
+    )
+
+
+def awaited_words(awaited: Awaited) -> str:
+    """Which pass is waited for, and how long."""
+    stare = awaited.stare
+    either_s = (stare.until_utc_ns - stare.from_utc_ns) / 2 / NS_PER_S
+    return (
+        f"waits for {awaited.name}, which comes by at"
+        f" {utc_ns_to_iso(stare.t_through_utc_ns, 0)} +- {either_s:.0f} s"
+    )
 
 
 def leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:

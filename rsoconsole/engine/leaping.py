@@ -16,20 +16,40 @@ from rsoconsole.engine.by_hand import Parts
 from rsoconsole.engine.hands import NS
 from rsoconsole.engine.leap_words import (
     LeapParts,
+    awaited_words,
+    begun_words,
     last_words,
     leap_words,
     orbit_words,
     pass_words,
 )
+from rsoconsole.engine.pass_entry import entry_of
 from rsoconsole.engine.plan import Plan
 from rsoconsole.engine.tunables import change_record, changed
+from rsoconsole.orbit.catalogue import CatalogueEntry
 from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.leap_track import LeapTrack, begin, path_of_orbit, unseen, updated
-from rsoconsole.orbit.low_fit import Timing
+from rsoconsole.orbit.low_fit import LowOrbit, Timing
+from rsoconsole.orbit.next_pass import passes_above
 from rsoconsole.orbit.point_mass import PointMass
+from rsoconsole.pipeline.awaited import (
+    Awaited,
+    awaited_on,
+    came,
+    expected_at,
+    is_dark,
+    next_of,
+)
 from rsoconsole.pipeline.leap_pass import duty, plan_pass
 from rsoconsole.pipeline.leap_streaks import FrameStreak, streaks_of, timing_of
-from rsoconsole.pipeline.leaps import Leap, NoLeap, Telescope, next_leap, terms_of
+from rsoconsole.pipeline.leaps import (
+    Leap,
+    NoLeap,
+    Telescope,
+    exposure_for,
+    next_leap,
+    terms_of,
+)
 from rsoconsole.pipeline.mount_motion import LAST_SLEWS, SlewSeen, learned
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.reason_text import text
@@ -47,6 +67,11 @@ _DRIFT = 0.1
 _AHEAD_S, _STEP_S = 150.0, 3.0
 """How far a track's path is looked at for the next leap: a flip of the mount fits in."""
 _PASS_S, _PASS_STEP_S = 1_200.0, 10.0
+_WAITS_NS = 24 * 3600 * NS
+_GO_THERE_NS = 90 * NS
+"""Before a pass may begin the telescope goes to where it will be."""
+_LOOK_NS = 600 * NS
+"""Between two frames until then."""
 _READOUTS = 12
 _LONGEST_READOUT_S = 20.0
 
@@ -80,6 +105,11 @@ class Leaping:
         self._readouts_s: deque[float] = deque(maxlen=_READOUTS)
         self._ordered: tuple[tuple[float, float], int] | None = None
         """Travel of the slew under way, and when it was ordered."""
+        self._awaited: Awaited | None = None
+        """The pass that is waited for; None: whatever comes."""
+        self._entry: CatalogueEntry | None = None
+        self._last_orbit: LowOrbit | None = None
+        """Of what was leapt after last."""
         self._parts: list[LeapParts] = []
         """Of each leap after the present track, what it took."""
 
@@ -90,7 +120,7 @@ class Leaping:
 
     def forget(self) -> None:
         """Autonomy has lost the mount, or time its meaning: it stares where it then points."""
-        self.track = self._leap = self._stare = self._ordered = None
+        self.track = self._leap = self._stare = self._ordered = self._awaited = None
         self._misses = 0
         self._parts = []
 
@@ -177,16 +207,17 @@ class Leaping:
             ends = each.ends
             if not ends.is_whole or ends.speed_arcsec_s < config.leap.least_rate_arcsec_s:
                 continue
-            track = begin(self._site, ends, timing)
+            awaited = self._awaited
+            known = None if awaited is None else came(awaited, self._site, ends)
+            if awaited is not None and known is None:
+                self._chronicle.say("info", f"a low satellite that is not {awaited.name}")
+                continue
+            ends = ends if known is None else known[1]
+            track = begin(self._site, ends, timing, is_turned=known is not None)
             if track is None:
                 continue
             self.track, self._misses = track, 0
-            sure = 100.0 * track.best.probability
-            self._chronicle.say(
-                "info",
-                f"a low satellite, {ends.speed_arcsec_s:.0f} arcsec/s: leaps ahead of it"
-                f" (this sense {sure:.0f} %)",
-            )
+            self._chronicle.say("info", begun_words(track, awaited, known and known[0]))
             self._plan_pass()
             return
 
@@ -225,6 +256,7 @@ class Leaping:
         orbit = track.best.orbit
         self._chronicle.say("info", f"{why}: {last_words(track, self._parts)}")
         self._parts = []
+        self._awaited, self._last_orbit = None, orbit
         if orbit is not None:
             config = self._control.config
             now_ns = self._hands.now_utc_ns()
@@ -261,6 +293,10 @@ class Leaping:
             words = found.kind if found.refusal is None else found.refusal.text
             self._end(words)
             return None
+        orbit = self.track.best.orbit
+        if orbit is not None and is_dark(orbit, found.t_mid_utc_ns):
+            self._end("it goes into the Earth's shadow")
+            return None
         self._expose_for(found.exposure_s)
         direction = found.place.direction_deg
         plan = self._planner.to_place(direction, found.t_expose_utc_ns, "leap", now_ns)
@@ -276,6 +312,8 @@ class Leaping:
     def _stared(self, pose: Pose, now_ns: int) -> Plan:
         """One more exposure where it stares; the mount moves where that has drifted away."""
         self._leap = None
+        if self._await(now_ns):
+            return self._waited(pose, now_ns)
         exposure = self._control.config.exposure
         stare_s = self._control.config.leap.stare_exposure_s
         self._expose_for(stare_s)
@@ -297,6 +335,80 @@ class Leaping:
             self._stare = self._of_date(here, now_ns)
             return self._in_place(now_ns)
         self._ordered = self.telescope().limits.travel_deg(pose, *there), now_ns
+        return plan
+
+    # --- a pass that is waited for
+
+    def _await(self, now_ns: int) -> bool:
+        """Whether one pass is waited for; the next one is found where the last is over."""
+        awaited, leap = self._awaited, self._control.config.leap
+        if awaited is not None and now_ns > awaited.stare.until_utc_ns:
+            self._chronicle.say("info", f"{awaited.name} did not come by")
+            self._awaited = awaited = None
+        if awaited is not None or not (leap.pass_norad or leap.waits):
+            return awaited is not None
+        self._awaited = self._next_pass(now_ns)
+        if self._awaited is not None:
+            self._chronicle.say("info", awaited_words(self._awaited))
+        return self._awaited is not None
+
+    def _next_pass(self, now_ns: int) -> Awaited | None:
+        config, held = self._control.config, self._watch.limits
+        lifted = self._watch.lifted_limits()
+        if config.leap.pass_norad:
+            if self._entry is None:
+                self._entry = entry_of(config)
+            sigma_s = config.leap.late_sigma_s
+            return next_of(
+                self._entry,
+                self._site,
+                now_ns,
+                limits=config.limits,
+                held=held,
+                late_sigma_s=sigma_s,
+                lifted=lifted,
+            )
+        orbit = self._last_orbit
+        if orbit is None:
+            return None
+        least_deg = config.limits.min_altitude_deg
+        for each in passes_above(orbit, self._site, now_ns, now_ns + _WAITS_NS, least_deg):
+            found = awaited_on(
+                "it",
+                orbit.states,
+                self._site,
+                up_utc_ns=(each.rise_utc_ns, each.set_utc_ns),
+                sigma_s=each.sigma_s,
+                held=held,
+                now_utc_ns=now_ns,
+                lifted=lifted,
+            )
+            if found is not None:
+                return found
+        return None
+
+    def _waited(self, pose: Pose, now_ns: int) -> Plan:
+        """In place until shortly before; then at the point of its orbit, until it has come."""
+        assert self._awaited is not None
+        stare = self._awaited.stare
+        until_ns = stare.from_utc_ns - _GO_THERE_NS
+        if now_ns < until_ns:
+            return self._planner.to_place(None, min(until_ns, now_ns + _LOOK_NS), "", now_ns)
+        at_ns = max(now_ns, stare.from_utc_ns)
+        place = expected_at(self._awaited, self._site, stare.t_through_utc_ns, 0.0)
+        self._expose_for(exposure_for(place, self.telescope().terms))
+        there = stare.direction_deg(self._site, at_ns)
+        drift_deg = _DRIFT * min(self._control.config.optics.field_deg)
+        here = (pose.ra_icrs_deg, pose.dec_icrs_deg)
+        if separation_deg(*here, *there) < drift_deg:
+            return self._planner.to_place(None, at_ns, "", now_ns)
+        plan = self._planner.to_place(there, at_ns, "await", now_ns)
+        travel = self.telescope().limits.travel_deg(pose, *there)
+        refused = self._slews.order(plan, t_until_utc_ns=at_ns + NS)
+        if refused is not None:
+            self._chronicle.say("warning", f"cannot wait where it comes: {text(refused)}")
+            return self._in_place(now_ns)
+        self._ordered = travel, now_ns
         return plan
 
     def _where_to_stare(self, here: tuple[float, float], now_ns: int) -> tuple[float, float]:

@@ -100,11 +100,17 @@ def path_of_orbit(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> SkyPath 
     )
 
 
-def begin(site: Site, streak: StreakEnds, timing: Timing) -> LeapTrack | None:
-    """A track from one streak with both ends; None where no low orbit passes through it."""
+def begin(
+    site: Site, streak: StreakEnds, timing: Timing, *, is_turned: bool = False
+) -> LeapTrack | None:
+    """A track from one streak with both ends; None where no low orbit passes through it.
+
+    ``is_turned``: the streak is known to be in the sense in which it was drawn.
+    """
     if not streak.is_whole:
         return None
-    found = [(each, through(site, each)) for each in (streak, streak.reversed)]
+    senses = (streak,) if is_turned else (streak, streak.reversed)
+    found = [(each, through(site, each)) for each in senses]
     likely = [(each, cloud) for each, cloud in found if cloud is not None]
     if not likely:
         return None
