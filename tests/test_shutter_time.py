@@ -106,7 +106,7 @@ def test_bias_line_time_and_scatter_are_in_a_measurement() -> None:
     # The default is 15 ms, measured were 8.1: the covariance along the streak is smaller.
     trace = [each.cov_sky_arcsec2[0] + each.cov_sky_arcsec2[2] for each in (before, after)]
     rate_arcsec_s = streak.length_px * solution().scale_arcsec_px / 2.0
-    expected = rate_arcsec_s**2 * (0.015**2 - 0.0081**2)
+    expected = rate_arcsec_s**2 * (0.015**2 - 0.0081**2 - 0.0011**2)  # with the scatter's error
     assert trace[0] - trace[1] == pytest.approx(expected, rel=0.02)
 
 
@@ -204,7 +204,7 @@ class TestExports:
 
     def test_the_time_of_a_row_has_the_error_of_its_mode(self, folder: Path) -> None:
         exported = read_night(folder)
-        expected_s = np.hypot(0.0081, 0.0023)
+        expected_s = np.sqrt(0.0081**2 + 0.0011**2 + 0.0023**2)
         assert [exported.time_sigma_s(row) for row in exported.rows] == pytest.approx(
             [expected_s] * len(exported.rows)
         )

@@ -39,7 +39,7 @@ def shutter_time(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Shutter
     if found is not None:
         return ShutterTime(
             late_s=found.bias_s,
-            sigma_s=found.scatter_s,
+            sigma_s=_surely(found),
             line_time_us=found.line_time_us,
             bias_sigma_s=found.bias_sigma_s,
         )
@@ -83,7 +83,12 @@ def usual_sigma_s(exposure: ExposureConfig) -> float:
             return math.inf
         return abs(math.log(each.exposure_s / exposure.exposure_s))
 
-    return min(exposure.calibrated, key=how_far).scatter_s
+    return _surely(min(exposure.calibrated, key=how_far))
+
+
+def _surely(found: CalibratedTiming) -> float:
+    """Its scatter with its error: what was found to be nothing may be as much as that."""
+    return math.hypot(found.scatter_s, found.scatter_sigma_s)
 
 
 def read_out_of(frame: Frame | FrameTaken) -> tuple[object, ...]:
