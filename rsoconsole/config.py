@@ -14,6 +14,7 @@ from typing import Any, Literal, Self
 import platformdirs
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from rsoconsole.element_error_config import MeasuredErrors
 from rsoconsole.errors import ConfigError
 from rsoconsole.fault_text import nearest, plain_fault
 from rsoconsole.foreign_text import read_foreign, toml_of
@@ -438,6 +439,19 @@ class CatalogueConfig(_Section):
     gate_deg: float = Field(
         0.2, gt=0, le=5, description="how far off its elements an object may be and be named"
     )
+    error_factors: tuple[MeasuredErrors, ...] = Field(
+        (),
+        description="by what the assumed errors of elements are multiplied, by kind of orbit, as"
+        " 'rsoconsole calibrate-elements --write' measured it",
+    )
+
+    @model_validator(mode="after")
+    def _one_of_each_kind(self) -> Self:
+        regimes = [each.regime for each in self.error_factors]
+        twice = sorted({each for each in regimes if regimes.count(each) > 1})
+        if twice:
+            raise ValueError(f"error_factors has {twice[0]} twice: leave one of them out")
+        return self
 
 
 class AlertConfig(_Section):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.errors import SessionError
-from rsoconsole.session import ledger as file
+from rsoconsole.session import line_file
 from rsoconsole.session.ledger import (
     Change,
     Ledger,
@@ -183,7 +183,7 @@ def test_two_writers_lose_nothing_of_each_other(path: Path) -> None:
 def test_a_writer_that_never_ends_is_not_waited_for_forever(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(file, "_WAIT_S", 0.2)
+    monkeypatch.setattr(line_file, "_WAIT_S", 0.2)
     add(path, kept(1, track("monday")))
     with path.with_suffix(".lock").open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

@@ -9,6 +9,7 @@ import typer
 
 from rsoconsole import __version__
 from rsoconsole.cli import (
+    calibrate_elements,
     calibrate_time,
     demo,
     export,
@@ -53,6 +54,7 @@ for group in (
     passes,
     what_if,
     calibrate_time,
+    calibrate_elements,
     house,
     sessions,
     service,

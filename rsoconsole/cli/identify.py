@@ -84,11 +84,11 @@ def identify(
     catalogue', and what is catalogued and was not seen. Points that move
     through three frames or more, and are no star, are measured in each.
 
-    How far off an object may be is a stated assumption from the literature
-    (element age and kind of orbit; no measurement of your nights): low ones
-    are sought a minute along their path at least, older elements further,
-    and no set more than 60 days from the frame is used. The frames need
-    DATE-OBS (UTC) and EXPTIME, the configuration your site.
+    How far off an object may be is assumed from the literature by element
+    age and kind of orbit until 'calibrate-elements' has measured it on your
+    nights; which, the last line says. Low ones are sought a minute along
+    their path at least, and no set more than 60 days from the frame is used.
+    The frames need DATE-OBS (UTC) and EXPTIME, the configuration your site.
 
     Example: rsoconsole identify --field night/*.fits --tle catalogue.tle
     """
@@ -107,10 +107,12 @@ def identify(
     from rsoconsole.cli.identify_ledger import SessionLedger
     from rsoconsole.orbit.identify_jointly import identify_jointly
     from rsoconsole.pipeline.catalogue_files import read_catalogue
+    from rsoconsole.pipeline.element_errors_of import errors_of, errors_report
     from rsoconsole.pipeline.orbit_report import identification_report, named_track_report
     from rsoconsole.pipeline.sightings_of import longest_arc, read_observed
 
-    files = tle or element_files(path, load_config(config).catalogue.tle_files)
+    catalogue = load_config(config).catalogue
+    files = tle or element_files(path, catalogue.tle_files)
     tracks = read_observed(path, sigma_arcsec=sigma)
     shown = tracks[0]
     if track is not None:
@@ -123,7 +125,9 @@ def identify(
         )
     entries = read_catalogue(files)
     arcs = [longest_arc(each.seen) for each in tracks]
-    named = identify_jointly(arcs, tracks[0].site, entries, gate_deg=gate)
+    named = identify_jointly(
+        arcs, tracks[0].site, entries, gate_deg=gate, errors=errors_of(catalogue)
+    )
     ledger = SessionLedger(path, tracks, named)
     found = dict(zip((each.number for each in tracks), zip(named, arcs, strict=True), strict=True))
     one, arc = found[shown.number]
@@ -134,12 +138,19 @@ def identify(
         for number in sorted(found)
     ]
     report["kept"] = ledger.keep() if keep else None
+    report["element_errors"] = errors_report(catalogue)
     if json_:
         output.emit_json(report)
         return
+    from rsoconsole.cli.element_error_words import source_lines
     from rsoconsole.cli.identify_words import ledger_lines, named_tracks_lines
     from rsoconsole.cli.orbit_words import identification_lines
 
     if track is None and len(tracks) > 1:
         output.say(*named_tracks_lines(report["tracks"]), "")
-    output.say(*identification_lines(report), *ledger_lines(report))
+    regimes = {each["regime"] for each in report["matches"]}
+    output.say(
+        *identification_lines(report),
+        *source_lines(report["element_errors"], regimes),
+        *ledger_lines(report),
+    )

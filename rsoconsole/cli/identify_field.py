@@ -23,10 +23,12 @@ def identify_field(
     json_: bool,
 ) -> None:
     """Read the frames one after another, then answer. A frame that cannot be used ends nothing."""
+    from rsoconsole.cli.element_error_words import source_lines
     from rsoconsole.cli.field_words import frame_lines, movers_lines
     from rsoconsole.instruments.frame_files import read_frames
     from rsoconsole.instruments.frame_header import EXTENSION_KEY
     from rsoconsole.pipeline.catalogue_files import read_catalogue
+    from rsoconsole.pipeline.element_errors_of import errors_report
     from rsoconsole.pipeline.field import FieldRun
     from rsoconsole.pipeline.field_frame import open_field_reader
     from rsoconsole.pipeline.field_points import FEWEST
@@ -60,13 +62,17 @@ def identify_field(
     movers = run.movers(frames) if len(frames) >= FEWEST else ()
     named = named_movers(movers)
     said: set[str] = set()
+    errors, regimes = errors_report(config.catalogue), set[str]()
     for name, frame in read:
-        found = frame_report(name, run.frame(frame), named)
+        found = {**frame_report(name, run.frame(frame), named), "element_errors": errors}
+        regimes |= {each["regime"] for each in found["crossed"]}
         output.emit_json(found) if json_ else output.say(*frame_lines(found))
         _warn(found, said)
     if len(read) > 1:
         report = movers_report([name for name, _ in read], frames, movers)
         output.emit_json(report) if json_ else output.say(*movers_lines(report, FEWEST))
+    if not json_:
+        output.say(*source_lines(errors, regimes))
     if failures:
         raise typer.Exit(1)
 

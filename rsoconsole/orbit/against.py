@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.orbit.catalogue import CatalogueEntry, states_gcrs
+from rsoconsole.orbit.element_errors import ASSUMED, ElementErrors
 from rsoconsole.orbit.sightings import Sightings
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.places import LIGHT_KM_S, earth_velocity_km_s, site_gcrs
@@ -41,6 +42,8 @@ class Comparison:
     """(M,) predicted apparent motion."""
     range_km: FloatArray
     mean_motion_rad_s: FloatArray
+    errors: ElementErrors = ASSUMED
+    """By which offsets are to be weighed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,7 +59,12 @@ class _Seen:
     v_km_s: FloatArray
 
 
-def compare(seen: Sightings, site: Site, entries: Sequence[CatalogueEntry]) -> Comparison:
+def compare(
+    seen: Sightings,
+    site: Site,
+    entries: Sequence[CatalogueEntry],
+    errors: ElementErrors = ASSUMED,
+) -> Comparison:
     """Every entry against the directions. Entries that SGP4 cannot carry there are left out."""
     beside_ns = round(_BESIDE_S * NS_PER_S)
     about = seen.epoch_utc_ns + np.array([-beside_ns, 0, beside_ns])
@@ -80,6 +88,7 @@ def compare(seen: Sightings, site: Site, entries: Sequence[CatalogueEntry]) -> C
                 if good
             ]
         ),
+        errors=errors,
     )
 
 

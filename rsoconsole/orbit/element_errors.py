@@ -18,9 +18,10 @@ Undisturbed objects do much better: KazSat 2, close to a point of rest, was 17 k
 days, and fresh sets are good to 5 to 30 arcsec, which is 1 to 5 km. NAVSTAR 77 was 3.6 km off
 after 8 days. For low and eccentric orbits: about 1 km at the epoch and 1 to 3 km a day (Flohrer,
 Krag & Klinkrad 2008; Levit & Marshall 2011, Advances in Space Research 47, 1107); not measured
-here.
+here. What one's own nights measured (``element_fit``) multiplies the spreads by factors.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -31,16 +32,17 @@ from rsoconsole.records import FloatArray
 
 Regime = Literal["GEO", "MEO", "LEO", "HEO"]
 ERROR_REGIMES: tuple[Regime, ...] = ("GEO", "MEO", "LEO", "HEO")
+_Terms = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
     """One-sigma errors in km: at the epoch, by the day and by the day squared."""
 
-    along: tuple[float, float, float]
-    across: tuple[float, float, float]
+    along: _Terms
+    across: _Terms
     """Of the plane: the amplitude of a swing once a revolution, over the root of 2."""
-    shape: tuple[float, float, float]
+    shape: _Terms
     """Of the radius, by an eccentricity that is off: its swing along the track is twice that."""
 
 
@@ -56,6 +58,73 @@ MANOEUVRED: dict[Regime, Spread] = {
     "LEO": Spread(along=(5.0, 15.0, 5.0), across=(1.0, 0.5, 0.0), shape=(1.0, 1.0, 0.0)),
     "HEO": Spread(along=(20.0, 20.0, 2.0), across=(5.0, 1.0, 0.0), shape=(5.0, 1.0, 0.0)),
 }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ErrorFactors:
+    """By what the assumed spreads of undisturbed objects of one kind of orbit are multiplied."""
+
+    along_at_epoch: float = 1.0
+    along_by_age: float = 1.0
+    """Of both terms that grow."""
+    across: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ElementErrors:
+    """What elements are off, as it is assumed or was measured."""
+
+    undisturbed: Mapping[Regime, Spread]
+    manoeuvred: Mapping[Regime, Spread]
+
+    def of(self, regime: Regime, *, is_moved: bool) -> Spread:
+        """Of one case."""
+        return (self.manoeuvred if is_moved else self.undisturbed)[regime]
+
+    def scaled(self, factors: Mapping[Regime, ErrorFactors]) -> "ElementErrors":
+        """With other spreads where there are factors.
+
+        Those of manoeuvred objects stay, but that a manoeuvre takes no error away: they are nowhere
+        narrower than the others.
+        """
+        if not factors:
+            return self
+        undisturbed, manoeuvred = dict(self.undisturbed), dict(self.manoeuvred)
+        for regime, each in factors.items():
+            ahead = (each.along_at_epoch, each.along_by_age, each.along_by_age)
+            kept = _times(undisturbed[regime], along=ahead, across=(each.across,) * 3)
+            undisturbed[regime] = kept
+            manoeuvred[regime] = _wider(kept, manoeuvred[regime])
+        return ElementErrors(undisturbed=undisturbed, manoeuvred=manoeuvred)
+
+
+def _times(spread: Spread, *, along: _Terms, across: _Terms) -> Spread:
+    """The shape goes with the place along the track: twice its swing is seen there."""
+    return Spread(
+        along=_product(spread.along, along),
+        across=_product(spread.across, across),
+        shape=_product(spread.shape, along),
+    )
+
+
+def _product(terms: _Terms, by: _Terms) -> _Terms:
+    return (terms[0] * by[0], terms[1] * by[1], terms[2] * by[2])
+
+
+def _wider(a: Spread, b: Spread) -> Spread:
+    return Spread(
+        along=_widest(a.along, b.along),
+        across=_widest(a.across, b.across),
+        shape=_widest(a.shape, b.shape),
+    )
+
+
+def _widest(a: _Terms, b: _Terms) -> _Terms:
+    return (max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2]))
+
+
+ASSUMED = ElementErrors(undisturbed=UNDISTURBED, manoeuvred=MANOEUVRED)
+"""As it is without any measurement."""
 _CONTROLLED: dict[Regime, float] = {"GEO": 0.35, "MEO": 0.1, "LEO": 0.3, "HEO": 0.03}
 """Share of the catalogued objects that somebody steers."""
 _BETWEEN_MANOEUVRES_DAYS: dict[Regime, float] = {"GEO": 5.0, "MEO": 180.0, "LEO": 14.0, "HEO": 60.0}
@@ -121,7 +190,7 @@ def position_sigmas_km(
     return shape, np.sqrt(along**2 + 4.0 * shape**2), across
 
 
-def _grown(terms: tuple[float, float, float], age_days: float | FloatArray) -> FloatArray:
+def _grown(terms: _Terms, age_days: float | FloatArray) -> FloatArray:
     at_epoch, by_day, by_day_2 = terms
     age = np.abs(age_days)
     return np.asarray(np.sqrt(at_epoch**2 + (by_day * age) ** 2 + (by_day_2 * age * age) ** 2))

@@ -1,6 +1,6 @@
 """How far along and across its path an object may be: seconds and kilometres. Pure.
 
-By the error model of ``element_errors``, a stated assumption from the literature, in three cases
+By the error model of ``element_errors``, assumed from the literature or measured, in three cases
 whose shares add up to 1: it has kept to its orbit, it has been moved since its epoch, or something
 that no model knows (a decay in a magnetic storm, elements of a wrong instant): low ones are then
 tens of seconds off.
@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.orbit.element_errors import (
+    ASSUMED,
     ERROR_REGIMES,
-    MANOEUVRED,
-    UNDISTURBED,
+    ElementErrors,
     manoeuvred_probabilities,
     position_sigmas_km,
 )
@@ -57,7 +57,10 @@ class ElementSpread:
 
 
 def element_spread(
-    regimes: npt.NDArray[np.intp], age_days: FloatArray, speed_km_s: FloatArray
+    regimes: npt.NDArray[np.intp],
+    age_days: FloatArray,
+    speed_km_s: FloatArray,
+    errors: ElementErrors = ASSUMED,
 ) -> ElementSpread:
     """Of objects (M,) in those regimes, with elements so old, at that speed."""
     count = len(regimes)
@@ -70,8 +73,8 @@ def element_spread(
         share[here] = np.stack(
             [known * (1.0 - moved), known * moved, np.full(len(here), _STRANGE_SHARE)], axis=-1
         )
-        for case, spread in enumerate((UNDISTURBED[regime], MANOEUVRED[regime])):
-            sigmas = position_sigmas_km(spread, age)
+        for case in range(2):
+            sigmas = position_sigmas_km(errors.of(regime, is_moved=case == 1), age)
             radial[here, case], along[here, case], across[here, case] = sigmas
         for each in (radial, along, across):
             each[here, 2] = _STRANGE_TIMES * each[here, 1]

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from sgp4.api import SatrecArray
 
 from rsoconsole.orbit.catalogue import CatalogueEntry, nearest_in_epoch_of_each
-from rsoconsole.orbit.element_errors import regime_numbers
+from rsoconsole.orbit.element_errors import ASSUMED, ElementErrors, regime_numbers
 from rsoconsole.orbit.element_gates import (
     GATE_SIGMAS,
     OLDEST_DAYS,
@@ -89,8 +89,10 @@ class Candidate:
 class FieldCatalogue:
     """Element sets ready to be asked of one frame after another."""
 
-    def __init__(self, entries: Sequence[CatalogueEntry]) -> None:
+    def __init__(self, entries: Sequence[CatalogueEntry], errors: ElementErrors = ASSUMED) -> None:
+        """``errors``: how far elements may be off."""
         self._entries = entries
+        self._errors = errors
         self._at_utc_ns: int | None = None
         self._sets: tuple[CatalogueEntry, ...] = ()
         self._too_old = 0
@@ -142,7 +144,8 @@ class FieldCatalogue:
         speed = np.linalg.norm(seen.v_km_s[:, 0], axis=-1)
         is_there = np.isfinite(speed)
         age_days = (view.t_mid_utc_ns - self._epoch_ns) / NS_PER_DAY
-        spread = element_spread(self._regimes, age_days, np.where(is_there, speed, 1.0))
+        speed_known = np.where(is_there, speed, 1.0)
+        spread = element_spread(self._regimes, age_days, speed_known, self._errors)
         across = GATE_SIGMAS * np.hypot(spread.across_km[:, 1], spread.radial_km[:, 1])
         ball_km = spread.gate_along_km + across + speed * view.exposure_s
         with np.errstate(invalid="ignore"):
@@ -262,15 +265,22 @@ def _leads(
 
 def across_of(spread: ElementSpread, seen: Seen) -> tuple[FloatArray, FloatArray]:
     """Unit vectors (M, L, 3) across paths, north of eastward, and sigmas (M, L, 3 cases), rad."""
-    r, v, range_km = seen.r_km, seen.v_km_s, seen.range_km
+    across, radial, pole = across_parts(seen)
+    by_radial = radial[..., None] * spread.radial_km[:, None, :]
+    by_pole = pole[..., None] * spread.across_km[:, None, :]
+    return across, np.hypot(by_radial, by_pole) / seen.range_km[..., None]
+
+
+def across_parts(seen: Seen) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Unit vectors (M, L, 3) across paths, and their parts (M, L) along the radius and the pole of
+    the orbit."""
+    r, v = seen.r_km, seen.v_km_s
     across = np.cross(seen.u, seen.by_lead)
     across = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-30)
     radial = r / np.linalg.norm(r, axis=-1, keepdims=True)
     pole = np.cross(r, v)
     pole = pole / np.linalg.norm(pole, axis=-1, keepdims=True)
-    by_radial = np.sum(across * radial, axis=-1)[..., None] * spread.radial_km[:, None, :]
-    by_pole = np.sum(across * pole, axis=-1)[..., None] * spread.across_km[:, None, :]
-    return across, np.hypot(by_radial, by_pole) / range_km[..., None]
+    return across, np.sum(across * radial, axis=-1), np.sum(across * pole, axis=-1)
 
 
 def _nearest_rad(a: FloatArray, b: FloatArray, to: FloatArray) -> FloatArray:

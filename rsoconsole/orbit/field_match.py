@@ -16,7 +16,7 @@ from scipy.special import ndtr
 
 from rsoconsole.orbit.assignments import best_assignments
 from rsoconsole.orbit.element_gates import GATE_SIGMAS
-from rsoconsole.orbit.field_crossings import Candidate, FieldOfView, across_of
+from rsoconsole.orbit.field_crossings import Candidate, FieldOfView, across_of, across_parts
 from rsoconsole.orbit.sky_paths import Exposure, Seen
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.times import ARCSEC_RAD
@@ -86,6 +86,12 @@ class Fit:
     """As measured."""
     across_rad: float
     """North of eastward."""
+    sigma_across_rad: float
+    """As measured."""
+    range_km: float
+    speed_km_s: float
+    across_by: tuple[float, float]
+    """What a kilometre off along the radius, and off the plane, moves it across its path, km."""
     direction_deg: float
     """Measured minus predicted."""
     length_ratio: float | None
@@ -215,6 +221,10 @@ def _fitted(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: L
         along_s=met.lead_s,
         sigma_along_s=float(np.hypot(met.sigma_along_s, spare_s)),
         across_rad=met.across_rad,
+        sigma_across_rad=met.sigma_across_rad,
+        range_km=float(met.seen.range_km[0, 0]),
+        speed_km_s=speed_km_s,
+        across_by=met.across_by,
         direction_deg=float(np.degrees(direction)),
         length_ratio=line.length_rad / max(predicted, 1e-12) if is_whole else None,
         log_ratio=float(prior + log_direction + np.logaddexp.reduce(list(scores.values()))),
@@ -234,6 +244,8 @@ class _Met:
     pace: float
     """By a second of lead, rad."""
     across_rad: float
+    sigma_across_rad: float
+    across_by: tuple[float, float]
     across_sigmas: FloatArray
     """By case, the line's own error in them."""
 
@@ -259,6 +271,7 @@ def _met(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line
             lead_s += float(off @ along) / pace**2
     across, sigmas = across_of(candidate.spread, seen)
     own = _sigma_towards(line, seen.u[0, 0], across[0, 0])
+    _, by_radial, by_pole = across_parts(seen)
     across_rad = float(off @ across[0, 0])
     across_sigmas = np.hypot(sigmas[0, 0], own)
     is_off = abs(across_rad) > GATE_SIGMAS * float(across_sigmas.max())
@@ -271,6 +284,8 @@ def _met(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line
         sigma_along_s=_sigma_towards(line, seen.u[0, 0], along / pace) / pace,
         pace=pace,
         across_rad=across_rad,
+        sigma_across_rad=own,
+        across_by=(float(by_radial[0, 0]), float(by_pole[0, 0])),
         across_sigmas=across_sigmas,
     )
 

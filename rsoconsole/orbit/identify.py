@@ -15,8 +15,8 @@ import numpy as np
 from rsoconsole.orbit.against import Comparison, compare
 from rsoconsole.orbit.catalogue import CatalogueEntry, nearest_in_epoch_of_each, states_gcrs
 from rsoconsole.orbit.element_errors import (
-    MANOEUVRED,
-    UNDISTURBED,
+    ASSUMED,
+    ElementErrors,
     Regime,
     covariance_rtn,
     manoeuvred_probability,
@@ -124,22 +124,28 @@ def identify(
     *,
     gate_deg: float = GATE_DEG,
     most_matches: int = 5,
+    errors: ElementErrors = ASSUMED,
 ) -> Identification:
     """Name the object of ``seen``, one arc of one night, from any number of element sets.
 
-    Of each object the set nearest in epoch counts.
+    Of each object the set nearest in epoch counts. ``errors``: how far elements may be off.
     """
-    compared = compared_with(seen, site, entries, gate_deg=gate_deg)
+    compared = compared_with(seen, site, entries, gate_deg=gate_deg, errors=errors)
     return identification_alone(compared, gate_deg, most_matches=most_matches)
 
 
 def compared_with(
-    seen: Sightings, site: Site, entries: Sequence[CatalogueEntry], *, gate_deg: float = GATE_DEG
+    seen: Sightings,
+    site: Site,
+    entries: Sequence[CatalogueEntry],
+    *,
+    gate_deg: float = GATE_DEG,
+    errors: ElementErrors = ASSUMED,
 ) -> Compared:
     """``seen`` beside every object, as ``identify`` weighs them."""
     nearest = nearest_in_epoch_of_each(entries, seen.epoch_utc_ns)
     close, failed = _close_by(seen, nearest)
-    found = compare(seen, site, close)
+    found = compare(seen, site, close, errors)
     scored = sorted(_scored(seen, found, gate_deg), key=lambda each: each.score)
     return Compared(
         seen=seen,
@@ -252,7 +258,7 @@ def _covariance(found: Comparison, n: int, age_days: float, *, is_moved: bool) -
     """(D, D) of the offsets of one object: measurement and elements."""
     entry = found.entries[n]
     regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
-    spread = (MANOEUVRED if is_moved else UNDISTURBED)[regime]
+    spread = found.errors.of(regime, is_moved=is_moved)
     errors = covariance_rtn(spread, age_days, float(found.mean_motion_rad_s[n]))
     slopes = found.by_errors[n]
     return np.asarray(found.covariance[n] + slopes @ errors @ slopes.T)

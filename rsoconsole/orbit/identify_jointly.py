@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from rsoconsole.orbit.assignments import Assignment, best_assignments
 from rsoconsole.orbit.catalogue import CatalogueEntry
+from rsoconsole.orbit.element_errors import ASSUMED, ElementErrors
 from rsoconsole.orbit.identify import (
     GATE_DEG,
     SURE,
@@ -54,11 +55,18 @@ def identify_jointly(
     *,
     gate_deg: float = GATE_DEG,
     most_matches: int = 5,
+    errors: ElementErrors = ASSUMED,
 ) -> tuple[Identification, ...]:
     """One answer for each track, in their order; with one track that of ``identify``."""
     if len(tracks) == 1:
-        return (identify(tracks[0], site, entries, gate_deg=gate_deg, most_matches=most_matches),)
-    compared = [compared_with(each, site, entries, gate_deg=gate_deg) for each in tracks]
+        (only,) = tracks
+        alone = identify(
+            only, site, entries, gate_deg=gate_deg, most_matches=most_matches, errors=errors
+        )
+        return (alone,)
+    compared = [
+        compared_with(each, site, entries, gate_deg=gate_deg, errors=errors) for each in tracks
+    ]
     return name_together(compared, gate_deg=gate_deg, most_matches=most_matches)
 
 

@@ -16,13 +16,7 @@ import numpy as np
 
 from rsoconsole.orbit.against import Comparison
 from rsoconsole.orbit.assignments import Assignment
-from rsoconsole.orbit.element_errors import (
-    MANOEUVRED,
-    UNDISTURBED,
-    covariance_rtn,
-    manoeuvred_probability,
-    regime_of,
-)
+from rsoconsole.orbit.element_errors import covariance_rtn, manoeuvred_probability, regime_of
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.times import NS_PER_DAY
 
@@ -88,12 +82,13 @@ def pair_of(found: Comparison, n: int, t_utc_ns: int) -> Pair:
     regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
     age_days = (t_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY
     motion = float(found.mean_motion_rad_s[n])
+    kept, moved = (found.errors.of(regime, is_moved=each) for each in (False, True))
     return Pair(
         offset=found.offsets[n],
         measured=found.covariance[n],
         slopes=found.by_errors[n],
-        undisturbed=covariance_rtn(UNDISTURBED[regime], age_days, motion),
-        moved=covariance_rtn(MANOEUVRED[regime], age_days, motion),
+        undisturbed=covariance_rtn(kept, age_days, motion),
+        moved=covariance_rtn(moved, age_days, motion),
         moved_probability=manoeuvred_probability(regime, age_days),
     )
 

@@ -14,12 +14,13 @@ from rsoconsole.orbit.catalogue import (
     states_gcrs,
 )
 from rsoconsole.orbit.element_errors import (
-    MANOEUVRED,
-    UNDISTURBED,
+    ASSUMED,
+    ElementErrors,
     covariance_rtn,
     manoeuvred_probability,
     regime_of,
 )
+from rsoconsole.pipeline.element_errors_of import errors_of
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.reasons import Missed
 from rsoconsole.records import (
@@ -146,7 +147,8 @@ class Expected:
         return self._sets
 
     def _look(self, frame: ShownFrame, sets: Sequence[CatalogueEntry]) -> tuple[Record, ...]:
-        there = members_in(frame, sets, self._config.site.to_site())
+        errors = errors_of(self._config.catalogue)
+        there = members_in(frame, sets, self._config.site.to_site(), errors)
         claimed = self._claimed()
         unnamed = [
             direction_icrs_deg(state)
@@ -208,7 +210,10 @@ def called(member: UnseenMember) -> str:
 
 
 def members_in(
-    frame: ShownFrame, sets: Sequence[CatalogueEntry], site: Site
+    frame: ShownFrame,
+    sets: Sequence[CatalogueEntry],
+    site: Site,
+    errors: ElementErrors = ASSUMED,
 ) -> tuple[UnseenMember, ...]:
     """Of the sets those whose objects should be in a frame, the nearest to its middle first."""
     taken, wcs = frame.taken, frame.solution.wcs
@@ -218,7 +223,7 @@ def members_in(
     ra_deg, dec_deg = (np.asarray(each, float) for each in corners)
     radius_deg = float(separation_deg(ra_deg[0], dec_deg[0], ra_deg[1], dec_deg[1])) + _EDGE_DEG
     near = _within(sets, site, frame.t_utc_ns, (float(ra_deg[0]), float(dec_deg[0])), radius_deg)
-    found = [_member(each, frame, site) for each in near]
+    found = [_member(each, frame, site, errors) for each in near]
     inside = [
         each
         for each in found
@@ -246,7 +251,9 @@ def _within(
     return [sets[int(n)] for n in np.flatnonzero(is_near)]
 
 
-def _member(entry: CatalogueEntry, frame: ShownFrame, site: Site) -> UnseenMember | None:
+def _member(
+    entry: CatalogueEntry, frame: ShownFrame, site: Site, errors: ElementErrors
+) -> UnseenMember | None:
     t = np.array([frame.t_utc_ns], np.int64)
     places = places_of(entry, site, t)
     ra_deg, dec_deg = float(places.ra_icrs_deg[0]), float(places.dec_icrs_deg[0])
@@ -262,6 +269,7 @@ def _member(entry: CatalogueEntry, frame: ShownFrame, site: Site) -> UnseenMembe
     width, height = frame.taken.width_px, frame.taken.height_px
     is_usable = bool(np.all((x_px > 0) & (x_px < width - 1) & (y_px > 0) & (y_px < height - 1)))
     age_days = (frame.t_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY
+    off_km = _sigma_km(entry, age_days, errors)
     return UnseenMember(
         norad_id=entry.norad_id,
         name=entry.name,
@@ -269,20 +277,20 @@ def _member(entry: CatalogueEntry, frame: ShownFrame, site: Site) -> UnseenMembe
         dec_icrs_deg=dec_deg,
         x_px=round(float(x_px[1]), 1),
         y_px=round(float(y_px[1]), 1),
-        sigma_arcsec=round(_sigma_km(entry, age_days) / float(places.range_km[0]) / ARCSEC_RAD, 1),
+        sigma_arcsec=round(off_km / float(places.range_km[0]) / ARCSEC_RAD, 1),
         tle_age_days=round(age_days, 2),
         is_usable=is_usable,
         is_lit=bool(lit_fraction(places.position_gcrs_km, t)[0] >= _LIT_SHARE),
     )
 
 
-def _sigma_km(entry: CatalogueEntry, age_days: float) -> float:
+def _sigma_km(entry: CatalogueEntry, age_days: float, errors: ElementErrors) -> float:
     """Of its place along its orbit, with the chance that it has been moved."""
     regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
     rate_rad_s = entry.record.no_kozai / 60.0
     kept, moved = (
-        covariance_rtn(spread[regime], age_days, rate_rad_s)[1, 1]
-        for spread in (UNDISTURBED, MANOEUVRED)
+        covariance_rtn(errors.of(regime, is_moved=is_moved), age_days, rate_rad_s)[1, 1]
+        for is_moved in (False, True)
     )
     share = manoeuvred_probability(regime, age_days)
     return float(np.sqrt((1.0 - share) * kept + share * moved))

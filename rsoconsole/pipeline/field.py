@@ -9,6 +9,7 @@ from rsoconsole.config import Config
 from rsoconsole.orbit.catalogue import CatalogueEntry
 from rsoconsole.orbit.field_crossings import Candidate, FieldCatalogue, FieldOfView
 from rsoconsole.orbit.field_match import FieldMatch, Matched, match_field
+from rsoconsole.pipeline.element_errors_of import errors_of
 from rsoconsole.pipeline.field_frame import FieldFrame
 from rsoconsole.pipeline.field_points import Mover, movers_of
 from rsoconsole.records import Detection
@@ -56,7 +57,7 @@ class FieldRun:
 
     def __init__(self, config: Config, entries: Sequence[CatalogueEntry]) -> None:
         self._config = config
-        self._catalogue = FieldCatalogue(entries)
+        self._catalogue = FieldCatalogue(entries, errors_of(config.catalogue))
 
     def frame(self, frame: FieldFrame) -> FrameAnswer:
         """What crossed one frame."""

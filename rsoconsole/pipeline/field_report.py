@@ -203,12 +203,23 @@ def _matched_report(matched: Matched, candidates: Sequence[Candidate]) -> dict[s
 def _choice_report(choice: Choice, candidates: Sequence[Candidate]) -> dict[str, Any]:
     fit = choice.fit
     assert choice.candidate is not None and fit is not None  # noqa: PT018 - go together
+    entry = candidates[choice.candidate].entry
+    by_radial, by_plane = fit.across_by
     return {
         **_named(candidates[choice.candidate]),
+        "tle_epoch_utc": utc_ns_to_iso(entry.epoch_utc_ns),
+        "regime": regime_of(entry.revolutions_a_day, entry.eccentricity),
         "probability": choice.probability,
         "along_track_s": fit.along_s,
         "sigma_along_track_s": fit.sigma_along_s,
         "cross_track_arcsec": fit.across_rad / ARCSEC_RAD,
+        "sigma_cross_track_arcsec": fit.sigma_across_rad / ARCSEC_RAD,
+        "along_track_km": fit.along_s * fit.speed_km_s,
+        "cross_track_km": fit.across_rad * fit.range_km,
+        "speed_km_s": fit.speed_km_s,
+        "range_km": fit.range_km,
+        "cross_track_by_radial": by_radial,
+        "cross_track_by_plane": by_plane,
         "direction_difference_deg": fit.direction_deg,
         "length_ratio": fit.length_ratio,
     }

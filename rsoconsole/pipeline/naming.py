@@ -8,10 +8,12 @@ from pathlib import Path
 from rsoconsole.config import Config
 from rsoconsole.errors import OrbitError
 from rsoconsole.orbit.catalogue import CatalogueEntry
+from rsoconsole.orbit.element_errors import ASSUMED, ElementErrors
 from rsoconsole.orbit.identify import Compared, Identification, Match, compared_with, identify
 from rsoconsole.orbit.identify_jointly import name_together
 from rsoconsole.orbit.sightings import Sightings
 from rsoconsole.pipeline.catalogue_files import read_catalogue
+from rsoconsole.pipeline.element_errors_of import errors_of
 from rsoconsole.pipeline.sightings_of import longest_arc
 from rsoconsole.pipeline.uncorrelated_tracks import Past, ledger_words
 from rsoconsole.records import CatalogueMatch, Identified, LedgerName, Site
@@ -75,6 +77,7 @@ class Naming:
         self._config = config
         self._past = past
         self._catalogue = Catalogue(config.catalogue.tle_files)
+        self._errors = errors_of(config.catalogue)
         self._asked: dict[int, _Asked] = {}
         """By track id."""
 
@@ -83,7 +86,7 @@ class Naming:
         if config.catalogue.tle_files != self._catalogue.files:
             self._catalogue = Catalogue(config.catalogue.tle_files)
             self._asked = {}
-        self._config = config
+        self._config, self._errors = config, errors_of(config.catalogue)
 
     def forget(self) -> None:
         """The clock was wrong until now."""
@@ -115,7 +118,11 @@ class Naming:
                 begun_utc_ns=int(seen[track_id].t_utc_ns[0]),
                 due=max(round(_MORE * len(seen[track_id])), len(seen[track_id]) + 1),
                 compared=compared_with(
-                    arc, self._config.site.to_site(), entries, gate_deg=gate_deg
+                    arc,
+                    self._config.site.to_site(),
+                    entries,
+                    gate_deg=gate_deg,
+                    errors=self._errors,
                 ),
             )
         kept = [each for each in self._asked if each in tracks or each in due][-_MOST_TRACKS:]
@@ -152,9 +159,10 @@ def identified(
     entries: Sequence[CatalogueEntry],
     *,
     gate_deg: float,
+    errors: ElementErrors = ASSUMED,
 ) -> Identified:
     """What is put on record of an identification of one track by itself."""
-    found = identify(seen, site, entries, gate_deg=gate_deg)
+    found = identify(seen, site, entries, gate_deg=gate_deg, errors=errors)
     return on_record(frame_id, track_id, found, len(seen))
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from rsoconsole.config import OrbitConfig
 from rsoconsole.orbit.catalogue import CatalogueEntry
+from rsoconsole.pipeline.element_errors_of import errors_of
 from rsoconsole.pipeline.naming import identified
 from rsoconsole.pipeline.orbit_online import OnlineOrbit
 from rsoconsole.pipeline.sightings_of import longest_arc
@@ -36,5 +37,13 @@ def recorded_orbit(
     if not entries:
         return estimate, None
     arc, site = longest_arc(refined[0].seen), config.site.to_site()
-    name = identified(estimate.frame_id, estimate.track_id, arc, site, entries, gate_deg=gate_deg)
+    name = identified(
+        estimate.frame_id,
+        estimate.track_id,
+        arc,
+        site,
+        entries,
+        gate_deg=gate_deg,
+        errors=errors_of(config.catalogue),
+    )
     return estimate, name

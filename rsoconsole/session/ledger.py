@@ -1,33 +1,21 @@
 """The ledger: tracks that no catalogue explains, kept across nights in the user's state folder.
 
-One file of lines that is only ever added to: a track that was kept, a name that was given, an
-object that was forgotten; what holds is a fold over them. A track that is kept again (by session
-and track id) takes its own place. Each line is a JSON object and reads by itself, so that damage
-costs no more than the lines that it befell: who writes next moves the damaged file aside, as it
-is, and goes on with the lines that can be read.
+One file of lines that is only ever added to (``line_file``): a track that was kept, a name that was
+given, an object that was forgotten; what holds is a fold over them. A track that is kept again (by
+session and track id) takes its own place.
 """
 
-import contextlib
-import fcntl
-import json
 import math
-import os
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import state_dir
 from rsoconsole.errors import SessionError
-from rsoconsole.foreign_text import json_of
-from rsoconsole.session.frame_files import write_durably
+from rsoconsole.session.line_file import LineFile, Lines, frozen, objects_of
 
 FORMAT = 1
-_WAIT_S = 20.0
-"""For another writer."""
-_POLL_S = 0.05
-_MOST_BYTES = 200_000_000
 _MOST_NAME = 40
 
 
@@ -171,19 +159,13 @@ def taken_back(session: str, track_id: int) -> Change:
 
 def read_ledger(path: Path | None = None) -> Ledger:
     """The ledger as it is; an empty one where there is none. Raises SessionError."""
-    return _folded(_lines(path or ledger_path()))
+    file = _file(path or ledger_path())
+    return _folded(file, file.lines())
 
 
 def damage_words(ledger: Ledger, path: Path) -> str:
     """What is wrong with it, and what comes of that; empty for a whole one."""
-    bad = ledger.unreadable
-    if not bad:
-        return ""
-    which = f"line {bad[0]}" if len(bad) == 1 else f"{len(bad)} lines, {bad[0]} the first,"
-    return (
-        f"{path}: {which} cannot be read; all others hold, and the file is moved aside as it is"
-        " when something is kept next"
-    )
+    return _file(path).damage_words(ledger.unreadable)
 
 
 def change_ledger(
@@ -194,115 +176,46 @@ def change_ledger(
     Nobody else writes meanwhile. Returns the ledger, and where a damaged file was moved. Raises
     SessionError where another writer takes too long, and where the file cannot be written.
     """
-    path = path or ledger_path()
-    try:
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with _locked(path):
-            lines = _lines(path)
-            before = _folded(lines)
-            aside = _moved_aside(path, lines, before) if before.unreadable else None
-            added = [json.dumps(each, allow_nan=False) for each in change(before)]
-            if added:
-                _append(path, added)
-            return _folded(_lines(path)), aside
-    except OSError as error:
-        raise SessionError(
-            f"the ledger {path} cannot be written: {error.strerror or error}; free space there, or"
-            " set its permissions"
-        ) from error
+    file = _file(path or ledger_path())
+
+    def step(lines: Lines) -> tuple[Sequence[int], Sequence[Change]]:
+        before = _folded(file, lines)
+        return before.unreadable, change(before)
+
+    lines, aside = file.change(step)
+    return _folded(file, lines), aside
 
 
-@contextlib.contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """A file of its own: the ledger's own is replaced where it is damaged."""
-    lock = path.with_suffix(".lock")
-    with lock.open("a") as file:
-        deadline = time.monotonic() + _WAIT_S
-        while True:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError as error:
-                if time.monotonic() > deadline:
-                    raise SessionError(
-                        f"another process has written {path} for {_WAIT_S:.0f} s: wait for it, or"
-                        " end it"
-                    ) from error
-                time.sleep(_POLL_S)
-        yield
+def _file(path: Path) -> LineFile:
+    return LineFile(path=path, called="the ledger", format=FORMAT)
 
 
-def _lines(path: Path) -> list[bytes]:
-    try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise SessionError(f"{path} is larger than any ledger: move it away")
-        return path.read_bytes().split(b"\n")
-    except FileNotFoundError:
-        return []
-    except OSError as error:
-        raise SessionError(f"the ledger {path} cannot be read: {error.strerror}") from error
-
-
-def _append(path: Path, added: Sequence[str]) -> None:
-    """On the disk, behind a line's end whatever the last writer left."""
-    is_new = not path.exists()
-    head = json.dumps({"did": "begun", "format": FORMAT}) + "\n" if is_new else ""
-    with path.open("ab") as file:
-        if not is_new and not path.read_bytes().endswith(b"\n"):
-            head = "\n"
-        file.write((head + "".join(f"{each}\n" for each in added)).encode())
-        file.flush()
-        os.fsync(file.fileno())
-    if is_new:
-        descriptor = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-
-
-def _moved_aside(path: Path, lines: Sequence[bytes], found: Ledger) -> Path:
-    """A copy of the damaged file, byte by byte; the lines that can be read take its place."""
-    number = 1
-    while (aside := path.with_name(f"{path.name}.damaged-{number}")).exists():
-        number += 1
-    write_durably(aside, b"\n".join(lines))
-    bad = set(found.unreadable)
-    good = [each for n, each in enumerate(lines, start=1) if n not in bad and each.strip()]
-    if not good:
-        good = [json.dumps({"did": "begun", "format": FORMAT}).encode()]
-    write_durably(path, b"".join(each + b"\n" for each in good))
-    return aside
-
-
-def _folded(lines: Sequence[bytes]) -> Ledger:
+def _folded(file: LineFile, lines: Lines) -> Ledger:
     """Raises SessionError for a ledger that a later version has written."""
     tracks: dict[tuple[str, int], tuple[int, LedgerTrack]] = {}
     names: dict[int, str] = {}
     gone: set[int] = set()
-    highest, bad = 0, []
-    for place, line in enumerate(lines, start=1):
-        if not line.strip():
-            continue
-        try:
-            said = _object(line)
-            match said["did"]:
-                case "begun":
-                    _expect_format(said["format"])
-                case "kept":
-                    track = _track(said["track"])
-                    tracks[track.session, track.track_id] = (_whole(said["number"]), track)
-                case "renamed":
-                    names[_whole(said["number"])] = str(said["name"])
-                case "forgotten":
-                    gone.add(_whole(said["number"]))
-                case "taken back":
-                    tracks.pop((str(said["session"]), _whole(said["track_id"])), None)
-                case _:
-                    raise ValueError(f"{said['did']!r} is nothing that a ledger says")
-            highest = max(highest, said.get("number", 0))
-        except (ValueError, KeyError, TypeError):
-            bad.append(place)
+    highest = 0
+
+    def take(said: Mapping[str, Any]) -> None:
+        nonlocal highest
+        match said["did"]:
+            case "begun":
+                file.expect_format(said["format"])
+            case "kept":
+                track = _track(said["track"])
+                tracks[track.session, track.track_id] = (_whole(said["number"]), track)
+            case "renamed":
+                names[_whole(said["number"])] = str(said["name"])
+            case "forgotten":
+                gone.add(_whole(said["number"]))
+            case "taken back":
+                tracks.pop((str(said["session"]), _whole(said["track_id"])), None)
+            case _:
+                raise ValueError(f"{said['did']!r} is nothing that a ledger says")
+        highest = max(highest, said.get("number", 0))
+
+    bad = objects_of(lines, take)
     by_number: dict[int, list[LedgerTrack]] = {}
     for number, track in tracks.values():
         if number not in gone:
@@ -315,19 +228,7 @@ def _folded(lines: Sequence[bytes]) -> Ledger:
         )
         for number, own in sorted(by_number.items())
     ]
-    return Ledger(objects=tuple(objects), next_number=highest + 1, unreadable=tuple(bad))
-
-
-def _expect_format(found: object) -> None:
-    if isinstance(found, int) and found > FORMAT:
-        raise SessionError("the ledger is of a later rsoconsole: update this one")
-
-
-def _object(line: bytes) -> dict[str, Any]:
-    said = json_of(line.decode("utf-8"))
-    if not isinstance(said, dict):
-        raise TypeError("no object")
-    return said
+    return Ledger(objects=tuple(objects), next_number=highest + 1, unreadable=bad)
 
 
 def _whole(value: object) -> int:
@@ -338,12 +239,12 @@ def _whole(value: object) -> int:
 
 def _track(said: Mapping[str, Any]) -> LedgerTrack:
     known = {each.name for each in fields(LedgerTrack)}
-    values = {key: _frozen(value) for key, value in said.items() if key in known}
+    values = {key: frozen(value) for key, value in said.items() if key in known}
     orbit = said.get("orbit")
     if orbit is not None:
         of_orbit = {each.name for each in fields(LedgerOrbit)}
         values["orbit"] = LedgerOrbit(
-            **{key: _frozen(value) for key, value in orbit.items() if key in of_orbit}
+            **{key: frozen(value) for key, value in orbit.items() if key in of_orbit}
         )
     track = LedgerTrack(**values)
     _expect_numbers(track)
@@ -373,7 +274,3 @@ def _square(rows: Sequence[Sequence[float]], size: int) -> list[float]:
     if len(rows) != size or any(len(row) != size for row in rows):
         raise ValueError(f"a covariance is {size} by {size}")
     return [value for row in rows for value in row]
-
-
-def _frozen(value: Any) -> Any:
-    return tuple(_frozen(each) for each in value) if isinstance(value, list) else value

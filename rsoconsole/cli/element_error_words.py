@@ -1,0 +1,79 @@
+"""How far elements are taken to be off, and by what, in words; 80 columns at most."""
+
+import textwrap
+from collections.abc import Collection, Iterator, Sequence
+from typing import Any
+
+KINDS = {
+    "GEO": "geosynchronous orbits",
+    "MEO": "medium orbits",
+    "LEO": "low orbits",
+    "HEO": "eccentric orbits",
+}
+_WIDTH = 78
+
+
+def source_lines(errors: Sequence[dict[str, Any]], regimes: Collection[str]) -> Iterator[str]:
+    """Whether the errors of these kinds of orbit are assumed or measured."""
+    asked = [each for each in errors if each["regime"] in regimes]
+    words = [_measured(each) for each in asked if each["source"] == "measured"]
+    assumed = [KINDS[each["regime"]] for each in asked if each["source"] == "assumed"]
+    if assumed:
+        words.append(f"errors of {_joined(assumed)} as the literature has them, not measured")
+    yield from textwrap.wrap("; ".join(words), _WIDTH, initial_indent="  ", subsequent_indent="  ")
+
+
+def _measured(each: dict[str, Any]) -> str:
+    tracks, objects = each["tracks"], each["objects"]
+    return (
+        f"errors of {KINDS[each['regime']]} by {tracks} own track{'s' if tracks > 1 else ''} of"
+        f" {objects} object{'s' if objects > 1 else ''}, to {each['oldest_days']:.0f} days"
+    )
+
+
+def _joined(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def ledger_lines(report: dict[str, Any]) -> Iterator[str]:
+    """What the ledger of element errors holds."""
+    for night in report["nights"]:
+        yield (f"{night['night']}: {len(night['rows'])} of {night['tracks']} tracks surely named")
+    for each in report["regimes"]:
+        yield from _regime_lines(each)
+
+
+def _regime_lines(each: dict[str, Any]) -> Iterator[str]:
+    yield ""
+    yield (
+        f"{KINDS[each['regime']]}: {each['tracks']} tracks of {each['objects']} objects, weighed as"
+        f" {each['counted_as']:.0f}; to {each['t_last_utc'][:10]}"
+    )
+    yield f"  {'age, days':>9} {'tracks':>7} {'objects':>8} {'along, rms':>20} {'across, rms':>20}"
+    for one in each["ages"]:
+        high = one["to_days"]
+        age = f"{one['from_days']:.0f}+" if high is None else f"{one['from_days']:.0f}-{high:.0f}"
+        along = f"{_short(one['along_rms_km'])} km {_short(one['along_rms_s'])} s"
+        across = f"{_short(one['across_rms_km'])} km {_angle(one['across_rms_arcsec'])}"
+        yield f"  {age:>9} {one['tracks']:>7} {one['objects']:>8} {along:>20} {across:>20}"
+    used = each["in_use"]
+    yield f"  times the assumed errors{'':14} measured{'':6} in use"
+    for name, words in _FACTORS.items():
+        value, sigma = each["factors"][name], each["factors"][f"{name}_sigma"]
+        now = 1.0 if used is None else used[name]
+        yield f"    {words:34} {value:5.2f} ± {sigma:<5.2f} {now:7.2f}"
+
+
+_FACTORS = {
+    "along_at_epoch": "along the track, at the epoch",
+    "along_by_age": "along the track, what grows by age",
+    "across": "across the track",
+}
+
+
+def _short(value: float) -> str:
+    return f"{value:.2f}" if value < 10.0 else f"{value:.0f}"
+
+
+def _angle(arcsec: float) -> str:
+    return f'{arcsec:.1f}"' if arcsec < 600.0 else f"{arcsec / 60.0:.0f}'"

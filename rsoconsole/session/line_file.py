@@ -1,0 +1,165 @@
+"""A file of lines that is only ever added to, each a JSON object that reads by itself.
+
+Damage costs no more than the lines that it befell: who writes next moves the damaged file aside,
+as it is, and goes on with the lines that can be read. The first line says the format.
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.errors import SessionError
+from rsoconsole.foreign_text import json_of
+from rsoconsole.session.frame_files import write_durably
+
+_WAIT_S = 20.0
+"""For another writer."""
+_POLL_S = 0.05
+_MOST_BYTES = 200_000_000
+
+Lines = Sequence[bytes]
+Step = Callable[[Lines], tuple[Sequence[int], Sequence[Mapping[str, Any]]]]
+"""From the lines to the numbers of those that cannot be read, and what is to be added."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LineFile:
+    """One such file, there or not."""
+
+    path: Path
+    called: str
+    """For people: the ledger."""
+    format: int
+
+    def lines(self) -> list[bytes]:
+        """All of them; none where there is no file. Raises SessionError."""
+        try:
+            if self.path.stat().st_size > _MOST_BYTES:
+                raise SessionError(f"{self.path} is larger than any ledger: move it away")
+            return self.path.read_bytes().split(b"\n")
+        except FileNotFoundError:
+            return []
+        except OSError as error:
+            raise SessionError(
+                f"{self.called} {self.path} cannot be read: {error.strerror}"
+            ) from error
+
+    def change(self, step: Step) -> tuple[list[bytes], Path | None]:
+        """Add what ``step`` makes of the lines, on the disk when this returns.
+
+        Nobody else writes meanwhile. Returns the lines, and where a damaged file was moved. Raises
+        SessionError where another writer takes too long, and where the file cannot be written.
+        """
+        try:
+            self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            with _locked(self.path):
+                lines = self.lines()
+                unreadable, changes = step(lines)
+                aside = self._moved_aside(lines, unreadable) if unreadable else None
+                added = [json.dumps(each, allow_nan=False) for each in changes]
+                if added:
+                    self._append(added)
+                return self.lines(), aside
+        except OSError as error:
+            raise SessionError(
+                f"{self.called} {self.path} cannot be written: {error.strerror or error}; free"
+                " space there, or set its permissions"
+            ) from error
+
+    def expect_format(self, found: object) -> None:
+        """Raises SessionError for a file that a later version has written."""
+        if isinstance(found, int) and found > self.format:
+            raise SessionError(f"{self.called} is of a later rsoconsole: update this one")
+
+    def damage_words(self, unreadable: Sequence[int]) -> str:
+        """What is wrong with it, and what comes of that; empty for a whole one."""
+        if not unreadable:
+            return ""
+        first, count = unreadable[0], len(unreadable)
+        which = f"line {first}" if count == 1 else f"{count} lines, {first} the first,"
+        return (
+            f"{self.path}: {which} cannot be read; all others hold, and the file is moved aside as"
+            " it is when something is kept next"
+        )
+
+    @property
+    def _begun(self) -> str:
+        return json.dumps({"did": "begun", "format": self.format})
+
+    def _append(self, added: Sequence[str]) -> None:
+        """On the disk, behind a line's end whatever the last writer left."""
+        is_new = not self.path.exists()
+        head = f"{self._begun}\n" if is_new else ""
+        with self.path.open("ab") as file:
+            if not is_new and not self.path.read_bytes().endswith(b"\n"):
+                head = "\n"
+            file.write((head + "".join(f"{each}\n" for each in added)).encode())
+            file.flush()
+            os.fsync(file.fileno())
+        if is_new:
+            descriptor = os.open(self.path.parent, os.O_RDONLY)
+            try:
+                os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
+
+    def _moved_aside(self, lines: Lines, unreadable: Sequence[int]) -> Path:
+        """A copy of the damaged file, byte by byte; the lines that can be read take its place."""
+        number = 1
+        while (aside := self.path.with_name(f"{self.path.name}.damaged-{number}")).exists():
+            number += 1
+        write_durably(aside, b"\n".join(lines))
+        bad = set(unreadable)
+        good = [each for n, each in enumerate(lines, start=1) if n not in bad and each.strip()]
+        write_durably(self.path, b"".join(each + b"\n" for each in good or [self._begun.encode()]))
+        return aside
+
+
+def objects_of(lines: Lines, take: Callable[[Mapping[str, Any]], None]) -> tuple[int, ...]:
+    """Give each line to ``take`` as an object; the numbers of those that cannot be read.
+
+    ``take`` raises ValueError, KeyError or TypeError for one that says nothing that it knows.
+    """
+    bad = []
+    for place, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            said = json_of(line.decode("utf-8"))
+            if not isinstance(said, dict):
+                raise TypeError("no object")
+            take(said)
+        except (ValueError, KeyError, TypeError):
+            bad.append(place)
+    return tuple(bad)
+
+
+def frozen(value: Any) -> Any:
+    """Lists as tuples, all the way down."""
+    return tuple(frozen(each) for each in value) if isinstance(value, list) else value
+
+
+@contextlib.contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """A file of its own: that of the lines is replaced where it is damaged."""
+    lock = path.with_suffix(".lock")
+    with lock.open("a") as file:
+        deadline = time.monotonic() + _WAIT_S
+        while True:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError as error:
+                if time.monotonic() > deadline:
+                    raise SessionError(
+                        f"another process has written {path} for {_WAIT_S:.0f} s: wait for it, or"
+                        " end it"
+                    ) from error
+                time.sleep(_POLL_S)
+        yield
