@@ -80,10 +80,17 @@ def with_settings(text: str, settings: Mapping[str, Any]) -> str:
         if value is not None:
             table[key] = toml_of(f"it = {toml_value(value)}")["it"]
         text = _with_setting(text, section, key, value)
-    if _filled(toml_of(text)) != _filled(wanted):
+    if not _says(text, wanted):
         names = " and ".join(settings)
         raise ValueError(f"{names} cannot be set in the form that the file has: edit it by hand")
     return text
+
+
+def _says(text: str, wanted: dict[str, Any]) -> bool:
+    try:
+        return _filled(toml_of(text)) == _filled(wanted)
+    except ValueError:
+        return False
 
 
 def _filled(table: dict[str, Any]) -> dict[str, Any]:

@@ -138,6 +138,7 @@ def _span(config: Config, at: str, hours: float | None) -> _Span:
 def _looked_for(
     entries: "Sequence[CatalogueEntry]", config: Config, span: _Span, *, is_low_only: bool
 ) -> "list[NightPass]":
+    from rsoconsole.pipeline.element_errors_of import errors_of
     from rsoconsole.pipeline.night_passes import night_passes
 
     found: list[NightPass] = []
@@ -149,6 +150,7 @@ def _looked_for(
             (span.first_utc_ns, span.last_utc_ns),
             config.limits,
             is_low_only=is_low_only,
+            errors=errors_of(config.catalogue),
         ):
             found += some
             bar(done - before)

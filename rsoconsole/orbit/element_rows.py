@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rsoconsole.orbit.catalogue import states_gcrs
 from rsoconsole.orbit.element_errors import Regime, regime_of
 from rsoconsole.orbit.identify import Compared, Identification
 from rsoconsole.records import FloatArray
@@ -34,7 +35,7 @@ class ElementRow:
     """Negative: the elements are younger."""
     regime: Regime
     along_s: float
-    """Observed minus computed; positive: ahead of its elements."""
+    """Observed minus computed, as time in its orbit; positive: ahead of its elements."""
     sigma_along_s: float
     """Of the measurement, as the others."""
     along_km: float
@@ -75,6 +76,9 @@ def row_of(
     sigma_along, sigma_across = np.sqrt(np.diag(with_all.covariance[n])[:2]).tolist()
     per_arcsec = scale / float(along_by[1])
     entry = with_all.entries[n]
+    _, (v,) = states_gcrs((entry,), np.array([found.t_utc_ns], np.int64))
+    speed_km_s = float(np.linalg.norm(v))
+    along_km, sigma_along_km = match.along_track_arcsec * per_arcsec, sigma_along * per_arcsec
     return ElementRow(
         session=session,
         track=track,
@@ -84,10 +88,10 @@ def row_of(
         tle_epoch_utc_ns=match.tle_epoch_utc_ns,
         age_days=match.tle_age_days,
         regime=regime_of(entry.revolutions_a_day, entry.eccentricity),
-        along_s=match.along_track_s,
-        sigma_along_s=sigma_along / float(with_all.rate_arcsec_s[n]),
-        along_km=match.along_track_arcsec * per_arcsec,
-        sigma_along_km=sigma_along * per_arcsec,
+        along_s=along_km / speed_km_s,
+        sigma_along_s=sigma_along_km / speed_km_s,
+        along_km=along_km,
+        sigma_along_km=sigma_along_km,
         across_arcsec=match.cross_track_arcsec,
         sigma_across_arcsec=sigma_across,
         across_km=match.cross_track_arcsec * scale,

@@ -54,7 +54,8 @@ def rows_of_session(
         for each in tracks
     ]
     named = name_together(compared, gate_deg=GATE_DEG)
-    session = _called(folder.resolve().name, int(about.get("t_started_utc_ns") or 0))
+    first_utc_ns = min(int(each.seen.t_utc_ns[0]) for each in tracks)
+    session = _called(folder.resolve().name, first_utc_ns)
     found = (
         row_of(session, str(track.number), *pair)
         for track, pair in zip(tracks, zip(compared, named, strict=True), strict=True)
@@ -177,6 +178,4 @@ def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[Elem
 def _called(name: str, t_utc_ns: int) -> str:
     """Of folders and frames of one name, each has its instant; to the second, so that a corrected
     clock makes no other of it."""
-    if not t_utc_ns:
-        return name
     return f"{name}, {utc_ns_to_iso(round(t_utc_ns / NS_PER_S) * NS_PER_S, 0)}"

@@ -12,7 +12,8 @@ import numpy as np
 from rsoconsole.config import LimitsConfig
 from rsoconsole.orbit.catalogue import CatalogueEntry, nearest_in_epoch_of_each
 from rsoconsole.orbit.element_errors import (
-    UNDISTURBED,
+    ASSUMED,
+    ElementErrors,
     position_sigmas_km,
     regime_of,
 )
@@ -75,6 +76,7 @@ def night_passes(
     limits: LimitsConfig,
     *,
     is_low_only: bool = True,
+    errors: ElementErrors = ASSUMED,
 ) -> Iterator[tuple[int, tuple[NightPass, ...]]]:
     """Passes within a span, by some objects after another, each time with how many were looked at.
 
@@ -90,7 +92,7 @@ def night_passes(
         found = [
             each
             for entry, path in looks.near_the_limit(some, limits)
-            if (each := _pass(entry, path, span_utc_ns, limits)) is not None
+            if (each := _pass(entry, path, span_utc_ns, limits, errors)) is not None
         ]
         done += len(some)
         yield done, tuple(sorted(found, key=lambda each: each.rise.t_utc_ns))
@@ -217,7 +219,11 @@ class _Path:
 
 
 def _pass(
-    entry: CatalogueEntry, path: _Path, span_utc_ns: tuple[int, int], limits: LimitsConfig
+    entry: CatalogueEntry,
+    path: _Path,
+    span_utc_ns: tuple[int, int],
+    limits: LimitsConfig,
+    errors: ElementErrors,
 ) -> NightPass | None:
     """The one of a run of looks; None where it is not above the limit in the span."""
     t, lines, alt, az = path.fine()
@@ -237,7 +243,8 @@ def _pass(
     moved_deg = float(np.degrees(np.arcsin(np.linalg.norm(np.cross(*beside)))))
     span_s = (t[min(top + 1, len(t) - 1)] - t[max(top - 1, 0)]) / NS_PER_S
     age_days = (int(t[top]) - entry.epoch_utc_ns) / NS_PER_DAY
-    spread = UNDISTURBED[regime_of(entry.revolutions_a_day, entry.eccentricity)]
+    regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
+    spread = errors.of(regime, is_moved=False)
     along_km = float(position_sigmas_km(spread, age_days)[1])
     speed_km_s = float(entry.revolutions_a_day * 2.0 * np.pi / 86_400.0) * float(
         np.linalg.norm(path.r_km[nearest])
