@@ -191,6 +191,8 @@ class Plan:
     """Frames with another streak beside the satellite's."""
     outliers: int = 2
     rows: tuple[float, float] = (200.0, 3300.0)
+    has_ends: bool = True
+    """Whether the streaks' ends are on record."""
 
 
 def night(
@@ -311,7 +313,7 @@ def _write_frame(  # noqa: PLR0917 -- all that a frame has
         y_px=y_px,
         confidence=0.9,
         source="network",
-        ends_icrs_deg=ends,  # type: ignore[arg-type]
+        ends_icrs_deg=ends if plan.has_ends else None,  # type: ignore[arg-type]
     )
     writer.append(taken, header_mid_ns)
     writer.append(measured, header_mid_ns)

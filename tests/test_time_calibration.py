@@ -168,6 +168,15 @@ def test_satellites_that_all_go_the_same_way_are_said(sky, sp3, tmp_path) -> Non
     assert abs(off(mode, "bias_s", 0.137)) <= SIGMAS
 
 
+def test_streaks_without_ends_serve_too(sky, sp3, tmp_path) -> None:
+    plan = Plan(has_ends=False)
+    folder = night(tmp_path / "n", sky, Shutter(), plan, np.random.default_rng(13))
+    (mode,) = found(folder, "--sp3", sp3)["modes"]
+    assert mode["sigma_bias_s"] <= FIVE_MS
+    for name, truth in (("bias_s", 0.137), ("scatter_s", 0.008), ("line_time_us", 15.0)):
+        assert abs(off(mode, name, truth)) <= SIGMAS
+
+
 def test_a_line_time_that_the_rows_do_not_tell_is_the_configured_one(sky, sp3, tmp_path) -> None:
     config = {"exposure": {"line_time_us": 15.0}}
     plan = Plan(rows=(1700.0, 1700.0), cadence_s=1.0)

@@ -24,7 +24,8 @@ from rsoconsole.orbit.navigation import (
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.times import NS_PER_S, IntArray
 
-NODES = 10
+NODES, LEAST_NODES = 10, 6
+"""Epochs of a polynomial, and of a short file: a metre at steps of 15 min."""
 _HALF_S = 0.5
 _NEAREST_KM, _FARTHEST_KM = 6_400.0, 60_000.0
 _EPOCH = datetime(1970, 1, 1)  # noqa: DTZ001 -- a calendar, which of the time systems the file says
@@ -69,7 +70,7 @@ class SampledOrbit:
         span_s = (self.t_gps_ns[nodes[:, -1]] - self.t_gps_ns[nodes[:, 0]]) / NS_PER_S
         is_inside = (t >= self.t_gps_ns[0]) & (t <= self.t_gps_ns[-1])
         step_s = float(np.median(np.diff(self.t_gps_ns))) / NS_PER_S
-        is_whole = (count == NODES) & (span_s <= (NODES - 0.5) * step_s)
+        is_whole = (count >= LEAST_NODES) & (span_s <= (count - 0.5) * step_s)
         return nodes, is_inside & is_whole & (step_s <= _LONGEST_STEP_S)
 
 
@@ -92,13 +93,15 @@ def parse_sp3(texts: dict[str, str]) -> NavigationFile:
         _read(text, source, samples, skipped)
     orbits = {}
     for name, found in sorted(samples.items()):
-        if len(found) < NODES:
-            skipped[f"fewer than {NODES} epochs"] += 1
+        if len(found) < LEAST_NODES:
+            skipped[f"fewer than {LEAST_NODES} epochs"] += 1
             continue
         t = np.array(sorted(found), np.int64)
         orbits[name] = SampledOrbit(t_gps_ns=t, r_km=np.array([found[int(each)] for each in t]))
     if not orbits:
-        raise OrbitError(f"{', '.join(texts)}: no satellite has {NODES} epochs: give a whole day")
+        raise OrbitError(
+            f"{', '.join(texts)}: no satellite has {LEAST_NODES} epochs: give a whole day"
+        )
     edges = utc_ns_of_gps(
         np.array(
             [

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.config import Config, ExposureConfig
+from rsoconsole.config import Config
 from rsoconsole.orbit.navigation import NavigationSatellite
 from rsoconsole.pipeline.shutter_time import shutter_time
 from rsoconsole.records import FloatArray, FrameTaken, Measurement, Site
@@ -41,7 +41,9 @@ class Streak:
     session: int
     """Its place among those of a calibration."""
     covariance: FloatArray
-    """Without the error of its time."""
+    """(2, 2) arcsec^2; once it is matched without the error of its time."""
+    time_sigma_s: float
+    """What its session took the shutter to scatter by."""
     satellite: NavigationSatellite | None = None
     offset_arcsec: FloatArray = field(default_factory=lambda: np.zeros(2))
     rate_arcsec_s: FloatArray = field(default_factory=lambda: np.zeros(2))
@@ -72,11 +74,13 @@ def read_streaks(folder: Path, session: int) -> NightStreaks:
         elif isinstance(record, Measurement) and record.frame_id in taken:
             frame = taken[record.frame_id]
             if _is_whole(record, frame):
+                east, both, north = record.cov_sky_arcsec2
                 streaks[record.measurement_id] = Streak(
                     measurement=record,
                     taken=frame,
                     session=session,
-                    covariance=_without_time(record, frame, config.exposure),
+                    covariance=np.array([[east, both], [both, north]]),
+                    time_sigma_s=shutter_time(frame, config.exposure).sigma_s,
                 )
     return NightStreaks(
         folder=Path(folder),
@@ -92,34 +96,31 @@ def _is_whole(measurement: Measurement, taken: FrameTaken) -> bool:
         measurement.source == "network"
         and not measurement.is_clipped
         and not measurement.is_crossing
-        and measurement.ends_icrs_deg is not None
         and taken.t_mid_utc_ns is not None
     )
 
 
-def _along(measurement: Measurement) -> FloatArray:
-    """(2,) from one end of the streak to the other, arcsec east and north."""
-    assert measurement.ends_icrs_deg is not None
+def _along(measurement: Measurement) -> FloatArray | None:
+    """(2,) from one end of the streak to the other, arcsec east and north; None without ends."""
+    if measurement.ends_icrs_deg is None:
+        return None
     (ra_a, dec_a), (ra_b, dec_b) = measurement.ends_icrs_deg
     cos_dec = math.cos(math.radians(measurement.dec_icrs_deg))
     return np.array([wrap_180(ra_b - ra_a) * cos_dec, dec_b - dec_a]) * 3600.0
 
 
-def _without_time(
-    measurement: Measurement, taken: FrameTaken, exposure: ExposureConfig
-) -> FloatArray:
+def _without_time(streak: Streak) -> FloatArray:
     """(2, 2) arcsec^2: the measurement's covariance without what its time added to it."""
-    east, both, north = measurement.cov_sky_arcsec2
-    way = _along(measurement) / (taken.exposure_s or 1.0) * shutter_time(taken, exposure).sigma_s
-    whole = np.array([[east, both], [both, north]]) - np.outer(way, way)
-    values, vectors = np.linalg.eigh(whole)
+    late = streak.rate_arcsec_s * streak.time_sigma_s
+    values, vectors = np.linalg.eigh(streak.covariance - np.outer(late, late))
     values = np.maximum(values, _LEAST_SIGMA_ARCSEC**2)
     return np.asarray((vectors * values) @ vectors.T)
 
 
 def length_arcsec(streak: Streak) -> float:
-    """From end to end."""
-    return float(np.hypot(*_along(streak.measurement)))
+    """From end to end; NaN where the ends are not known."""
+    way = _along(streak.measurement)
+    return math.nan if way is None else float(np.hypot(*way))
 
 
 def header_mid(streak: Streak) -> int:
@@ -149,6 +150,9 @@ def match(streaks: Sequence[Streak], site: Site, satellites: Sequence[Navigation
                     best[start + number] = across
                     some[number].satellite = satellite
                     some[number].offset_arcsec, some[number].rate_arcsec_s = offset[k], rate[k]
+    for streak in streaks:
+        if streak.satellite is not None:
+            streak.covariance = _without_time(streak)
 
 
 _NEAR_COS = math.cos(math.radians(1.0))
@@ -200,15 +204,19 @@ def _fits(
         return None
     if abs(float(offset @ ahead)) > (MOST_LATE_S * speed + _ACROSS_SIGMAS * sigma_arcsec):
         return None
+    return across if _has_shape_of(streak, speed, aside) else None
+
+
+def _has_shape_of(streak: Streak, speed: float, aside: FloatArray) -> bool:
+    """Whether the streak goes the way and has the length; a light without ends has any."""
     way, expected = _along(streak.measurement), speed * (streak.taken.exposure_s or 0.0)
+    if way is None:
+        return True
     length = float(np.hypot(*way))
     if abs(length - expected) > max(_LENGTH_SHARE * expected, _LENGTH_ARCSEC):
-        return None
-    if length > _SHORTEST_ARCSEC:
-        turned = abs(float(way @ aside)) / length
-        if turned > math.sin(math.radians(_MOST_TURNED_DEG)):
-            return None
-    return across
+        return False
+    turned = abs(float(way @ aside)) / max(length, _SHORTEST_ARCSEC)
+    return length <= _SHORTEST_ARCSEC or turned <= math.sin(math.radians(_MOST_TURNED_DEG))
 
 
 def label_of(streak: Streak) -> str:

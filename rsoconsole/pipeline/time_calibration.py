@@ -337,7 +337,7 @@ def _lengths_off(used: Sequence[Streak], track: npt.NDArray[np.int64]) -> FloatA
     length -= [float(np.hypot(*s.rate_arcsec_s)) * (s.taken.exposure_s or 0.0) for s in used]
     off = np.full(len(used), np.nan)
     for each in np.unique(track):
-        of_it = track == each
+        of_it = (track == each) & np.isfinite(length)
         count = int(np.sum(of_it))
         if count >= _FEWEST_LENGTHS:
             apart = length[of_it] - np.median(length[of_it])
