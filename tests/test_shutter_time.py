@@ -14,14 +14,18 @@ from rsoconsole.engine.arming import ArmingCheck, arming_checks
 from rsoconsole.engine.doctor_shutter import check_shutter
 from rsoconsole.export import read_night
 from rsoconsole.pipeline.measure import measure, shutter_mid_utc_ns
+from rsoconsole.pipeline.replay import replay
+from rsoconsole.pipeline.retell import retell
 from rsoconsole.pipeline.shutter_time import shutter_time
 from rsoconsole.pipeline.timing_settings import put_together
-from rsoconsole.records import CameraMode, FrameTaken
+from rsoconsole.records import CameraMode, FrameTaken, Measurement
+from rsoconsole.session.reader import SessionReader
 from rsoconsole.shutter_config import CalibratedTiming
 from rsoconsole.sky.times import iso_to_utc_ns
 from tests.export_nights import closed_night
 from tests.makers import straight_detection
 from tests.navigation_truth import Plan, Shutter, constellation, night
+from tests.samples import SAMPLE
 from tests.test_arming import FACTS
 from tests.test_measure import solution
 
@@ -215,3 +219,30 @@ class TestExports:
         exported = read_night(closed_night(tmp_path / "old", frames=4))
         assert "shutter" not in exported.facts()
         assert {exported.time_sigma_s(row) for row in exported.rows} == {0.015}
+
+
+def test_a_night_of_a_calibrated_mode_replays_as_it_was_and_has_its_times() -> None:
+    reader = SessionReader(SAMPLE)
+    mode = {"binning": "1x1", "gain": 139.0}
+    records = [
+        (t, replace(r, camera=CameraMode(**mode)) if isinstance(r, FrameTaken) else r)  # type: ignore[arg-type]
+        for _, t, r in reader.records()
+    ]
+    (size,) = {(r.width_px, r.height_px) for _, r in records if isinstance(r, FrameTaken)}
+    known = TEN_S.model_copy(
+        update={"width_px": size[0], "height_px": size[1], "line_time_us": 15.0}
+    )
+    config = reader.config()
+    exposure_config = config.exposure.model_copy(update={"calibrated": (known,)})
+    config = config.model_copy(update={"exposure": exposure_config})
+    retold = retell(records, config)
+    log = [record for _, record in retold.log]
+    again = list(replay(log, config))
+    assert again
+    assert all(each.is_alike for each in again)
+    before = {r.measurement_id: r for _, r in records if isinstance(r, Measurement)}
+    after = [r for r in log if isinstance(r, Measurement)]
+    assert after
+    for each in after:
+        late_ns = each.t_mid_utc_ns - before[each.measurement_id].t_mid_utc_ns
+        assert late_ns == pytest.approx(0.2e9 + each.y_px * 15e3, abs=2)
