@@ -11,10 +11,13 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config, load_config
-from rsoconsole.errors import RsoconsoleError
+from rsoconsole.config_file import config_to_toml
+from rsoconsole.errors import ConfigError, RsoconsoleError
+from rsoconsole.orbit.element_errors import ASSUMED
 from rsoconsole.orbit.elements import ElementSet
 from rsoconsole.pipeline.element_errors_of import errors_of
 from rsoconsole.session.element_ledger import element_ledger_path, keep_rows, read_element_ledger
+from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.writer import SessionWriter
 from tests.json_page import expect_documented
 from tests.seen_satellites import geostationary, instants
@@ -155,6 +158,29 @@ def test_written_factors_keep_all_else_of_the_file_and_name_from_then_on(
     expect_documented("identify", named)
     sources = {each["regime"]: each["source"] for each in named["element_errors"]}
     assert sources == {"GEO": "measured", "MEO": "assumed", "LEO": "assumed", "HEO": "assumed"}
+
+
+def test_factors_are_recorded_with_a_session_and_checked(tmp_path: Path, own: Path) -> None:
+    block = (
+        '[[catalogue.error_factors]]\nregime = "LEO"\nalong_at_epoch = 0.8\n'
+        "along_at_epoch_sigma = 0.2\nalong_by_age = 1.4\nalong_by_age_sigma = 0.2\n"
+        "across = 2.0\nacross_sigma = 0.1\ntracks = 34\nobjects = 21\noldest_days = 12.1\n"
+        "measured_on = 2026-11-20\n"
+    )
+    own.write_text(BY_HAND + block)
+    config = load_config(own)
+    copy = tmp_path / "copy.toml"
+    copy.write_text(config_to_toml(config))
+    assert load_config(copy) == config
+    SessionWriter.create(tmp_path / "night", config, {"title": "night"}).close()
+    recorded = SessionReader(tmp_path / "night").config().catalogue
+    assert recorded == config.catalogue
+    assert errors_of(recorded).undisturbed["LEO"].along == pytest.approx((0.8, 2.1, 0.42))
+    own.write_text(BY_HAND + block + block)
+    with pytest.raises(ConfigError, match="error_factors has LEO twice"):
+        load_config(own)
+    # A session of before has none: it is named as it was.
+    assert errors_of(Config().catalogue) is ASSUMED
 
 
 def test_identify_says_that_errors_are_assumed_where_none_were_measured(

@@ -149,6 +149,31 @@ def test_low_and_high_objects_of_a_frame_are_each_named_and_a_stranger_is_not(ni
         assert high[number]["unseen_because"] is None
 
 
+def test_what_it_prints_of_frames_goes_into_the_ledger_of_element_errors(
+    night, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    file = tmp_path / "field.jsonl"
+    shorts = [f"short_{k}.fits" for k in range(5)]
+    with file.open("w") as lines:
+        for names in (["long.fits"], shorts):
+            frames = [str(night.folder / name) for name in names]
+            done = CliRunner().invoke(app, [*night.whole, "--plate", "header", *frames, "--json"])
+            lines.write(done.stdout)
+    (found,) = answers("calibrate-elements", str(file), "--config", str(night.folder / "c.toml"))
+    (one,) = found["nights"]
+    rows = {(each["norad_id"], each["track"].split()[0]): each for each in one["rows"]}
+    for number, late_s in LATE_S.items():
+        row = rows[number, "streak"]
+        assert row["along_track_s"] == pytest.approx(-late_s, abs=0.15)
+        assert row["along_track_km"] == pytest.approx(-late_s * 7.3, abs=12.0)
+        assert 0.0 < row["sigma_along_track_s"] < 0.15
+        assert row["tle_age_days"] == pytest.approx(0.5, abs=0.01)
+        assert row["regime"] == "LEO"
+    assert abs(rows[SES_10, "mover"]["along_track_km"]) < 5.0
+    assert {each["regime"] for each in found["regimes"]} >= {"LEO", "GEO"}
+
+
 def test_points_of_short_frames_are_movers_with_their_names(night):
     paths = [str(night.folder / f"short_{k}.fits") for k in range(5)]
     *frames, last = answers(*night.whole, "--plate", "header", *paths)

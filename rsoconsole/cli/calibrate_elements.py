@@ -27,7 +27,7 @@ def calibrate_elements(
     nights: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="[NIGHT...]",
+            metavar="NIGHT",
             help="Folders of recorded sessions, or files of lines by 'identify --field --json'.",
         ),
     ] = None,

@@ -24,10 +24,15 @@ def source_lines(errors: Sequence[dict[str, Any]], regimes: Collection[str]) -> 
 
 
 def _measured(each: dict[str, Any]) -> str:
+    words = _counted(each, "own track")
+    return f"errors of {KINDS[each['regime']]} by {words}, to {each['oldest_days']:.0f} days"
+
+
+def _counted(each: dict[str, Any], what: str = "track") -> str:
     tracks, objects = each["tracks"], each["objects"]
     return (
-        f"errors of {KINDS[each['regime']]} by {tracks} own track{'s' if tracks > 1 else ''} of"
-        f" {objects} object{'s' if objects > 1 else ''}, to {each['oldest_days']:.0f} days"
+        f"{tracks} {what}{'s' if tracks > 1 else ''} of {objects}"
+        f" object{'s' if objects > 1 else ''}"
     )
 
 
@@ -46,8 +51,8 @@ def ledger_lines(report: dict[str, Any]) -> Iterator[str]:
 def _regime_lines(each: dict[str, Any]) -> Iterator[str]:
     yield ""
     yield (
-        f"{KINDS[each['regime']]}: {each['tracks']} tracks of {each['objects']} objects, weighed as"
-        f" {each['counted_as']:.0f}; to {each['t_last_utc'][:10]}"
+        f"{KINDS[each['regime']]}: {_counted(each)}, weighed as {each['counted_as']:.0f};"
+        f" to {each['t_last_utc'][:10]}"
     )
     yield f"  {'age, days':>9} {'tracks':>7} {'objects':>8} {'along, rms':>20} {'across, rms':>20}"
     for one in each["ages"]:

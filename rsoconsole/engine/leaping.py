@@ -40,6 +40,7 @@ from rsoconsole.pipeline.awaited import (
     is_dark,
     next_of,
 )
+from rsoconsole.pipeline.element_errors_of import errors_of
 from rsoconsole.pipeline.leap_pass import duty, plan_pass
 from rsoconsole.pipeline.leap_streaks import FrameStreak, streaks_of, timing_of
 from rsoconsole.pipeline.leaps import (
@@ -367,6 +368,7 @@ class Leaping:
                 held=held,
                 late_sigma_s=sigma_s,
                 lifted=lifted,
+                errors=errors_of(config.catalogue),
             )
         orbit = self._last_orbit
         if orbit is None:

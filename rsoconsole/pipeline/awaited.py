@@ -13,6 +13,7 @@ import numpy as np
 from rsoconsole.config import LimitsConfig
 from rsoconsole.orbit.ahead import SkyAhead
 from rsoconsole.orbit.catalogue import CatalogueEntry
+from rsoconsole.orbit.element_errors import ASSUMED, ElementErrors
 from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.satellite import Satellite
 from rsoconsole.orbit.streak_ends import StreakEnds
@@ -63,13 +64,14 @@ def next_of(
     held: Limits,
     late_sigma_s: float,
     lifted: Collection[LimitName] = (),
+    errors: ElementErrors = ASSUMED,
 ) -> Awaited | None:
     """The next pass of a catalogued object within a day on which it is lit where it is met."""
     satellite = Satellite(entry)
     span = (now_utc_ns, now_utc_ns + NS_PER_DAY)
     found = [
         each
-        for _, some in night_passes([entry], site, span, limits, is_low_only=False)
+        for _, some in night_passes([entry], site, span, limits, is_low_only=False, errors=errors)
         for each in some
     ]
     for each in found:
