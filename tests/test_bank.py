@@ -24,7 +24,7 @@ from rsoconsole.session.codec import decode, encode
 from rsoconsole.sky.angles import direction_to_unit, separation_deg
 from rsoconsole.sky.places import Places
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S
-from rsoconsole.tracking import adaptive, bank, bank_update, estimator, lqe
+from rsoconsole.tracking import adaptive, bank, bank_update, estimator, filter_update, lqe
 from tests.seen_satellites import DAYTONA, T0_UTC_NS
 
 ADAPTIVE = FilterConfig()
@@ -417,3 +417,15 @@ def test_errors_many_times_as_large_as_claimed_are_learnt(times: float) -> None:
         learnt_scales.append(updated[-1].mixture.variance_scale)
     assert 1.6 < np.mean(nis) < 2.4
     assert times**2 / 2.0 < np.median(learnt_scales) < times**2 * 2.0
+
+
+def test_an_ellipse_that_is_all_but_a_line_leaves_numbers() -> None:
+    """1 arcsec across and 1e9 along, slanted: no digits are left of its determinant."""
+    slant = np.array([[0.6, -0.8], [0.8, 0.6]])
+    thin = slant @ np.diag([1e18, 1.0]) @ slant.T
+    usual = np.array([[4.0, 1.0], [1.0, 9.0]])
+    inverse, log_det = filter_update.inverted(np.stack([thin, usual]))
+    assert np.all(np.isfinite(inverse))
+    assert np.all(np.isfinite(log_det))
+    assert inverse[1] == pytest.approx(np.linalg.inv(usual))
+    assert log_det[1] == pytest.approx(math.log(35.0))

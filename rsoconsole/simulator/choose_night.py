@@ -25,6 +25,8 @@ BESIDE_FIELDS = 0.2
 """Share of the field's short side up to which the telescope begins beside the first target."""
 INNER = 0.92
 """Share of the half field within which every target should be at the first two exposures."""
+COMES_S = 20.0
+"""So long a low satellite is waited for."""
 _TRIES = 60
 _PURPOSE = 0x7461726765
 
@@ -73,8 +75,9 @@ def choose_night(
     cadence_s = cadence_for(ground, short_side_deg, exposure_s)
     exposed = config.exposure.model_copy(update={"exposure_s": exposure_s, "cadence_s": cadence_s})
     config = config.model_copy(update={"exposure": exposed})
-    start = _start(targets, config, window.t_start_utc_ns, seed)
     first = targets[0].element_set
+    is_low = isinstance(first, CatalogueEntry) and regime(first) == "LEO"
+    start = _start(targets, config, window.t_start_utc_ns, seed, is_low=is_low)
     names = tuple(each.element_set.name or str(each.element_set.norad_id) for each in targets)
     return NightPlan(
         title=", ".join(names),
@@ -92,7 +95,7 @@ def choose_night(
         element_files=tuple(str(path) for path in element_files),
         star_file=_stars_for(seen.dec_deg[:, in_time], config, star_file, names[0]),
         visible_s=window.visible_s,
-        leaps=isinstance(first, CatalogueEntry) and regime(first) == "LEO",
+        leaps=is_low,
     )
 
 
@@ -101,14 +104,17 @@ def _start(
     config: Config,
     t_start_utc_ns: int,
     seed: int,
+    *,
+    is_low: bool,
 ) -> tuple[float, float]:
     """Hour angle and declination that the mount must believe in for its first exposure.
 
     The truth of it lies up to a fifth of the field beside the first target at mid-exposure, to a
-    side that keeps every target in the field for a second exposure, if there is one.
+    side that keeps every target in the field for a second exposure, if there is one. A low one
+    comes by ``COMES_S`` after the night's beginning.
     """
     site, exposure = config.site.to_site(), config.exposure
-    mid_s = exposure.start_latency_s + exposure.exposure_s / 2.0
+    mid_s = COMES_S if is_low else exposure.start_latency_s + exposure.exposure_s / 2.0
     mids_s = np.array([mid_s, mid_s + exposure.cadence_s])
     mids = np.int64(t_start_utc_ns) + np.rint(mids_s * NS_PER_S).astype(np.int64)
     places = [each.astrometric_place(site, mids) for each in targets]

@@ -12,6 +12,9 @@ import numpy as np
 
 from rsoconsole.records import FloatArray
 
+_LEAST_SHARE = 1e-14
+"""Of the product of both variances, that a determinant keeps."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Innovations:
@@ -100,7 +103,8 @@ def inverted(s: FloatArray) -> tuple[FloatArray, FloatArray]:
     Written out: for two rows a library's decomposition takes five times as long.
     """
     xx, xy, yy = s[..., 0, 0], s[..., 0, 1], s[..., 1, 1]
-    det = xx * yy - xy * xy
+    # What is sure in one direction and all but unknown in the other has no digits left for it.
+    det = np.maximum(xx * yy - xy * xy, _LEAST_SHARE * xx * yy)
     inverse = np.empty_like(s)
     inverse[..., 0, 0], inverse[..., 1, 1] = yy / det, xx / det
     inverse[..., 0, 1] = inverse[..., 1, 0] = -xy / det
