@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
-from rsoconsole.engine import leaping
+from rsoconsole.engine import awaiting
 from rsoconsole.errors import OrbitError
 from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.zonal import Zonal
@@ -171,7 +171,7 @@ def test_elements_that_are_20_s_wrong_are_found_and_it_is_followed(late_s, monke
     )
     config = config_with(leap={"pass_norad": 1, "late_sigma_s": 10.0})
     r = leap_rig(true, config)
-    monkeypatch.setattr(leaping, "entry_of", lambda _config: None)
+    monkeypatch.setattr(awaiting, "entry_of", lambda _config: None)
 
     def next_pass(_entry, site, now_utc_ns, *, held, lifted, **_):
         return awaited_on(
@@ -185,7 +185,7 @@ def test_elements_that_are_20_s_wrong_are_found_and_it_is_followed(late_s, monke
             lifted=lifted,
         )
 
-    monkeypatch.setattr(leaping, "next_of", next_pass)
+    monkeypatch.setattr(awaiting, "next_of", next_pass)
     r.engine.arm()
     r.engine.run(frames=90)
     said = words(r)

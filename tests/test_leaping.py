@@ -114,11 +114,20 @@ def test_the_slews_of_the_night_are_learned(followed) -> None:
     assert motion.slew_s((5.0, 0.0)) == pytest.approx(2.0 * np.sqrt(5.0 / 2.0), abs=0.3)
 
 
-@pytest.mark.parametrize("heading_deg", [2.0, 178.0])
+@pytest.mark.parametrize("heading_deg", [2.0, 358.0])
 def test_across_the_poles_either_sense_is_tried(heading_deg) -> None:
     """Half of them begin in the wrong one: the first leap is missed, a later one met."""
     r = run(leap_rig(orbit_over(heading_deg)), 40)
     assert met(r) >= 10
+
+
+def test_what_goes_into_the_earths_shadow_is_not_looked_for_there() -> None:
+    """Southward, some 50 s after it was caught."""
+    r = run(leap_rig(orbit_over(178.0)), 30)
+    said = words(r)
+    assert any(text.startswith("it goes into the Earth's shadow: ") for text in said)
+    assert not any("leap missed" in text for text in said)
+    assert met(r) >= 6
 
 
 def test_a_few_blind_frames_cost_leaps_and_not_the_satellite() -> None:
@@ -165,3 +174,29 @@ def test_disarmed_it_leaps_no_more() -> None:
 def test_without_the_setting_nothing_leaps() -> None:
     r = run(leap_rig(orbit_over(heading_deg=50.0), config_with(leap={"enabled": False})), 8)
     assert not leaps(r)
+
+
+def test_leaps_begin_and_end_with_a_setting_that_the_console_can_change() -> None:
+    """Ended, they leave the night its own exposure; begun again, they stare once more."""
+    r = leap_rig(
+        orbit_over(heading_deg=50.0), config_with(exposure={"exposure_s": 1.5, "automatic": False})
+    )
+    desk = engine_rig.desk_of(r)
+    r.engine.arm()
+    r.engine.run(frames=16)
+    assert r.engine.config.exposure.exposure_s < 1.0
+    off = engine_rig.told(desk, "set", {"name": "leap.enabled", "value": "false"})
+    assert off.ok, off.message
+    r.engine.run(frames=18)
+    assert r.engine.config.exposure.exposure_s == 1.5
+    assert r.engine.leaping.track is None
+    count = len(leaps(r))
+    r.engine.run(frames=20)
+    assert len(leaps(r)) == count
+
+
+def test_a_number_without_elements_is_said_and_the_telescope_stares() -> None:
+    r = run(leap_rig(orbit_over(heading_deg=50.0), config_with(leap={"pass_norad": 25544})), 12)
+    said = words(r)
+    assert sum(text.startswith("nothing is waited for: no elements of 25544") for text in said) == 1
+    assert met(r) >= 1

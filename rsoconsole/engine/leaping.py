@@ -7,40 +7,33 @@ What the frames show is measured and recorded as ever; here is only where the ne
 
 from collections import deque
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
 from rsoconsole.config import Config
+from rsoconsole.engine.awaiting import Awaiting, LeapControl
 from rsoconsole.engine.by_hand import Parts
 from rsoconsole.engine.hands import NS
 from rsoconsole.engine.leap_words import (
     LeapParts,
-    awaited_words,
     begun_words,
     last_words,
     leap_words,
     orbit_words,
     pass_words,
 )
-from rsoconsole.engine.pass_entry import entry_of
 from rsoconsole.engine.plan import Plan
 from rsoconsole.engine.tunables import change_record, changed
-from rsoconsole.orbit.catalogue import CatalogueEntry
 from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.leap_track import LeapTrack, begin, path_of_orbit, unseen, updated
-from rsoconsole.orbit.low_fit import LowOrbit, Timing
-from rsoconsole.orbit.next_pass import passes_above
+from rsoconsole.orbit.low_fit import Timing
 from rsoconsole.orbit.point_mass import PointMass
 from rsoconsole.pipeline.awaited import (
     Awaited,
-    awaited_on,
     came,
     expected_at,
     is_dark,
-    next_of,
 )
-from rsoconsole.pipeline.element_errors_of import errors_of
 from rsoconsole.pipeline.leap_pass import duty, plan_pass
 from rsoconsole.pipeline.leap_streaks import FrameStreak, streaks_of, timing_of
 from rsoconsole.pipeline.leaps import (
@@ -68,22 +61,12 @@ _DRIFT = 0.1
 _AHEAD_S, _STEP_S = 150.0, 3.0
 """How far a track's path is looked at for the next leap: a flip of the mount fits in."""
 _PASS_S, _PASS_STEP_S = 1_200.0, 10.0
-_WAITS_NS = 24 * 3600 * NS
 _GO_THERE_NS = 90 * NS
 """Before a pass may begin the telescope goes to where it will be."""
 _LOOK_NS = 600 * NS
 """Between two frames until then."""
 _READOUTS = 12
 _LONGEST_READOUT_S = 20.0
-
-
-class LeapControl(Protocol):
-    """What leaping needs of the loop."""
-
-    config: Config
-
-    def configure(self, config: Config) -> None:
-        """Take new tunables."""
 
 
 class Leaping:
@@ -106,11 +89,9 @@ class Leaping:
         self._readouts_s: deque[float] = deque(maxlen=_READOUTS)
         self._ordered: tuple[tuple[float, float], int] | None = None
         """Travel of the slew under way, and when it was ordered."""
-        self._awaited: Awaited | None = None
-        """The pass that is waited for; None: whatever comes."""
-        self._entry: CatalogueEntry | None = None
-        self._last_orbit: LowOrbit | None = None
-        """Of what was leapt after last."""
+        self._awaiting = Awaiting(control, parts)
+        self._before_s: float | None = None
+        """The night's own exposure, where the leaps have set another."""
         self._parts: list[LeapParts] = []
         """Of each leap after the present track, what it took."""
 
@@ -121,9 +102,21 @@ class Leaping:
 
     def forget(self) -> None:
         """Autonomy has lost the mount, or time its meaning: it stares where it then points."""
-        self.track = self._leap = self._stare = self._ordered = self._awaited = None
+        self.track = self._leap = self._stare = self._ordered = None
+        self._awaiting.forget()
         self._misses = 0
         self._parts = []
+
+    def configure(self, before: Config) -> None:
+        """Take new tunables: ended leaps leave the night its own exposure, and forget."""
+        after = self._control.config
+        if before.leap.pass_norad != after.leap.pass_norad:
+            self._awaiting.forget_elements()
+        if before.leap.enabled and not after.leap.enabled:
+            self.forget()
+            own_s, self._before_s = self._before_s, None
+            if own_s is not None:
+                self._set_exposure(own_s, "the end of the leaps")
 
     def arrived(self) -> None:
         """A slew of its own has ended: what it took is learned."""
@@ -208,7 +201,7 @@ class Leaping:
             ends = each.ends
             if not ends.is_whole or ends.speed_arcsec_s < config.leap.least_rate_arcsec_s:
                 continue
-            awaited = self._awaited
+            awaited = self._awaiting.awaited
             known = None if awaited is None else came(awaited, self._site, ends)
             if awaited is not None and known is None:
                 self._chronicle.say("info", f"a low satellite that is not {awaited.name}")
@@ -257,7 +250,7 @@ class Leaping:
         orbit = track.best.orbit
         self._chronicle.say("info", f"{why}: {last_words(track, self._parts)}")
         self._parts = []
-        self._awaited, self._last_orbit = None, orbit
+        self._awaiting.over(orbit)
         if orbit is not None:
             config = self._control.config
             now_ns = self._hands.now_utc_ns()
@@ -313,8 +306,9 @@ class Leaping:
     def _stared(self, pose: Pose, now_ns: int) -> Plan:
         """One more exposure where it stares; the mount moves where that has drifted away."""
         self._leap = None
-        if self._await(now_ns):
-            return self._waited(pose, now_ns)
+        awaited = self._awaiting.next_one(now_ns)
+        if awaited is not None:
+            return self._waited(awaited, pose, now_ns)
         exposure = self._control.config.exposure
         stare_s = self._control.config.leap.stare_exposure_s
         self._expose_for(stare_s)
@@ -340,64 +334,14 @@ class Leaping:
 
     # --- a pass that is waited for
 
-    def _await(self, now_ns: int) -> bool:
-        """Whether one pass is waited for; the next one is found where the last is over."""
-        awaited, leap = self._awaited, self._control.config.leap
-        if awaited is not None and now_ns > awaited.stare.until_utc_ns:
-            self._chronicle.say("info", f"{awaited.name} did not come by")
-            self._awaited = awaited = None
-        if awaited is not None or not (leap.pass_norad or leap.waits):
-            return awaited is not None
-        self._awaited = self._next_pass(now_ns)
-        if self._awaited is not None:
-            self._chronicle.say("info", awaited_words(self._awaited))
-        return self._awaited is not None
-
-    def _next_pass(self, now_ns: int) -> Awaited | None:
-        config, held = self._control.config, self._watch.limits
-        lifted = self._watch.lifted_limits()
-        if config.leap.pass_norad:
-            if self._entry is None:
-                self._entry = entry_of(config)
-            sigma_s = config.leap.late_sigma_s
-            return next_of(
-                self._entry,
-                self._site,
-                now_ns,
-                limits=config.limits,
-                held=held,
-                late_sigma_s=sigma_s,
-                lifted=lifted,
-                errors=errors_of(config.catalogue),
-            )
-        orbit = self._last_orbit
-        if orbit is None:
-            return None
-        least_deg = config.limits.min_altitude_deg
-        for each in passes_above(orbit, self._site, now_ns, now_ns + _WAITS_NS, least_deg):
-            found = awaited_on(
-                "it",
-                orbit.states,
-                self._site,
-                up_utc_ns=(each.rise_utc_ns, each.set_utc_ns),
-                sigma_s=each.sigma_s,
-                held=held,
-                now_utc_ns=now_ns,
-                lifted=lifted,
-            )
-            if found is not None:
-                return found
-        return None
-
-    def _waited(self, pose: Pose, now_ns: int) -> Plan:
+    def _waited(self, awaited: Awaited, pose: Pose, now_ns: int) -> Plan:
         """In place until shortly before; then at the point of its orbit, until it has come."""
-        assert self._awaited is not None
-        stare = self._awaited.stare
+        stare = awaited.stare
         until_ns = stare.from_utc_ns - _GO_THERE_NS
         if now_ns < until_ns:
             return self._planner.to_place(None, min(until_ns, now_ns + _LOOK_NS), "", now_ns)
         at_ns = max(now_ns, stare.from_utc_ns)
-        place = expected_at(self._awaited, self._site, stare.t_through_utc_ns, 0.0)
+        place = expected_at(awaited, self._site, stare.t_through_utc_ns, 0.0)
         self._expose_for(exposure_for(place, self.telescope().terms))
         there = stare.direction_deg(self._site, at_ns)
         drift_deg = _DRIFT * min(self._control.config.optics.field_deg)
@@ -434,6 +378,12 @@ class Leaping:
         wanted_s = float(np.format_float_positional(exposure_s, precision=2, fractional=False))
         if abs(wanted_s / config.exposure.exposure_s - 1.0) <= _WORTH_CHANGING:
             return
-        after = changed(config, _EXPOSURE, wanted_s)
-        self._chronicle.append(change_record(config, after, _EXPOSURE, "the leaps"))
+        if self._before_s is None:
+            self._before_s = config.exposure.exposure_s
+        self._set_exposure(wanted_s, "the leaps")
+
+    def _set_exposure(self, exposure_s: float, by: str) -> None:
+        config = self._control.config
+        after = changed(config, _EXPOSURE, exposure_s)
+        self._chronicle.append(change_record(config, after, _EXPOSURE, by))
         self._control.configure(after)

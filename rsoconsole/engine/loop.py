@@ -461,10 +461,11 @@ class Engine:
 
     def configure(self, config: Config) -> None:
         """Take new tunables; in force from the next cycle."""
-        self.config = config
+        before, self.config = self.config, config
         whole = (self.hands, self.cycle, self.planner, self.orbits, self.guide, self.watch)
         for part in (*whole, self._exposures):
             part.configure(config)
+        self.leaping.configure(before)
 
     def _one_exposure(self) -> None:
         """Wait for the mount, expose, reduce, follow, send the mount on; then put it on record."""

@@ -36,6 +36,13 @@ TUNABLE = {
     "aim.across_arcmin",
     "exposure.exposure_s",
     "exposure.cadence_s",
+    "leap.enabled",
+    "leap.stare_exposure_s",
+    "leap.least_rate_arcsec_s",
+    "leap.most_misses",
+    "leap.pass_norad",
+    "leap.late_sigma_s",
+    "leap.waits",
 }
 """What may change while the loop runs."""
 
