@@ -8,6 +8,7 @@ from rsoconsole.config import Config
 from rsoconsole.instruments.ports import MountReport
 from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.zonal import Zonal
+from rsoconsole.pipeline.awaited import is_dark
 from rsoconsole.pipeline.measure import measured
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.records import Detection, Detections, Frame
@@ -39,10 +40,17 @@ def config_with(**sections) -> Config:
     return Config.model_validate(table)
 
 
-def orbit_over(heading_deg: float, height_km: float = 600.0, after_s: float = 6.0) -> KnownOrbit:
+def orbit_over(
+    heading_deg: float,
+    height_km: float = 600.0,
+    after_s: float = 6.0,
+    through_deg: tuple[float, float] = START_DEG,
+) -> KnownOrbit:
     """A circle through where the telescope stares, so long after the night's beginning."""
     t = T0_UTC_NS + round(after_s * NS)
-    line = line_of_sight_gcrs(np.array([START_DEG[0]]), np.array([START_DEG[1]]), np.array([t]))[0]
+    line = line_of_sight_gcrs(
+        np.array([through_deg[0]]), np.array([through_deg[1]]), np.array([t])
+    )[0]
     place = site_gcrs(SITE, np.array([t]))[0][0]
     up = float(place @ line)
     r = place + (-up + np.sqrt(up * up - place @ place + (6_378.0 + height_km) ** 2)) * line
@@ -101,6 +109,8 @@ class LowReducer(ScriptedReducer):
         self.blind: set[int] = set()
         """Frames in which nothing is detected."""
         self.unsolved: set[int] = set()
+        self.is_eclipsed = False
+        """Whether the Earth's shadow counts."""
         self.in_frame: list[tuple[int, bool]] = []
         """Each frame, and whether both ends were in it."""
 
@@ -128,13 +138,14 @@ class LowReducer(ScriptedReducer):
             and np.all((x > 0) & (x < WIDTH_PX - 1) & (y > 0) & (y < HEIGHT_PX - 1))
         )
         self.in_frame.append((frame.frame_id, is_in))
+        is_lit = not (self.is_eclipsed and is_dark(self.orbit, int(t[0])))
         found = Detections(
             frame_id=frame.frame_id,
             width_px=WIDTH_PX,
             height_px=HEIGHT_PX,
             detections=(
                 (_detection(frame.frame_id, x, y),)
-                if is_in and frame.frame_id not in self.blind
+                if is_in and is_lit and frame.frame_id not in self.blind
                 else ()
             ),
         )

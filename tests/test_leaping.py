@@ -5,12 +5,12 @@ import pytest
 
 from rsoconsole.records import Event, FrameTaken, ParameterChange, SlewCommand
 from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.frames import icrs_to_altaz
+from rsoconsole.sky.frames import altaz_to_icrs, icrs_to_altaz
 from rsoconsole.sky.times import iso_to_utc_ns
 from tests import engine_rig
 from tests.engine_rig import SITE, Rig
 from tests.leap_rig import config_with, leap_rig, orbit_over
-from tests.makers import NS
+from tests.makers import NS, T0_UTC_NS
 
 
 def run(r: Rig, frames: int) -> Rig:
@@ -121,11 +121,22 @@ def test_across_the_poles_either_sense_is_tried(heading_deg) -> None:
     assert met(r) >= 10
 
 
-def test_what_goes_into_the_earths_shadow_is_not_looked_for_there() -> None:
-    """Southward, some 50 s after it was caught."""
-    r = run(leap_rig(orbit_over(178.0)), 30)
+def test_a_sense_that_leads_below_the_limit_does_not_end_it() -> None:
+    """It climbs out of the lowest part of the sky: the other sense would set at once."""
+    low = altaz_to_icrs(SITE, 19.0, 180.0, T0_UTC_NS)
+    r = leap_rig(orbit_over(358.0, through_deg=low))
+    r.mount.at_deg = low
+    run(r, 30)
+    assert met(r) >= 8
+
+
+def test_what_goes_into_the_earths_shadow_is_told_so() -> None:
+    """Southward, some 50 s after it was caught; one leap finds it gone."""
+    r = leap_rig(orbit_over(178.0))
+    r.reducer.is_eclipsed = True
+    run(r, 30)
     said = words(r)
-    assert any(text.startswith("it goes into the Earth's shadow: ") for text in said)
+    assert any(text.startswith("it has gone into the Earth's shadow: ") for text in said)
     assert not any("leap missed" in text for text in said)
     assert met(r) >= 6
 

@@ -125,7 +125,8 @@ class Leaping:
         travel, since_ns = self._ordered
         self._ordered = None
         took_s = (self._hands.arrived_utc_ns - since_ns) / NS
-        self._seen.append(SlewSeen(travel_deg=travel, seconds=took_s))
+        if took_s > 0.0:  # a hold may have come before the arrival
+            self._seen.append(SlewSeen(travel_deg=travel, seconds=took_s))
 
     def read_out(self, frame: Frame, now_utc_ns: int) -> None:
         """A frame can be used from now on: what read-out and transfer took is learned."""
@@ -173,8 +174,11 @@ class Leaping:
                 self.track, self._misses = after, 0
                 self._chronicle.say("info", leap_words(after, each, leap))
                 return
-        centre = (solution.ra_icrs_deg, solution.dec_icrs_deg)
+        centre, orbit = (solution.ra_icrs_deg, solution.dec_icrs_deg), self.track.best.orbit
         if frame.t_mid_utc_ns is not None:
+            if orbit is not None and is_dark(orbit, frame.t_mid_utc_ns):
+                self._end("it has gone into the Earth's shadow")
+                return
             radius_deg = min(self._control.config.optics.field_deg) / 2.0
             self.track = unseen(self.track, frame.t_mid_utc_ns, centre, radius_deg)
         self._miss("it is not in the frame" if not found else "no streak of the frame is its")
@@ -278,18 +282,11 @@ class Leaping:
     def _leap_from(self, pose: Pose, now_ns: int) -> Plan | None:
         """A leap; None where there is none any more."""
         assert self.track is not None
-        path = self.track.path(now_ns, _AHEAD_S, step_s=_STEP_S)
-        found: Leap | NoLeap = NoLeap(kind="it sets")
         telescope = self.telescope()
-        if path is not None:
-            found = next_leap(path, pose, now_ns, telescope)
+        found = self._likeliest_leap(pose, now_ns, telescope)
         if isinstance(found, NoLeap):
             words = found.kind if found.refusal is None else found.refusal.text
             self._end(words)
-            return None
-        orbit = self.track.best.orbit
-        if orbit is not None and is_dark(orbit, found.t_mid_utc_ns):
-            self._end("it goes into the Earth's shadow")
             return None
         self._expose_for(found.exposure_s)
         direction = found.place.direction_deg
@@ -302,6 +299,20 @@ class Leaping:
         self._ordered = travel, now_ns
         self._leap = found
         return plan
+
+    def _likeliest_leap(self, pose: Pose, now_ns: int, telescope: Telescope) -> Leap | NoLeap:
+        """After the likeliest sense that can be met; where none can, why not the likeliest."""
+        assert self.track is not None
+        why: NoLeap | None = None
+        for number in range(len(self.track.hypotheses)):
+            path = self.track.path(now_ns, _AHEAD_S, number, step_s=_STEP_S)
+            found: Leap | NoLeap = NoLeap(kind="it sets")
+            if path is not None:
+                found = next_leap(path, pose, now_ns, telescope)
+            if isinstance(found, Leap):
+                return found
+            why = why or found
+        return why or NoLeap(kind="it sets")
 
     def _stared(self, pose: Pose, now_ns: int) -> Plan:
         """One more exposure where it stares; the mount moves where that has drifted away."""

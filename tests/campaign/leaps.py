@@ -114,7 +114,7 @@ def judged(night: LeapNight, session: Path) -> dict[str, Any]:
     begun = [n for n, text in enumerate(said) if text.startswith("a low satellite,")]
     planned = [int(text.split()[2]) for text in said if text.startswith("up to ")]
     met = [t for t, text in events if text.startswith("leap ") and " met:" in text]
-    ends = ("it sets", "it goes into", "altitude", "horizon", "given up", "too ", "hour angle")
+    ends = ("it sets", "it has gone into", "altitude", "horizon", "given up", "too ", "hour angle")
     end = next((text for text in said if text.startswith(ends) and " streaks in " in text), "")
     found: dict[str, Any] = {
         "norad": night.norad_id,
