@@ -389,7 +389,7 @@ def _mode(
         return None
     at = np.array([mode, before.modes + mode])
     bias_s, line_s = fit.unknowns[at]
-    both = fit.covariance[np.ix_(at, at)]
+    both = _larger(fit, at)
     row = float(-both[0, 1] / both[1, 1]) if both[1, 1] > 0.0 else 0.0
     row = float(np.clip(row, np.min(seen.row_px[taken]), np.max(seen.row_px[taken])))
     ahead = np.array([1.0, row])
@@ -411,6 +411,16 @@ def _mode(
         tracks=len(np.unique(seen.track[taken])),
         rejected=int(np.sum(~is_used & (seen.mode == mode))),
     )
+
+
+def _larger(fit: Fit, at: Index) -> FloatArray:
+    """Covariance of a mode's unknowns: by their errors, or as tracks differ, if that is more."""
+    stated = fit.covariance[np.ix_(at, at)]
+    if fit.covariance_by_blocks is None:
+        return stated
+    seen = fit.covariance_by_blocks[np.ix_(at, at)]
+    widened = max(1.0, float(np.max(np.diag(seen) / np.diag(stated))))
+    return stated * widened
 
 
 def _root(variance: float, sigma: float) -> Estimated:

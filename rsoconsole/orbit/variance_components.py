@@ -13,6 +13,7 @@ from rsoconsole.records import FloatArray
 
 _STEPS = 40
 _CLOSE = 1e-4
+_FEWEST_BLOCKS = 8
 _FACTOR = 5.0
 """By which a variance may change in a step."""
 
@@ -51,6 +52,9 @@ class Fit:
     covariance: FloatArray
     variances: FloatArray
     variance_sigmas: FloatArray
+    covariance_by_blocks: FloatArray | None
+    """As the blocks differ from one another, whatever their own errors say (the jackknife: Efron
+    1982); None where they are too few."""
 
 
 def fit(blocks: Sequence[Block], known: Known) -> Fit:
@@ -72,8 +76,31 @@ def fit(blocks: Sequence[Block], known: Known) -> Fit:
     wide = variances + known.is_widened * sigmas
     _, covariance, _, _ = _scored(blocks, wide, known.precisions)
     return Fit(
-        unknowns=unknowns, covariance=covariance, variances=variances, variance_sigmas=sigmas
+        unknowns=unknowns,
+        covariance=covariance,
+        variances=variances,
+        variance_sigmas=sigmas,
+        covariance_by_blocks=_by_blocks(blocks, wide, known.precisions),
     )
+
+
+def _by_blocks(
+    blocks: Sequence[Block], variances: FloatArray, prior: FloatArray
+) -> FloatArray | None:
+    """Covariance of the unknowns from what each would be without one of the blocks."""
+    if len(blocks) < _FEWEST_BLOCKS:
+        return None
+    normals, rights = [], []
+    for block in blocks:
+        inverse = np.linalg.inv(sum(variances[j] * part for j, part in block.parts.items()))
+        normals.append(block.x.T @ inverse @ block.x)
+        rights.append(block.x.T @ inverse @ block.z)
+    normal, right = np.diag(prior) + sum(normals), sum(rights)
+    without = np.array(
+        [np.linalg.solve(normal - n, right - r) for n, r in zip(normals, rights, strict=True)]
+    )
+    off = without - without.mean(axis=0)
+    return np.asarray((len(blocks) - 1) / len(blocks) * (off.T @ off))
 
 
 def _scored(
