@@ -170,8 +170,9 @@ def _next_pass(truth: Satellite, site: Site, said: list[str]) -> dict[str, Any]:
 
 
 def is_followed(found: dict[str, Any]) -> bool:
-    """To the end: nothing to be seen for half a minute more, and 7 of 10 leaps."""
-    return bool(found.get("left_s", 1e9) <= 35.0 and found["met"] >= 0.7 * found["planned"])
+    """To where it sets, to its shadow or to a limit of the mount, and 7 of 10 leaps."""
+    is_over = found.get("left_s", 1e9) <= 35.0 or found["end"] != "given up"
+    return bool(is_over and found["met"] >= 0.7 * found["planned"])
 
 
 def table(answers: dict[str, dict[str, Any]]) -> str:
