@@ -182,15 +182,19 @@ def _meeting(
     motion, terms, limits = telescope.motion, telescope.terms, telescope.limits
     t_ns = max(earliest_ns, path.from_utc_ns)
     late_ns, soon_ns, step_ns = t_ns, 0, 0
-    exposure_s = SHORTEST_S
+    exposure_s, good = SHORTEST_S, None
     for _ in range(_ROUNDS):
-        met = path.at(t_ns + round((terms.latency_s + exposure_s / 2.0) * NS_PER_S))
+        near = path.at(t_ns + round((terms.latency_s + exposure_s / 2.0) * NS_PER_S))
+        if near is not None:
+            exposure_s = exposure_for(near, terms)
+        t_mid_ns = t_ns + round((terms.latency_s + exposure_s / 2.0) * NS_PER_S)
+        met = path.at(t_mid_ns)
         if met is None:
             return NoLeap(kind="it sets")
-        exposure_s = exposure_for(met, terms)
         slew_s = motion.surely_s(limits.travel_deg(start, *met.direction_deg))
         there_ns = now_utc_ns + round((slew_s + terms.settle_s) * NS_PER_S)
         if there_ns <= t_ns:
+            good = (t_ns, t_mid_ns, exposure_s, met, slew_s)
             if t_ns <= late_ns or t_ns - max(there_ns, late_ns) <= _SAME_S * NS_PER_S:
                 break
             soon_ns = t_ns
@@ -203,14 +207,9 @@ def _meeting(
             t_ns = there_ns + round(more_s)
         if soon_ns and not late_ns < t_ns < soon_ns:
             t_ns = (late_ns + soon_ns) // 2
-    else:
-        if not soon_ns:
-            return NoLeap(kind="too fast")
-        t_ns = soon_ns
-    t_mid_ns = t_ns + round((terms.latency_s + exposure_s / 2.0) * NS_PER_S)
-    met = path.at(t_mid_ns)
-    if met is None:
-        return NoLeap(kind="it sets")
+    if good is None:
+        return NoLeap(kind="too fast")
+    t_ns, t_mid_ns, exposure_s, met, slew_s = good
     side = limits.arrival_side(start, *met.direction_deg, now_utc_ns)
     return Leap(
         t_order_utc_ns=now_utc_ns,
