@@ -162,7 +162,7 @@ binning=camera.binning text as 2x2, where the header tells it
 x0_px=camera.x0_px integer where a subframe begins on the sensor, column
 y0_px=camera.y0_px integer where a subframe begins on the sensor, row
 gain=camera.gain real in the camera's own steps
-time_by=camera.time_by?header text header or gps: whose the time of the exposure is
+time_by=camera.time_by text header or gps: whose time the exposure has; null: not said
 """
 _OF_FILES = """
 file text its pixels, in the session's folder
