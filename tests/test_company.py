@@ -134,10 +134,11 @@ def test_the_way_from_one_to_another_knows_nothing_of_what_both_share() -> None:
                 ra_icrs_deg=at[0], dec_icrs_deg=at[1], covariance=cov, rate_arcsec_s=np.zeros(2)
             )
         pattern = after(pattern, (1, 2), shown, k * round(CADENCE_S * 1e9) + 1)
-    found = pattern.way(1, 2, 30 * round(CADENCE_S * 1e9) + 1)
-    assert found is not None
-    way, covariance = found
+    later_ns = 30 * round(CADENCE_S * 1e9) + 1
+    known, ways, covariances = pattern.ways_between((1, 2, 3), later_ns)
+    assert known.tolist() == [[False, True, False], [True, False, False], [False, False, False]]
+    np.testing.assert_array_equal(ways[1, 0], -ways[0, 1])
+    way, covariance = ways[0, 1], covariances[0, 1]
     true = np.array([100.0 + 0.02 * 30 * CADENCE_S, 0.0])
     assert np.all(np.abs(way - true) < 4.0 * np.sqrt(np.diag(covariance)))
     assert np.sqrt(covariance[0, 0]) < 1.0
-    assert pattern.way(1, 3, 0) is None

@@ -190,11 +190,12 @@ def _hint(night: NightView, looks: Sequence[Look], drift: Drift) -> list[Line] |
 
 
 def hint_words(hint: PolarHint) -> list[str]:
-    """What to do at the mount's base, in a line or two."""
+    """What to do at the mount's base, in lines that fit half of 80 columns."""
     if hint.axis == "both":
         return [
-            "polar axis: between meridian and horizon both errors mix;",
-            "near the meridian the azimuth shows, low in east or west the altitude",
+            "polar axis: here both its errors mix;",
+            "near the meridian the azimuth's shows,",
+            "low in the east or west the altitude's",
         ]
     if not hint.words:
         return [f"polar axis: no error in {hint.axis} that shows here"]

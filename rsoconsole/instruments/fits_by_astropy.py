@@ -72,7 +72,7 @@ def image_by_astropy(
         except FrameError:
             raise
         except fits.VerifyError as error:
-            raise FrameError(f"{name} is not valid FITS: {error}; write it anew") from error
+            raise FrameError(f"{name} is not valid FITS: {error}; write it again") from error
         except Exception as error:  # decoders have errors of their own for a damaged image
             raise truncated from error
 

@@ -2,7 +2,7 @@
 
 Three factors of a kind of orbit (``ErrorFactors``), by maximum a posteriori: each row is of an
 undisturbed object, of a manoeuvred one, or of neither (a wrong name, a storm), which a wide tail
-takes. How wide the last two are is assumed: whoever was moved far is not surely named, so that
+takes. How wide the last two are is assumed: what was moved far is not surely named, so that
 rows cannot tell; for the same reason fewer of them were moved than of all objects of that age, and
 that share is found with the factors. Before any row a factor is 1, within a factor of 2
 (log-normal).

@@ -85,7 +85,7 @@ class Forces:
         return out[:, :3], out[:, 3:]
 
     def _field(self, first_s: float, last_s: float) -> "_Field":
-        """One that covers the span, at best one that has been reckoned before."""
+        """One that covers the span, at best one that has been computed before."""
         for known in self._fields:
             if known.first_s <= first_s and known.last_s >= last_s:
                 return known
@@ -137,7 +137,7 @@ def _bodies(first_block: int, last_block: int) -> tuple[float, list[list[list[fl
 
 
 class _Field:
-    """The acceleration everywhere over a span; axis, Moon and Sun are reckoned once."""
+    """The acceleration everywhere over a span; axis, Moon and Sun are computed once."""
 
     def __init__(self, forces: Forces, first_s: float, last_s: float) -> None:
         import erfa

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 
 from rsoconsole.pipeline.tracks_taken import Track
 from rsoconsole.records import Measurement
+from rsoconsole.tracking.company import MANY
 
-AT_ONCE, MANY = 2, 6
+AT_ONCE = 2
 """Tracks beside the lead whose orbits one frame refines; with no more, none waits. Of a group
 larger than ``MANY`` one."""
 _LATE = 6

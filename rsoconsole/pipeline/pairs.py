@@ -26,12 +26,13 @@ from rsoconsole.sky.angles import direction_to_unit
 from rsoconsole.sky.times import NS_PER_S
 from rsoconsole.tracking import lqe
 from rsoconsole.tracking.closest import pair_motion
+from rsoconsole.tracking.company import MANY
 from rsoconsole.tracking.pattern import own_covariance
 from rsoconsole.tracking.relative import RelativePath, Sights, relative_path, ways_between
 
 MOST_FRAMES = 400
 """Of a track so many of its last measurements are compared."""
-MOST_PAIRS, PAIRS_OF_MANY, MANY = 6, 3, 6
+MOST_PAIRS, PAIRS_OF_MANY = 6, 3
 """In each frame so many pairs are looked at, fewer where there are more than ``MANY`` tracks: each
 costs 1 ms, and twelve tracks are 66."""
 _NEAR_SOONER = 4.0

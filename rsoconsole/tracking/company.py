@@ -37,7 +37,7 @@ _OUTSIDE_S = 300.0
 
 
 MANY = 6
-"""Tracks, of which more cost too much for each to weigh all errors that a measurement may have."""
+"""Tracks, of which more cost too much for all work to be done on each in each frame."""
 
 
 def lightened(before: Following) -> Following:

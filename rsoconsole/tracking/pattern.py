@@ -54,11 +54,6 @@ class Pattern:
     def __hash__(self) -> int:
         return hash(self.track_ids)
 
-    def way(self, one: int, other: int, t_utc_ns: int) -> tuple[FloatArray, FloatArray] | None:
-        """From a track to another at an instant: (2,) and covariance (2, 2); None: not known."""
-        known, ways, covariances = self.ways_between((one, other), t_utc_ns)
-        return (ways[0, 1], covariances[0, 1]) if known[0, 1] else None
-
     def ways_between(
         self, tracks: Sequence[int], t_utc_ns: int
     ) -> tuple[BoolArray, FloatArray, FloatArray]:
