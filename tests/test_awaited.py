@@ -1,5 +1,6 @@
 """A pass that is waited for: early or late by tens of seconds, it is caught, named and followed."""
 
+import contextlib
 from dataclasses import replace
 
 import numpy as np
@@ -32,18 +33,22 @@ needs_passes = pytest.mark.skipif(not are_there(), reason="no element sets besid
 
 
 def waited_for(one, sigma_s=10.0) -> Awaited:
-    found = awaited_on(
+    found = waited_on(one, one.rise_utc_ns - 600 * NS_PER_S, sigma_s)
+    assert found is not None
+    return found
+
+
+def waited_on(one, now_utc_ns, sigma_s=10.0) -> Awaited | None:
+    return awaited_on(
         str(one.norad_id),
         one.satellite.position_gcrs,
         SITE,
         up_utc_ns=(one.rise_utc_ns, one.set_utc_ns),
         sigma_s=sigma_s,
         held=HELD,
-        now_utc_ns=one.rise_utc_ns - 600 * NS_PER_S,
+        now_utc_ns=now_utc_ns,
         lifted=BY_DAY,
     )
-    assert found is not None
-    return found
 
 
 def late_by(one, late_s):
@@ -67,17 +72,20 @@ def late_by(one, late_s):
 @pytest.mark.parametrize("late_s", [-20.0, 0.0, 20.0])
 def test_early_or_late_it_comes_through_the_middle_of_the_field(late_s) -> None:
     """20 passes; within 10 arcmin of where it is stared at, however late."""
+    told = 0
     for one in low_passes(30)[:20]:
         try:
             awaited = waited_for(one)
         except AssertionError:
             continue  # in shadow all the time
+        told += 1
         stare = awaited.stare
         at = stare.t_through_utc_ns + round(late_s * NS_PER_S)
         assert stare.from_utc_ns <= at <= stare.until_utc_ns
         place = expected_at(awaited, SITE, at, late_s)
         off_deg = separation_deg(*place.direction_deg, *stare.direction_deg(SITE, at))
         assert off_deg < 10.0 / 60.0
+    assert told >= 10
 
 
 @pytest.mark.shared_data
@@ -219,3 +227,37 @@ def test_a_number_without_elements_is_refused_before_anything_moves(tmp_path) ->
     )
     assert isinstance(said.exception, OrbitError)
     assert "no elements of 25544 in" in str(said.exception)
+
+
+def lit_pass():
+    """The first of them that the Sun shines on where it may be waited for."""
+    for one in low_passes(30):
+        with contextlib.suppress(AssertionError):
+            return one, waited_for(one)
+    raise AssertionError("none is lit")
+
+
+@pytest.mark.shared_data
+@needs_passes
+def test_a_window_that_has_begun_is_not_waited_for_again() -> None:
+    """The telescope is there before it may come, however late in the window it is asked for."""
+    one, awaited = lit_pass()
+    stare = awaited.stare
+    for now_ns in (stare.from_utc_ns + 1, stare.t_through_utc_ns, stare.until_utc_ns + NS_PER_S):
+        later = waited_on(one, now_ns)
+        assert later is None or later.stare.from_utc_ns >= now_ns
+
+
+@pytest.mark.shared_data
+@needs_passes
+def test_a_streak_like_its_own_hours_before_is_another_one() -> None:
+    one, awaited = lit_pass()
+    own = streak_of(one, awaited.stare.t_through_utc_ns, np.random.default_rng(3))
+    assert came(awaited, SITE, own) is not None
+    hours_ns = 3 * 3600 * NS_PER_S
+    before = replace(
+        own,
+        t_open_utc_ns=own.t_open_utc_ns - hours_ns,
+        t_close_utc_ns=own.t_close_utc_ns - hours_ns,
+    )
+    assert came(awaited, SITE, before) is None

@@ -180,6 +180,10 @@ def test_disarmed_it_leaps_no_more() -> None:
     engine_rig.end_when_idle(r)
     r.engine.run(None)
     assert r.engine.leaping.track is None
+    # The night's own exposure is there again, for the next look and for moves by hand.
+    assert r.engine.config.exposure.exposure_s == config_with().exposure.exposure_s
+    by = [each.by for each in r.memory.of(ParameterChange)]
+    assert by[-1] == "the end of the leaps"
 
 
 def test_without_the_setting_nothing_leaps() -> None:
@@ -211,3 +215,23 @@ def test_a_number_without_elements_is_said_and_the_telescope_stares() -> None:
     said = words(r)
     assert sum(text.startswith("nothing is waited for: no elements of 25544") for text in said) == 1
     assert met(r) >= 1
+
+
+def test_a_stare_longer_than_a_second_is_judged_until_its_end_and_not_refused() -> None:
+    """The limits were asked for a second after the order, before such an exposure is half over."""
+    r = run(leap_rig(orbit_over(heading_deg=50.0), config_with(leap={"stare_exposure_s": 2.0})), 6)
+    assert not any("stares where it stands" in text for text in words(r))
+
+
+def test_what_the_operator_sets_holds_where_the_leaps_end() -> None:
+    r = leap_rig(
+        orbit_over(heading_deg=50.0), config_with(exposure={"exposure_s": 1.5, "automatic": False})
+    )
+    r.engine.arm()
+    r.engine.run(frames=14)
+    desk = engine_rig.desk_of(r)
+    assert engine_rig.told(desk, "set", {"name": "exposure.exposure_s", "value": 3.0}).ok
+    r.engine.run(frames=3)
+    assert engine_rig.told(desk, "set", {"name": "leap.enabled", "value": "false"}).ok
+    r.engine.run(frames=2)
+    assert r.engine.config.exposure.exposure_s == 3.0

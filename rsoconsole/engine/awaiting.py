@@ -41,6 +41,8 @@ class Awaiting:
         """Of what was leapt after last."""
         self._looked_until_ns = 0
         """No pass was found: until then none is looked for again."""
+        self._from_ns = 0
+        """Passes before that are over."""
 
     def forget(self) -> None:
         """Nothing is waited for; the next one is found again."""
@@ -49,7 +51,16 @@ class Awaiting:
     def forget_elements(self) -> None:
         """Another one is to be waited for."""
         self.forget()
-        self._entry = None
+        self._entry, self._from_ns = None, 0
+
+    def forget_orbit(self) -> None:
+        """It was by a wrong clock."""
+        self._last_orbit, self._from_ns = None, 0
+
+    def passed_over(self) -> None:
+        """What is waited for cannot be met, or has not come: the next one is looked for."""
+        if self.awaited is not None:
+            self._from_ns, self.awaited = self.awaited.set_utc_ns, None
 
     def over(self, orbit: LowOrbit | None) -> None:
         """A pass is over; what is known of its orbit."""
@@ -61,15 +72,18 @@ class Awaiting:
         awaited, leap = self.awaited, self._control.config.leap
         if awaited is not None and now_ns > awaited.stare.until_utc_ns:
             self._chronicle.say("info", f"{awaited.name} did not come by")
-            self.awaited = awaited = None
+            self.passed_over()
+            awaited = None
         if awaited is not None or not (leap.pass_norad or leap.waits):
             return awaited
         if now_ns < self._looked_until_ns:
             return None
         try:
-            self.awaited = self._next_pass(now_ns)
+            self.awaited = self._next_pass(max(now_ns, self._from_ns))
         except OrbitError as error:
+            self._looked_until_ns = now_ns + _LOOKS_AGAIN_NS
             self._chronicle.say("warning", f"nothing is waited for: {error}")
+            return None
         if self.awaited is not None:
             self._chronicle.say("info", awaited_words(self.awaited))
         elif leap.pass_norad or self._last_orbit is not None:

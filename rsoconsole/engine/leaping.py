@@ -44,6 +44,7 @@ from rsoconsole.pipeline.leaps import (
     next_leap,
     terms_of,
 )
+from rsoconsole.pipeline.measure import shutter_mid_utc_ns
 from rsoconsole.pipeline.mount_motion import LAST_SLEWS, SlewSeen, learned
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.reason_text import text
@@ -92,6 +93,8 @@ class Leaping:
         self._awaiting = Awaiting(control, parts)
         self._before_s: float | None = None
         """The night's own exposure, where the leaps have set another."""
+        self._set_s = 0.0
+        """That one."""
         self._parts: list[LeapParts] = []
         """Of each leap after the present track, what it took."""
 
@@ -101,22 +104,30 @@ class Leaping:
         return self._control.config.leap.enabled
 
     def forget(self) -> None:
-        """Autonomy has lost the mount, or time its meaning: it stares where it then points."""
+        """Autonomy has lost the mount: it stares where it then points, with its own exposure."""
         self.track = self._leap = self._stare = self._ordered = None
         self._awaiting.forget()
         self._misses = 0
         self._parts = []
+        own_s, self._before_s = self._before_s, None
+        if own_s is not None:
+            self._set_exposure(own_s, "the end of the leaps")
+
+    def forget_times(self) -> None:
+        """Time has lost its meaning, and with it every orbit."""
+        self.forget()
+        self._awaiting.forget_orbit()
 
     def configure(self, before: Config) -> None:
         """Take new tunables: ended leaps leave the night its own exposure, and forget."""
         after = self._control.config
         if before.leap.pass_norad != after.leap.pass_norad:
             self._awaiting.forget_elements()
+        wanted_s = after.exposure.exposure_s
+        if self._before_s is not None and wanted_s not in (before.exposure.exposure_s, self._set_s):
+            self._before_s = wanted_s  # what the operator sets holds where the leaps end
         if before.leap.enabled and not after.leap.enabled:
             self.forget()
-            own_s, self._before_s = self._before_s, None
-            if own_s is not None:
-                self._set_exposure(own_s, "the end of the leaps")
 
     def arrived(self) -> None:
         """A slew of its own has ended: what it took is learned."""
@@ -175,12 +186,13 @@ class Leaping:
                 self._chronicle.say("info", leap_words(after, each, leap))
                 return
         centre, orbit = (solution.ra_icrs_deg, solution.dec_icrs_deg), self.track.best.orbit
-        if frame.t_mid_utc_ns is not None:
-            if orbit is not None and is_dark(orbit, frame.t_mid_utc_ns):
+        t_mid_ns = shutter_mid_utc_ns(frame, exposure)
+        if t_mid_ns is not None:
+            if orbit is not None and is_dark(orbit, t_mid_ns):
                 self._end("it has gone into the Earth's shadow")
                 return
             radius_deg = min(self._control.config.optics.field_deg) / 2.0
-            self.track = unseen(self.track, frame.t_mid_utc_ns, centre, radius_deg)
+            self.track = unseen(self.track, t_mid_ns, centre, radius_deg)
         self._miss("it is not in the frame" if not found else "no streak of the frame is its")
 
     def _note_parts(self, leap: Leap) -> None:
@@ -335,7 +347,7 @@ class Leaping:
         if separation_deg(*here, *there) < drift_deg:
             return self._in_place(now_ns)
         plan = self._planner.to_place(there, now_ns, "stare", now_ns)
-        refused = self._slews.order(plan, t_until_utc_ns=now_ns + NS)
+        refused = self._slews.order(plan, t_until_utc_ns=self._planner.end_utc_ns(plan))
         if refused is not None:
             self._chronicle.say("warning", f"stares where it stands: {text(refused)}")
             self._stare = self._of_date(here, now_ns)
@@ -361,9 +373,11 @@ class Leaping:
             return self._planner.to_place(None, at_ns, "", now_ns)
         plan = self._planner.to_place(there, at_ns, "await", now_ns)
         travel = self.telescope().limits.travel_deg(pose, *there)
-        refused = self._slews.order(plan, t_until_utc_ns=at_ns + NS)
+        end_ns = max(self._planner.end_utc_ns(plan), stare.until_utc_ns)
+        refused = self._slews.order(plan, t_until_utc_ns=end_ns)
         if refused is not None:
             self._chronicle.say("warning", f"cannot wait where it comes: {text(refused)}")
+            self._awaiting.passed_over()
             return self._in_place(now_ns)
         self._ordered = travel, now_ns
         return plan
@@ -395,6 +409,7 @@ class Leaping:
 
     def _set_exposure(self, exposure_s: float, by: str) -> None:
         config = self._control.config
+        self._set_s = exposure_s
         after = changed(config, _EXPOSURE, exposure_s)
         self._chronicle.append(change_record(config, after, _EXPOSURE, by))
         self._control.configure(after)

@@ -586,7 +586,7 @@ class Engine:
         """What lives by times that are wrong."""
         self.last_track = None
         self.orbits.forget()
-        self.leaping.forget()
+        self.leaping.forget_times()
 
     def _check_pointing(self, reduction: Reduction) -> None:
         """The first frame after arming must agree with where the mount says it looks."""

@@ -197,7 +197,7 @@ class Planner:
         for number in self._search.numbers():
             plan = self._plan_at(following, number, now_utc_ns)
             assert plan.slew is not None, "a search goes somewhere"
-            why = None if is_refused is None else is_refused(plan.slew, self._end_ns(plan))
+            why = None if is_refused is None else is_refused(plan.slew, self.end_utc_ns(plan))
             if why is None:
                 self._search.take(number)
                 return replace(plan, refused=tuple(news))
@@ -218,7 +218,7 @@ class Planner:
         mount = self._config.mount
         why = flip_refusal(self._site, mount, to, now_utc_ns, self._pier_side)
         if why is None and is_refused is not None:
-            why = is_refused(plan.slew, self._end_ns(plan))
+            why = is_refused(plan.slew, self.end_utc_ns(plan))
         if why is None:
             self._is_block_told = False
             return plan
@@ -243,7 +243,7 @@ class Planner:
         plan = self._plan_at(following, self._search.number, now_utc_ns)
         if plan.slew is None or is_refused is None:
             return plan
-        self._is_waiting = is_refused(plan.slew, self._end_ns(plan)) is None
+        self._is_waiting = is_refused(plan.slew, self.end_utc_ns(plan)) is None
         return plan if self._is_waiting else None
 
     def _in_place(
@@ -293,7 +293,8 @@ class Planner:
         exposure = self._config.exposure
         return t_start_ns + round((exposure.start_latency_s + exposure.exposure_s / 2.0) * NS)
 
-    def _end_ns(self, plan: Plan) -> int:
+    def end_utc_ns(self, plan: Plan) -> int:
+        """When the shutter closes."""
         return plan.t_mid_utc_ns + round(self._config.exposure.exposure_s / 2.0 * NS)
 
     def slew_s(self, direction: Direction, t_utc_ns: int) -> float:

@@ -217,7 +217,9 @@ def formal_covariances(
         _, slopes = problem.rows(unknowns)
         to_state = problem.view.slopes(unknowns)
         alone = slopes[: 2 * len(seen)]
-        both = (to_state @ _inverse(each.T @ each) @ to_state.T for each in (slopes, alone))
+        both = (
+            to_state @ inverse_of_normal(each.T @ each) @ to_state.T for each in (slopes, alone)
+        )
         constrained, free = both
     return constrained, free
 
@@ -325,12 +327,12 @@ def _finished(problem: _Problem, unknowns: FloatArray, is_converged: bool) -> Fi
     r, v = problem.view.state(unknowns)
     prior_chi2 = float(np.sum(value[2 * len(is_used) :] ** 2))
     alone = slopes[: 2 * len(is_used)][np.repeat(is_used, 2)]
-    covariance = to_state @ _inverse(slopes[keep].T @ slopes[keep]) @ to_state.T
+    covariance = to_state @ inverse_of_normal(slopes[keep].T @ slopes[keep]) @ to_state.T
     return Fit(
         r_km=r,
         v_km_s=v,
         covariance=covariance,
-        free_covariance=to_state @ _inverse(alone.T @ alone) @ to_state.T,
+        free_covariance=to_state @ inverse_of_normal(alone.T @ alone) @ to_state.T,
         residuals_arcsec=problem.residuals_arcsec(unknowns),
         is_used=is_used,
         cost=float(np.sum(np.minimum(squares, _OUTLIER))) + prior_chi2,
@@ -365,7 +367,7 @@ def _used(squares: FloatArray) -> BoolArray:
     return np.asarray(squares <= bound)
 
 
-def _inverse(normal: FloatArray) -> FloatArray:
+def inverse_of_normal(normal: FloatArray) -> FloatArray:
     """Of a normal matrix, scaled first; what is not determined comes out huge, not negative."""
     if not np.all(np.isfinite(normal)):
         return np.full_like(normal, np.nan)

@@ -209,7 +209,8 @@ def _orbit(track: LeapTrack, each: Hypothesis, streak: StreakEnds) -> LowOrbit |
         state, epoch = nearest(each.cloud, track.site, streak), each.cloud.epoch_utc_ns
     else:
         state, epoch = (each.orbit.r_km, each.orbit.v_km_s), each.orbit.epoch_utc_ns
-    return fit_streaks(track.site, (*each.streaks, streak), state, epoch, track.timing)
+    found = fit_streaks(track.site, (*each.streaks, streak), state, epoch, track.timing)
+    return found if found is not None and found.is_converged else None
 
 
 def _log_likelihood(place: SkyAhead, streak: StreakEnds, timing: Timing) -> float | None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rsoconsole.orbit.fit import inverse_of_normal
 from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.line_of_sight import LineOfSight
 from rsoconsole.orbit.seeds import State
@@ -258,7 +259,7 @@ def _is_told(problem: _Problem, unknowns: FloatArray) -> bool:
         return False
     to_state = problem.view.slopes(unknowns[:6])
     alone = slopes[: measured + 1]
-    covariance = to_state @ _inverse(alone.T @ alone)[:6, :6] @ to_state.T
+    covariance = to_state @ inverse_of_normal(alone.T @ alone)[:6, :6] @ to_state.T
     _, by_state = eccentricity_vector(*problem.view.state(unknowns[:6]))
     spread = by_state @ covariance @ by_state.T
     return bool(np.sqrt(np.trace(spread)) < _TOLD * SIGMA_E)
@@ -270,7 +271,7 @@ def _finished(
     r, v = problem.view.state(unknowns[:6])
     value, slopes, measured = problem.rows(unknowns)
     to_state = problem.view.slopes(unknowns[:6])
-    covariance = to_state @ _inverse(slopes.T @ slopes)[:6, :6] @ to_state.T
+    covariance = to_state @ inverse_of_normal(slopes.T @ slopes)[:6, :6] @ to_state.T
     if not (np.all(np.isfinite(covariance)) and np.all(np.isfinite(value))):
         return None
     places, _, _ = problem.places(r, v, unknowns[6])
@@ -292,10 +293,3 @@ def _finished(
         bias_s=float(unknowns[6]),
         is_converged=is_converged,
     )
-
-
-def _inverse(normal: FloatArray) -> FloatArray:
-    """Of a normal matrix, scaled first; what is not determined comes out huge, not negative."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    values, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
-    return np.asarray(scale[:, None] * (vectors / np.maximum(values, 1e-15)) @ vectors.T * scale)

@@ -1,8 +1,9 @@
 """Motion about the flattened Earth, quick: J2 to J4 by steps of Runge and Kutta. Pure.
 
-For low orbits while they are followed, and some revolutions ahead: Moon, Sun and the Earth's
-unevenness along the equator are less there than a pass of streaks tells. `forces.Forces` has more
-and takes twenty times as long. Kilometres, seconds, along GCRS axes.
+For low orbits while they are followed, and some revolutions ahead: Moon and Sun are less there than
+a pass of streaks tells, and for the Earth's unevenness along the equator the next pass is told the
+wider (``low_fit.LEFT_OUT_KM_S2``). `forces.Forces` has more and takes twenty times as long.
+Kilometres, seconds, along GCRS axes.
 """
 
 from dataclasses import dataclass

@@ -20,7 +20,7 @@ from rsoconsole.orbit.streak_ends import StreakEnds
 from rsoconsole.pipeline.leap_pass import Stare
 from rsoconsole.pipeline.night_passes import night_passes
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky.angles import separation_deg, unit_to_direction
+from rsoconsole.sky.angles import separation_deg, unit_to_direction, wrap_180
 from rsoconsole.sky.limits import LimitName, Limits, Pose
 from rsoconsole.sky.places import astrometric_places, site_gcrs
 from rsoconsole.sky.sun import lit_fraction
@@ -34,6 +34,8 @@ _STEP_S = 5.0
 _TURN_DEG, _SPEED = 15.0, 0.2
 """By how much a streak's direction and speed may differ from the elements' and be its own."""
 _FINE_S = 0.05
+_FARTHEST_DEG = 3.0
+"""Across its way: elements are off by arc minutes there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,7 +109,8 @@ def awaited_on(
     span_ns = round(SIGMAS * sigma_s * NS_PER_S)
     for t in range(up_utc_ns[0], up_utc_ns[1], round(_STEP_S * NS_PER_S)):
         point = states(np.array([t]))[0]
-        if not np.all(np.isfinite(point)) or t + span_ns < now_utc_ns:
+        # Where it may come is looked at in time for the earliest that it may be.
+        if not np.all(np.isfinite(point)) or t - span_ns < now_utc_ns:
             continue
         if lit_fraction(point, np.array([t]))[0] < LIT:
             continue
@@ -163,25 +166,30 @@ def expected_at(awaited: Awaited, site: Site, t_utc_ns: int, late_s: float) -> S
 def came(awaited: Awaited, site: Site, streak: StreakEnds) -> tuple[Came, StreakEnds] | None:
     """How late and how far across it is by one whole streak, taken in its sense.
 
-    None for a streak that goes another way or at another speed than it would there.
+    None for one that is nowhere on its way within the window, or that goes another way or at
+    another speed than it would there.
     """
     stare = awaited.stare
     span_s = (stare.until_utc_ns - stare.from_utc_ns) / NS_PER_S
     t = streak.t_mid_utc_ns
-    late = np.arange(-span_s, span_s, _FINE_S)
+    late = np.arange(-span_s / 2.0 - _FINE_S, span_s / 2.0 + 2.0 * _FINE_S, _FINE_S)
     states = awaited.states(t - np.rint(late * NS_PER_S).astype(np.int64))
     lines = states[0] - site_gcrs(site, np.array([t]))[0][0]
     ra, dec = unit_to_direction(lines)
     middle_ra, middle_dec = _middle(streak)
-    away = separation_deg(ra, dec, np.full_like(ra, middle_ra), np.full_like(dec, middle_dec))
+    away = np.asarray(separation_deg(ra, dec, middle_ra, middle_dec))
+    if not np.all(np.isfinite(away)):
+        return None
     best = int(np.argmin(away))
+    if best in (0, len(late) - 1) or away[best] > _FARTHEST_DEG:
+        return None
     place = expected_at(awaited, site, t, float(late[best]))
     rate = streak.rate_arcsec_s
     speed, expected = float(np.hypot(*rate)), place.speed_arcsec_s
     cosine = float(rate @ place.rate_arcsec_s) / (speed * expected)
     if abs(speed / expected - 1.0) > _SPEED or abs(cosine) < np.cos(np.radians(_TURN_DEG)):
         return None
-    east = (middle_ra - place.ra_icrs_deg + 180.0) % 360.0 - 180.0
+    east = wrap_180(middle_ra - place.ra_icrs_deg)
     off = np.array([east * np.cos(np.radians(middle_dec)), middle_dec - place.dec_icrs_deg])
     ahead = place.rate_arcsec_s / expected
     along_s = 3600.0 * float(off @ ahead) / expected
@@ -194,5 +202,5 @@ def came(awaited: Awaited, site: Site, streak: StreakEnds) -> tuple[Came, Streak
 
 def _middle(streak: StreakEnds) -> tuple[float, float]:
     turn = float(np.diff(streak.ra_icrs_deg)[0])
-    ra = float(streak.ra_icrs_deg[0]) + ((turn + 180.0) % 360.0 - 180.0) / 2.0
+    ra = float(streak.ra_icrs_deg[0]) + wrap_180(turn) / 2.0
     return ra % 360.0, float(np.mean(streak.dec_icrs_deg))

@@ -5,13 +5,11 @@ minute; near the pole its polar axis cannot follow. Both are in the leaps themse
 a pass is its leaps, one after another, as this mount would do them.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from rsoconsole.orbit.ahead import SkyPath
-from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.pipeline.leaps import Leap, NoLeap, Telescope, next_leap
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import unit_to_direction
@@ -82,34 +80,6 @@ class Stare:
         return float(ra), float(dec)
 
 
-def stares(
-    orbit: KnownOrbit, rise_utc_ns: int, set_utc_ns: int, sigma_s: float, step_s: float = 10.0
-) -> Iterator[Stare]:
-    """Places to wait at, the earliest first: for three sigma of its time to either side."""
-    span_ns = round(3.0 * sigma_s * NS_PER_S)
-    # Early by three sigma it must not be past before the limit lets the telescope look there.
-    for t in range(rise_utc_ns, set_utc_ns, round(step_s * NS_PER_S)):
-        x, y, z = orbit.states(np.array([t]))[0][0].tolist()
-        yield Stare(
-            t_through_utc_ns=t,
-            from_utc_ns=t - span_ns,
-            until_utc_ns=t + span_ns,
-            point_gcrs_km=(x, y, z),
-        )
-
-
 def duty(exposure_s: float, latency_s: float, readout_s: float) -> float:
     """Share of the time for which the shutter is open while exposures follow each other."""
     return exposure_s / (exposure_s + latency_s + readout_s)
-
-
-def caught(
-    speed_arcsec_s: float, exposure_s: float, field_deg: float, latency_s: float, readout_s: float
-) -> float:
-    """Probability that a whole streak is in a frame while it crosses a field that is stared at.
-
-    Exposures follow each other without regard to it; ``field_deg``: the length of its way across.
-    """
-    crossing_s = 3600.0 * field_deg / max(speed_arcsec_s, 1e-9)
-    whole_s = max(crossing_s - exposure_s, 0.0)
-    return min(1.0, whole_s / (exposure_s + latency_s + readout_s))

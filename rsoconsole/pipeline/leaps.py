@@ -122,8 +122,6 @@ def next_leap(
     start: Pose,
     now_utc_ns: int,
     telescope: Telescope,
-    *,
-    not_before_utc_ns: int = 0,
 ) -> Leap | NoLeap:
     """The first place where the mount can be in time, and may be.
 
@@ -131,7 +129,7 @@ def next_leap(
     """
     last: NoLeap = NoLeap(kind="it sets")
     for wait_s in _WAITS_S:
-        earliest_ns = max(now_utc_ns, not_before_utc_ns) + round(wait_s * NS_PER_S)
+        earliest_ns = now_utc_ns + round(wait_s * NS_PER_S)
         found = _meeting(path, start, now_utc_ns, earliest_ns, telescope)
         if isinstance(found, NoLeap):
             # Later it is nearer to its end; what was refused before it says more.

@@ -80,8 +80,8 @@ def night_passes(
 ) -> Iterator[tuple[int, tuple[NightPass, ...]]]:
     """Passes within a span, by some objects after another, each time with how many were looked at.
 
-    Of each object the set nearest in epoch counts. ``is_low_only``: of low orbits alone; what never
-    sets has no pass. Elements that SGP4 refuses are left out.
+    Of each object the set nearest in epoch counts. ``is_low_only``: of low orbits alone, else what
+    never sets has one pass, the whole span. Elements that SGP4 refuses are left out.
     """
     nearest = nearest_in_epoch_of_each(entries, span_utc_ns[0])
     looked_at = [e for e in nearest if _may_rise(e, site, limits, is_low_only=is_low_only)]
