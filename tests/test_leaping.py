@@ -231,7 +231,7 @@ def test_what_the_operator_sets_holds_where_the_leaps_end() -> None:
     r.engine.run(frames=14)
     desk = engine_rig.desk_of(r)
     assert engine_rig.told(desk, "set", {"name": "exposure.exposure_s", "value": 3.0}).ok
-    r.engine.run(frames=3)
+    r.engine.run(frames=18)
     assert engine_rig.told(desk, "set", {"name": "leap.enabled", "value": "false"}).ok
-    r.engine.run(frames=2)
+    r.engine.run(frames=22)
     assert r.engine.config.exposure.exposure_s == 3.0
