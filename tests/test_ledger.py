@@ -196,3 +196,12 @@ def test_a_folder_that_takes_no_file_is_said(tmp_path: Path) -> None:
     (tmp_path / "state").write_text("a file where the folder should be")
     with pytest.raises(SessionError, match="cannot be"):
         add(tmp_path / "state" / "ledger.jsonl", kept(1, track("monday")))
+
+
+def test_lines_of_another_shape_are_told_by_their_number_and_cost_no_other(tmp_path: Path) -> None:
+    path = tmp_path / "ledger.jsonl"
+    odd = ('{"did": "kept", "number": 1, "track": [1]}', '{"did": "kept", "number": 1, "track": 3}')
+    huge = f'{{"did": "renamed", "number": 1{"0" * 400}, "name": "x"}}'
+    lines = ('{"did": "begun", "format": 1}', *odd, huge)
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    assert set(read_ledger(path).unreadable) >= {2, 3}

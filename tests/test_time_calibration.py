@@ -156,6 +156,26 @@ def test_nights_whose_clocks_differ_are_said_and_are_in_the_error(sky, tmp_path)
     assert any("the nights differ by" in words for words in told["cautions"])
 
 
+def test_nights_that_lie_in_other_rows_have_one_shutter(sky, tmp_path) -> None:
+    """A rolling shutter opens later in the lower rows: that is no other clock."""
+    later = constellation(T0 + 24 * 3600 * NS_PER_S, 10.0)
+    rng = np.random.default_rng(21)
+    plans = (Plan(tracks=12, rows=(100.0, 900.0)), Plan(tracks=12, rows=(2600.0, 3400.0)))
+    folders = [
+        night(tmp_path / name, where, Shutter(), plan, rng)
+        for name, where, plan in (("one", sky, plans[0]), ("two", later, plans[1]))
+    ]
+    files = []
+    for name, where in (("a.sp3", sky), ("b.sp3", later)):
+        (tmp_path / name).write_text(where.sp3())
+        files += ["--sp3", tmp_path / name]
+    told = found(*folders, *files)
+    (mode,) = told["modes"]
+    assert mode["night_spread_s"] == 0.0
+    assert abs(off(mode, "bias_s", 0.137)) <= SIGMAS
+    assert not any("the nights differ by" in words for words in told["cautions"])
+
+
 def test_satellites_that_all_go_the_same_way_are_said(sky, sp3, tmp_path) -> None:
     plan = Plan(tracks=6, heading_deg=35.0, spread_deg=8.0)
     folder = night(tmp_path / "n", sky, Shutter(), plan, np.random.default_rng(3))

@@ -71,6 +71,8 @@ def _instant(header: Mapping[str, Any], whole: str, second: str, micro: str) -> 
         return None
     if isinstance(microseconds, bool) or not isinstance(microseconds, int | float):
         return _iso(stated)
+    if not 0.0 <= microseconds < 1e6:
+        return None
     # The text is cut to milliseconds, or has none at all.
     seconds = _iso(re.sub(r"\.\d*", "", stated))
     return None if seconds is None else seconds + round(float(microseconds) * 1000.0)

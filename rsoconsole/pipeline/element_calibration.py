@@ -1,7 +1,8 @@
 """What elements were off in recorded nights: rows from sessions, and from what identify printed."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -91,7 +92,7 @@ def rows_of_lines(path: Path, *, is_simulated: bool) -> NightRows:
                 if track:
                     tracks += 1
                     rows.extend(_rows_of(session, track, seen))
-        except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+        except (LookupError, TypeError, AttributeError, ArithmeticError, ValueError) as error:
             raise OrbitError(
                 f"{path}, line {number} is none of 'rsoconsole identify --field --json' as this"
                 f" version prints it ({_fault(error)}): print it again, or name a session's folder"
@@ -147,7 +148,7 @@ def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[Elem
     if not min(speed_km_s, range_km, sigma_s, sigma_arcsec) > 0.0:
         raise ValueError("an error, a speed or a distance is not above 0")
     epoch = iso_to_utc_ns(best["tle_epoch_utc"])
-    yield ElementRow(
+    row = ElementRow(
         session=session,
         track=track,
         norad_id=int(best["norad_id"]),
@@ -173,6 +174,14 @@ def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[Elem
         observations=seen["observations"],
         probability=float(best["probability"]),
     )
+    numbers = [v for v in (*asdict(row).values(), *row.along_by, *row.across_by) if _is_float(v)]
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("a value is not a number")
+    yield row
+
+
+def _is_float(value: object) -> bool:
+    return isinstance(value, float)
 
 
 def _called(name: str, t_utc_ns: int) -> str:

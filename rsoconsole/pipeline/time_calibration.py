@@ -193,15 +193,26 @@ def _by_night(
             )
         except OrbitError:
             continue
-        for mode, timing in enumerate(told.modes):
-            if timing is not None:
-                alone.setdefault(mode, []).append(timing.bias_at_middle_s)
+        for mode, (timing, whole) in enumerate(zip(told.modes, found.modes, strict=True)):
+            if timing is not None and whole is not None:
+                alone.setdefault(mode, []).append(_in_row(timing, whole))
     return replace(
         found,
         modes=tuple(
             timing and _widened(timing, alone.get(mode, []))
             for mode, timing in enumerate(found.modes)
         ),
+    )
+
+
+def _in_row(timing: ShutterTiming, whole: ShutterTiming) -> Estimated:
+    """The bias of one night in the row in which that of all is known best."""
+    rows, line = whole.middle_row_px - timing.middle_row_px, whole.line_time_s
+    at = timing.bias_at_middle_s
+    return replace(
+        at,
+        value=at.value + rows * line.value,
+        sigma=math.hypot(at.sigma, rows * line.sigma if whole.is_line_time_found else 0.0),
     )
 
 
@@ -230,8 +241,10 @@ def _nights(sessions: Sequence[NightStreaks]) -> list[tuple[date, list[int]]]:
     """The day on which each night began, and which sessions are of it, by their numbers."""
     found: dict[tuple[float, float, int], list[int]] = {}
     for number, session in enumerate(sessions):
+        if not session.streaks:
+            continue
         site = session.config.site.to_site()
-        t = min((header_mid(streak) for streak in session.streaks), default=0)
+        t = min(header_mid(streak) for streak in session.streaks)
         noons = math.floor(t / NS_PER_DAY + site.longitude_deg / 360.0 - 0.5)
         place = (round(site.latitude_deg, 2), round(site.longitude_deg, 2), noons)
         found.setdefault(place, []).append(number)

@@ -135,7 +135,7 @@ def objects_of(lines: Lines, take: Callable[[Mapping[str, Any]], None]) -> tuple
             if not isinstance(said, dict):
                 raise TypeError("no object")
             take(said)
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
             bad.append(place)
     return tuple(bad)
 
