@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from rsoconsole.config import Config
 from rsoconsole.config_file import initial_config_text, toml_value
+from rsoconsole.durable_files import write_durably
 from rsoconsole.errors import ConfigError
 from rsoconsole.fault_text import plain_fault
 from rsoconsole.foreign_text import read_foreign, toml_of
@@ -57,11 +58,8 @@ def _replace(path: Path, text: str) -> None:
     content = text.encode()
     if not is_new and b"\r\n" in target.read_bytes():
         content = content.replace(b"\n", b"\r\n")
-    beside = target.with_name(target.name + ".part")
-    beside.write_bytes(content)
-    if not is_new:
-        beside.chmod(target.stat().st_mode & 0o777)
-    beside.replace(target)
+    mode = None if is_new else target.stat().st_mode & 0o777
+    write_durably(target, content, mode)
 
 
 def with_settings(text: str, settings: Mapping[str, Any]) -> str:

@@ -10,6 +10,7 @@ from statistics import median
 from typing import TypeAlias
 
 from rsoconsole.config import Config
+from rsoconsole.durable_files import write_durably
 from rsoconsole.engine.doctor_system import free_bytes, nearest_existing
 from rsoconsole.errors import SessionError
 from rsoconsole.instruments.frame_files import frame_from_bytes
@@ -18,7 +19,7 @@ from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.records import Frame, NotSolved, Solution
-from rsoconsole.session.frame_files import compress_frame, write_durably
+from rsoconsole.session.frame_files import compress_frame
 from rsoconsole.tracking.following import Following
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.cores import threads_for

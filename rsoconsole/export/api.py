@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
+from rsoconsole.durable_files import write_durably
 from rsoconsole.errors import ExportError
 from rsoconsole.export import frames as on_record
 from rsoconsole.export.iod import STATION, check_station, to_iod
@@ -15,7 +16,6 @@ from rsoconsole.export.solved_fits import solved_fits
 from rsoconsole.export.tables import to_csv, to_ecsv, to_jsonl
 from rsoconsole.export.target import Target
 from rsoconsole.export.tdm import ORIGINATOR, to_tdm, whole
-from rsoconsole.session.frame_files import write_durably
 
 TextFormat = Literal["csv", "ecsv", "jsonl", "tdm", "iod"]
 FrameFormat = Literal["fits", "regions"]

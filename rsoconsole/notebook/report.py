@@ -58,7 +58,7 @@ def write_report(session: Path, out: Path) -> Path:
     Raises SessionError when the session cannot be read, holds no frame, or ``out`` cannot be
     written.
     """
-    from rsoconsole.session.frame_files import write_durably
+    from rsoconsole.durable_files import write_durably
 
     content = render_report(session).html.encode("utf-8")
     try:

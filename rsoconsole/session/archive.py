@@ -19,10 +19,11 @@ from typing import IO, Any, TypeAlias
 
 import numpy as np
 
+from rsoconsole.durable_files import PART, sync_folder
 from rsoconsole.errors import SessionError
 from rsoconsole.records import Frame
 from rsoconsole.session.digest import sha256_of
-from rsoconsole.session.frame_files import PART, compress_frame, sync_folder
+from rsoconsole.session.frame_files import compress_frame
 from rsoconsole.session.holdings import MANIFEST, FolderHoldings
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.schema import BESIDE_DATABASE, DATABASE, file_name

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.durable_files import PART, sync_folder
 from rsoconsole.session.bounds import bound
-from rsoconsole.session.frame_files import PART, sync_folder
 from rsoconsole.session.schema import (
     APPLICATION_ID,
     DATABASE,

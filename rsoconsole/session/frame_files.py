@@ -5,13 +5,10 @@ such pixels are shifted down first and ``BSCALE`` says by how much, so that ever
 the camera's values back. Source of the coding: Pence et al. 2010, FITS tiled image compression.
 """
 
-import errno
 import io
 import math
-import os
 import re
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +16,6 @@ import numpy.typing as npt
 
 from rsoconsole.records import Frame
 
-PART = ".part"
-"""Ending of a file that is not yet whole."""
 TILE_ROWS = 16
 MAX_SHIFT_BITS = 8
 _STRUCTURE = {
@@ -79,40 +74,6 @@ def encode_preview(picture: npt.NDArray[np.uint8]) -> bytes:
     if not ok:
         raise ValueError("the preview cannot be coded as PNG")
     return bytes(encoded.tobytes())
-
-
-def write_durably(path: Path, content: bytes) -> None:
-    """Put a whole file in place or none, and wait until the disk has it and its name.
-
-    Raises OSError; whatever happens, what was begun is removed.
-    """
-    beside = path.with_name(path.name + PART)
-    try:
-        with beside.open("wb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        beside.replace(path)
-    except BaseException:
-        beside.unlink(missing_ok=True)
-        raise
-    sync_folder(path.parent)
-
-
-def sync_folder(folder: Path) -> None:
-    """Wait until the disk has the names in the folder: a renamed file is safe only then.
-
-    Raises OSError.
-    """
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    except OSError as error:
-        # Some file systems (network shares) cannot, and say so; they keep names by themselves.
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
-            raise
-    finally:
-        os.close(descriptor)
 
 
 def _shift_down(pixels: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], int]:

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.durable_files import write_durably
 from rsoconsole.errors import SessionError
 from rsoconsole.foreign_text import json_of
-from rsoconsole.session.frame_files import write_durably
 
 _WAIT_S = 20.0
 """For another writer."""

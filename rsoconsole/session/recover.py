@@ -16,6 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from rsoconsole.durable_files import PART, sync_folder
 from rsoconsole.errors import SessionError
 from rsoconsole.foreign_text import json_of, read_foreign, toml_of
 from rsoconsole.session.bounds import bound, computed_part
@@ -24,7 +25,6 @@ from rsoconsole.session.contents import content_fault
 from rsoconsole.session.database import Database, connect_to_write, create_database, leave_wal
 from rsoconsole.session.digest import META_KEY as DIGEST_KEY
 from rsoconsole.session.digest import Row, mark_closed, sha256_of
-from rsoconsole.session.frame_files import PART, sync_folder
 from rsoconsole.session.holdings import FolderHoldings
 from rsoconsole.session.legacy import LAST_SCHEMA, decode_old, is_without_ids
 from rsoconsole.session.pages import MAGIC, Fields, Pages

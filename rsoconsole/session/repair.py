@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.durable_files import PART
 from rsoconsole.errors import SessionError
 from rsoconsole.session.contents import content_fault
 from rsoconsole.session.database import connect_to_write, leave_wal
 from rsoconsole.session.digest import mark_closed, sha256_of
-from rsoconsole.session.frame_files import PART
 from rsoconsole.session.holdings import FolderHoldings
 from rsoconsole.session.liveness import is_written
 from rsoconsole.session.merge import Merged, merge_rescue, rescued_session, rescues_of

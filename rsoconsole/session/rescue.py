@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import state_dir
+from rsoconsole.durable_files import write_durably
 from rsoconsole.session.database import connect_to_write, create_database
-from rsoconsole.session.frame_files import write_durably
 from rsoconsole.session.rows import FILE_ROWS, INSERT_FILE, INSERT_RECORD, LOG_ROWS
 from rsoconsole.session.schema import CONFIG, DATABASE, FOLDERS
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from rsoconsole.durable_files import PART, sync_folder
 from rsoconsole.errors import SessionError
-from rsoconsole.session.frame_files import PART, sync_folder
 from rsoconsole.session.liveness import is_written
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.schema import BRANCHES, DATABASE

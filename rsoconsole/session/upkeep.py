@@ -10,9 +10,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from rsoconsole.durable_files import sync_folder, write_durably
 from rsoconsole.errors import SessionError
 from rsoconsole.foreign_text import json_of
-from rsoconsole.session.frame_files import sync_folder, write_durably
 from rsoconsole.sky.times import utc_ns_to_iso
 
 UPKEEP = "upkeep.jsonl"

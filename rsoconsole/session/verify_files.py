@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from rsoconsole.durable_files import PART
 from rsoconsole.session.contents import content_fault
-from rsoconsole.session.frame_files import PART
 from rsoconsole.session.holdings import (
     MANIFEST,
     FolderHoldings,

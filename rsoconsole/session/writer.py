@@ -19,18 +19,14 @@ import numpy.typing as npt
 
 from rsoconsole.config import Config
 from rsoconsole.config_file import config_to_toml
+from rsoconsole.durable_files import sync_folder, write_durably
 from rsoconsole.errors import SessionError
 from rsoconsole.records import Frame, Record
 from rsoconsole.session.codec import to_json_value
 from rsoconsole.session.database import connect_to_write, create_database, leave_wal
 from rsoconsole.session.digest import mark_closed, sha256_of
 from rsoconsole.session.faults import Faults
-from rsoconsole.session.frame_files import (
-    compress_frame,
-    encode_preview,
-    sync_folder,
-    write_durably,
-)
+from rsoconsole.session.frame_files import compress_frame, encode_preview
 from rsoconsole.session.liveness import META_KEY as WRITER_KEY
 from rsoconsole.session.liveness import own_mark
 from rsoconsole.session.log_writer import KeptFile, LogWriter

@@ -23,10 +23,10 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
+from rsoconsole.durable_files import write_durably
 from rsoconsole.session.codec import encode
 from rsoconsole.session.database import connect_to_write
 from rsoconsole.session.digest import digest_log, sha256_of
-from rsoconsole.session.frame_files import write_durably
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.session.store import summarise
 from rsoconsole.session.verify import verify_session
