@@ -212,10 +212,24 @@ def test_every_track_is_judged_by_what_it_began_with():
 
 @pytest.mark.parametrize(("shares", "swapped"), [(1, 0), (None, 1)])
 def test_a_streak_of_both_is_each_ones_where_its_track_says_so(shares, swapped):
-    """BETA's track takes the streak between both, a pixel nearer to ALPHA's middle."""
+    """BETA's track takes the streak between both, nearer to ALPHA's middle."""
+    views = _taken_at_an_approach(506.0, shares)
+    _, beta = objects_figures(views, {ALPHA: "ALPHA"})
+    assert (beta["swapped_frames"], beta["track_frames"]) == (swapped, 4 - swapped)
+
+
+@pytest.mark.parametrize(("apart_fwhm", "swapped"), [(1.9, 0), (2.1, 1)])
+def test_which_of_two_lines_a_track_took_is_judged_where_a_camera_shows_two(apart_fwhm, swapped):
+    views = _taken_at_an_approach(500.0 + 2.2 * apart_fwhm, None)
+    _, beta = objects_figures(views, {ALPHA: "ALPHA"})
+    assert (beta["swapped_frames"], beta["track_frames"]) == (swapped, 4 - swapped)
+
+
+def _taken_at_an_approach(there_px: float, shares: int | None) -> list:
+    """BETA's track takes ALPHA's streak in the last of four frames, where they are near."""
     views = []
     for k in range(4):
-        alpha_px, beta_px = (500.0, 503.0) if k == 3 else (500.0, 560.0)
+        alpha_px, beta_px = (500.0, there_px) if k == 3 else (500.0, 560.0)
         frame = FakeFrame([measured(500.0), measured(560.0)], [detected(500.0), detected(560.0)])
         kind = "initial" if k == 0 else "updated"
         taken = state(kind, 500.0 if k == 3 else 560.0)
@@ -225,8 +239,7 @@ def test_a_streak_of_both_is_each_ones_where_its_track_says_so(shares, swapped):
             replace(taken, track_id=2, shared_with=shares if k == 3 else None),
         )
         views.append((frame, exposure(satellite(ALPHA, alpha_px), satellite(BETA, beta_px))))
-    _, beta = objects_figures(views, {ALPHA: "ALPHA"})
-    assert (beta["swapped_frames"], beta["track_frames"]) == (swapped, 4 - swapped)
+    return views
 
 
 @pytest.mark.parametrize(("sigma_arcsec", "inside"), [(1.0, 0.0), (1.5, 1.0)])

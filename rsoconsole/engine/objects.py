@@ -24,6 +24,8 @@ BESIDE_FWHM = 4.0
 """How far beside a true streak something may lie and be of it, in widths of the frame's stars."""
 BETWEEN = 2.0
 """Not so many times as far from one middle as from another, a streak is of both."""
+APART_FWHM = 2.0
+"""Lines nearer to each other, in widths of the frame's stars, are one streak to a camera."""
 
 
 @dataclass(slots=True)
@@ -89,7 +91,8 @@ def objects_figures(
     the prediction. ``nis_mean`` and ``whiteness`` (lag-one
     correlation of the innovations in their sigmas; sound within 2 / sqrt(n)). ``longest_wrong``:
     visible frames in a row in which the lead took something else than what was locked first.
-    ``swapped_frames``: those in which the object's track took another object's streak.
+    ``swapped_frames``: those in which the object's track took another object's streak, where the
+    two draw lines that a camera shows apart (``APART_FWHM``).
     """
     judge = _Judge({number: _Tally(name) for number, name in targets.items()})
     for frame, truth in views:
@@ -121,7 +124,8 @@ class _Judge:
             taken = _taken(frame, step)
             if taken is not None:
                 number = _object_at(taken.x_px, taken.y_px, there, width_px)
-                if _is_of_both(step, taken, there, (on, number), width_px):
+                apart_px = APART_FWHM * float(truth.get("fwhm_px", 0.0))
+                if _is_of_both(step, taken, there, (on, number), (width_px, apart_px)):
                     number = on
                 taken_by[track_id] = number
                 self._judge_taken(track_id, step, number, there)
@@ -324,20 +328,25 @@ def _is_of_both(
     taken: Measurement,
     there: Mapping[int, Mapping[str, Any]],
     pair: tuple[int | None, int | None],
-    width_px: float,
+    widths_px: tuple[float, float],
 ) -> bool:
     """Whether what a track took is its own object's as well as the one's whose middle is nearer.
 
-    One streak of two lies between both; or the track says that it shares it with another.
+    One streak of two lies between both; or the track says that it shares it with another; or the
+    two draw lines that no camera shows apart. ``widths_px``: how far beside a line is on it, and
+    how far from each other two lines are two.
     """
     own, nearer = (there.get(number or 0) for number in pair)
+    beside_px, apart_px = widths_px
     if (
         own is None
         or nearer is None
-        or _object_at(taken.x_px, taken.y_px, {0: own}, width_px) is None
+        or _object_at(taken.x_px, taken.y_px, {0: own}, beside_px) is None
     ):
         return False
     if step.updated is not None and step.updated.shared_with is not None:
+        return True
+    if _object_at(own["x_px"], own["y_px"], {0: nearer}, apart_px) is not None:
         return True
     to_own, to_other = (
         math.hypot(taken.x_px - each["x_px"], taken.y_px - each["y_px"]) for each in (own, nearer)
