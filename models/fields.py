@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import MapMode
-from rsoconsole.vision.maps import ByteArray, binning_of
+from rsoconsole.vision.bins import binning_of
+from rsoconsole.vision.maps import ByteArray
 
 FIELD_CELLS = 192
 Kind = Literal["ordinary", "empty", "trailed stars", "aircraft", "rays", "meteor"]

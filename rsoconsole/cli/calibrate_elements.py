@@ -63,7 +63,7 @@ def calibrate_elements(
 
     Example: rsoconsole calibrate-elements night-1 night-2 --tle all.tle
     """
-    from rsoconsole.cli.element_error_words import ledger_lines
+    from rsoconsole.cli.element_error_words import element_ledger_lines
     from rsoconsole.orbit.element_fit import fit_factors
     from rsoconsole.pipeline.element_ledger_report import regime_report
     from rsoconsole.session.element_ledger import element_ledger_path
@@ -90,7 +90,7 @@ def calibrate_elements(
     if json_:
         output.emit_json(report)
     else:
-        output.say(*ledger_lines(report))
+        output.say(*element_ledger_lines(report))
         if not ledger.rows:
             output.complain(f"no track is kept in {path}: name nights whose tracks are named")
         elif report["written"]:
@@ -148,11 +148,15 @@ def _expect_kind(folder: Path, *, simulated: bool) -> None:
 
 def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
     """The ledger with these rows in it."""
-    from rsoconsole.session.element_ledger import damage_words, keep_rows, read_element_ledger
+    from rsoconsole.session.element_ledger import (
+        element_damage_words,
+        keep_rows,
+        read_element_ledger,
+    )
 
     if not found:
         ledger = read_element_ledger(path)
-        if words := damage_words(ledger, path):
+        if words := element_damage_words(ledger, path):
             output.complain(f"rsoconsole: {words}")
         return ledger
     sessions = [session for each in found for session in each.sessions]

@@ -40,7 +40,7 @@ def _joined(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def ledger_lines(report: dict[str, Any]) -> Iterator[str]:
+def element_ledger_lines(report: dict[str, Any]) -> Iterator[str]:
     """What the ledger of element errors holds."""
     for night in report["nights"]:
         yield (f"{night['night']}: {len(night['rows'])} of {night['tracks']} tracks surely named")

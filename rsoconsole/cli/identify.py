@@ -143,7 +143,7 @@ def identify(
         output.emit_json(report)
         return
     from rsoconsole.cli.element_error_words import source_lines
-    from rsoconsole.cli.identify_words import ledger_lines, named_tracks_lines
+    from rsoconsole.cli.identify_words import named_tracks_lines, past_tracks_lines
     from rsoconsole.cli.orbit_words import identification_lines
 
     if track is None and len(tracks) > 1:
@@ -152,5 +152,5 @@ def identify(
     output.say(
         *identification_lines(report),
         *source_lines(report["element_errors"], regimes),
-        *ledger_lines(report),
+        *past_tracks_lines(report),
     )

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from rsoconsole.cli.orbit_words import span_words
-from rsoconsole.orbit.uncorrelated import SURE
+from rsoconsole.orbit.uncorrelated import SURE_SAME
 
 
 def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
@@ -26,7 +26,7 @@ def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
             yield f"  {_percent(each['not_catalogued']):>5}  not catalogued"
 
 
-def ledger_lines(report: dict[str, Any]) -> Iterator[str]:
+def past_tracks_lines(report: dict[str, Any]) -> Iterator[str]:
     """What the ledger says of the tracks, and what was kept in it."""
     for each in report["tracks"]:
         if each["ledger"] is not None and len(report["tracks"]) == 1:
@@ -40,7 +40,7 @@ def ledger_lines(report: dict[str, Any]) -> Iterator[str]:
 
 def _past_words(past: dict[str, Any]) -> str:
     seen = past["t_last_utc"][:10]
-    doubt = "" if past["probability"] >= SURE else "perhaps "
+    doubt = "" if past["probability"] >= SURE_SAME else "perhaps "
     return f"{doubt}{past['name']}, seen {seen} ({_percent(past['probability'])})"
 
 

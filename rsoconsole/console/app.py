@@ -46,7 +46,7 @@ from rsoconsole.control import Wire
 log = logging.getLogger(__name__)
 
 if TYPE_CHECKING:
-    from rsoconsole.console.graphics import Kind
+    from rsoconsole.console.graphics import GraphicsKind
     from rsoconsole.console.tour import TourMemory
     from rsoconsole.pipeline.outlook import Outlook
 
@@ -122,7 +122,7 @@ class ConsoleApp(App[str]):
         keymap: Mapping[str, str] | None = None,
         settings: ConsoleConfig | None = None,
         seat_name: str = "",
-        graphics: "Kind | None" = None,
+        graphics: "GraphicsKind | None" = None,
         blocks: Blocks = QUADRANTS,
         review: tuple[Path | None, str] | None = None,
         sessions_root: Path | None = None,

@@ -14,7 +14,7 @@ from rsoconsole.console.moments import Moment
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.plot import Line
 from rsoconsole.console.review_words import holder_then
-from rsoconsole.console.timeline import KINDS, Kind, Timeline
+from rsoconsole.console.timeline import KINDS, HappeningKind, Timeline
 from rsoconsole.console.timeline_lines import SIGNS
 from rsoconsole.console.track_fold import predicted_sigma_arcsec
 from rsoconsole.console.words import (
@@ -33,7 +33,7 @@ from rsoconsole.sky.angles import format_dec, format_ra
 ABSENT = "-"
 LABEL_COLUMNS, LEAST_VALUE_COLUMNS = 12, 12
 WITH_DIFFERENCE_COLUMNS = 66
-KIND_WORDS: dict[Kind, tuple[str, str]] = {
+KIND_WORDS: dict[HappeningKind, tuple[str, str]] = {
     "miss": ("miss", "misses"),
     "rejection": ("rejection", "rejections"),
     "loss": ("loss", "losses"),

@@ -18,7 +18,7 @@ from rsoconsole.console.terminal_query import asked, blocks_of
 if TYPE_CHECKING:
     from textual.widget import Widget
 
-Kind = Literal["kitty", "sixel"]
+GraphicsKind = Literal["kitty", "sixel"]
 Colour = tuple[int, int, int]
 
 RedGreenBlue = npt.NDArray[np.uint8]
@@ -35,7 +35,7 @@ FONT_SCALE, FONT_ROOM_PX = 0.42, 4
 class Drawn:
     """How pictures are drawn in a terminal."""
 
-    graphics: Kind | None = None
+    graphics: GraphicsKind | None = None
     """By its own graphics; None: by its characters."""
     blocks: Blocks = QUADRANTS
     """Those of its characters."""
@@ -49,7 +49,7 @@ def offered(wanted: Graphics) -> Drawn:
     if wanted in BY_NAME:
         return Drawn(blocks=BY_NAME[wanted])
     if wanted in {"kitty", "sixel"}:
-        kind: Kind | None = "kitty" if wanted == "kitty" else "sixel"
+        kind: GraphicsKind | None = "kitty" if wanted == "kitty" else "sixel"
         return _made_ready(Drawn(graphics=kind))
     terminal = asked()
     kind = None
@@ -67,7 +67,7 @@ def _made_ready(drawn: Drawn) -> Drawn:
     return drawn
 
 
-def image_widget(kind: Kind) -> "Widget":
+def image_widget(kind: GraphicsKind) -> "Widget":
     """A widget whose ``image`` is shown in these graphics."""
     from textual_image.widget import SixelImage, TGPImage
 

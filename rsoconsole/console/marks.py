@@ -18,7 +18,7 @@ SIGMAS = 3.0
 SHOWN_REJECTED = 0.01
 """Confidence from which on a rejected candidate is pointed at: the rest is noise."""
 
-Kind = Literal[
+MarkKind = Literal[
     "followed",
     "member",
     "candidate",
@@ -34,7 +34,7 @@ Kind = Literal[
 """``member``: another track's than the lead's; ``coasted``: of one that is not in this frame;
 ``now`` and ``now_rejected``: of a frame that is processed once more; ``box``: the network's."""
 
-_BRACKETS: dict[Kind, tuple[str, str]] = {
+_BRACKETS: dict[MarkKind, tuple[str, str]] = {
     "followed": ("[", "]"),
     "member": ("[", "]"),
     "candidate": ("(", ")"),
@@ -58,7 +58,7 @@ MOST_STEPS = 2000
 Cells = dict[tuple[int, int], tuple[str, str]]
 """(column, row) -> (character, kind of mark)."""
 
-_ORDER: dict[Kind, int] = {
+_ORDER: dict[MarkKind, int] = {
     "box": -1,
     "rejected": 0,
     "predicted": 1,
@@ -80,7 +80,7 @@ class Mark:
 
     x_px: float
     y_px: float
-    kind: Kind
+    kind: MarkKind
     ends_px: tuple[tuple[float, float], tuple[float, float]] | None = None
     """Of a streak, the left one first."""
     label: str = ""
@@ -162,7 +162,7 @@ def _numbered(
     """With the number of the track that took it; as it is where none did."""
     for measured, track in members:
         if _is_at(measured, detection):
-            kind: Kind = "followed" if track.is_lead else "member"
+            kind: MarkKind = "followed" if track.is_lead else "member"
             return replace(mark, kind=kind, label=track.number, is_numbered=True)
     return mark
 
@@ -175,12 +175,12 @@ def _coasted_mark(detail: FrameDetail, track: FrameTrack) -> Mark | None:
     )
 
 
-def mark_of(detection: Detection, kind: Kind) -> Mark:
+def mark_of(detection: Detection, kind: MarkKind) -> Mark:
     """A streak's two ends, its confidence and what it is taken for."""
     return _mark_of(detection, kind, None)
 
 
-def _mark_of(detection: Detection, kind: Kind, followed: Measurement | None) -> Mark:
+def _mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None) -> Mark:
     is_followed = followed is not None and _is_at(followed, detection)
     ends = (detection.x_a_px, detection.y_a_px), (detection.x_b_px, detection.y_b_px)
     return Mark(
@@ -200,7 +200,7 @@ def _predicted_mark(detail: FrameDetail) -> Mark | None:
     return None if detail.predicted is None else _mark_at(detail.predicted, detail, "predicted")
 
 
-def _mark_at(track: TrackState, detail: FrameDetail, kind: Kind) -> Mark | None:
+def _mark_at(track: TrackState, detail: FrameDetail, kind: MarkKind) -> Mark | None:
     """A state's place with three sigma about it; None where the frame has no plate."""
     if not isinstance(detail.solution, Solution):
         return None

@@ -14,7 +14,7 @@ from textual.widget import Widget
 
 from rsoconsole.console.blocks import QUADRANTS, Blocks, RunKey, fitted, runs
 from rsoconsole.console.colours import NIGHT
-from rsoconsole.console.marks import Kind, Mark, overlay
+from rsoconsole.console.marks import Mark, MarkKind, overlay
 from rsoconsole.console.messages import Pointed
 from rsoconsole.console.picture import (
     GREYS,
@@ -85,7 +85,7 @@ class LinesPane(Widget):
 
 TOO_BRIGHT_STEPS = round(0.55 * GREYS)
 """Of the grey behind a sign: it is written in black then."""
-KINDS: tuple[Kind, ...] = get_args(Kind)
+KINDS: tuple[MarkKind, ...] = get_args(MarkKind)
 Sight = Literal["field", "close-up", "full resolution"]
 """What of a frame is shown: all, the followed streak's surroundings, those pixel by pixel."""
 SIGHTS: tuple[Sight, ...] = ("field", "close-up", "full resolution")

@@ -12,7 +12,7 @@ from rsoconsole.console.night_screen import NightScreen
 from rsoconsole.console.places import seq_of, understood
 from rsoconsole.console.player import Player, speed_words
 from rsoconsole.console.review_words import place_words
-from rsoconsole.console.timeline import KINDS, Kind, Timeline
+from rsoconsole.console.timeline import KINDS, HappeningKind, Timeline
 from rsoconsole.console.timeline_lines import SIGNS, time_at
 from rsoconsole.console.timeline_pane import MomentField, TimelinePane
 
@@ -142,7 +142,7 @@ class ReviewMoves(NightScreen):
     # -- events ---------------------------------------------------------------------------------
 
     @property
-    def kinds(self) -> tuple[Kind, ...]:
+    def kinds(self) -> tuple[HappeningKind, ...]:
         """What is jumped to, of what the time line has."""
         return tuple(kind for kind in KINDS if self.kind in {ANY, kind})
 

@@ -37,9 +37,9 @@ from rsoconsole.records import (
     TrackState,
 )
 
-Kind = Literal["miss", "rejection", "loss", "operator", "note", "alarm"]
-KINDS: tuple[Kind, ...] = ("miss", "rejection", "loss", "operator", "note", "alarm")
-_OF_FRAMES: frozenset[Kind] = frozenset(("miss", "rejection", "loss"))
+HappeningKind = Literal["miss", "rejection", "loss", "operator", "note", "alarm"]
+KINDS: tuple[HappeningKind, ...] = ("miss", "rejection", "loss", "operator", "note", "alarm")
+_OF_FRAMES: frozenset[HappeningKind] = frozenset(("miss", "rejection", "loss"))
 """Kinds that are seen whole only when their frame's last record is there."""
 
 
@@ -64,7 +64,7 @@ class Happening(NamedTuple):
 
     seq: int
     t_utc_ns: int
-    kind: Kind
+    kind: HappeningKind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -134,7 +134,7 @@ class Timeline:
             return happening.seq
         return self.end_of(index)
 
-    def jump(self, seq: int, kinds: tuple[Kind, ...], *, is_on: bool) -> Happening | None:
+    def jump(self, seq: int, kinds: tuple[HappeningKind, ...], *, is_on: bool) -> Happening | None:
         """The next happening of these kinds whose moment lies after (or before) a place."""
         chosen = [each for each in self.happenings if each.kind in kinds]
         if is_on:
@@ -143,7 +143,7 @@ class Timeline:
         at = bisect_left(chosen, seq, key=self.moment_of) - 1
         return chosen[at] if at >= 0 else None
 
-    def kinds_at(self, moment: int) -> tuple[Kind, ...]:
+    def kinds_at(self, moment: int) -> tuple[HappeningKind, ...]:
         """Everything that is best seen from that place."""
         index = self.index_of(moment)
         first = 0 if index is None else self.frames[index].seq
@@ -227,7 +227,7 @@ TOLD_BY_RECORD = (StateChange, OperatorAction, Event)
 """Kinds of which the outline alone does not say what came to pass."""
 
 
-def _told(record: Record) -> Kind | None:
+def _told(record: Record) -> HappeningKind | None:
     """What a record is on the time line, beside its frame and misses; None: nothing."""
     match record:
         case StateChange():

@@ -35,7 +35,7 @@ from rsoconsole.engine.handlers import Accepted, Handler, RefusedError
 from rsoconsole.engine.health import HealthMeter
 from rsoconsole.engine.loop import Engine
 from rsoconsole.engine.machine_watch import MachineState
-from rsoconsole.engine.seats import Seats, name_of
+from rsoconsole.engine.seats import Seats, seat_name
 from rsoconsole.engine.stop_now import REMEDY, stop_now, stop_outcome, stop_status
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments.ports import StopResult
@@ -98,7 +98,7 @@ class Desk:
         command = request.command
         refused = self._seats.refusal(request.sender, needs_control=command.needs_control)
         if refused is not None:
-            holder = name_of(self._seats.view().holder)
+            holder = seat_name(self._seats.view().holder)
             return Outcome(ok=False, message=refused, data={"seat": holder})
         try:
             answer = self._answers.get(type(command))
@@ -214,8 +214,8 @@ class Desk:
             faults=(*status.faults, *self._record_faults()),
             health=tuple(health),
             machine=None if machine is None else machine.as_status(),
-            seat=None if seat.holder is None else name_of(seat.holder),
-            seat_asked_by=None if seat.asked_by is None else name_of(seat.asked_by),
+            seat=None if seat.holder is None else seat_name(seat.holder),
+            seat_asked_by=None if seat.asked_by is None else seat_name(seat.asked_by),
             last_stop=self._stop_now_known(),
             temporary=self._engine.temporary.left(),
             session=self._session.absolute(),

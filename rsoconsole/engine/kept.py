@@ -33,7 +33,7 @@ class KeptTrack:
         return self.until_utc_ns is not None and now_utc_ns >= self.until_utc_ns
 
 
-def name_of(following: Following | None, names: Mapping[int, str]) -> str | None:
+def kept_name(following: Following | None, names: Mapping[int, str]) -> str | None:
     """What a track is called; None where nothing is followed. ``names``: by track id."""
     if following is None or following.track_id is None:
         return None

@@ -24,7 +24,7 @@ from rsoconsole.engine.guide import Guide
 from rsoconsole.engine.handlers import joined
 from rsoconsole.engine.hands import NS, POLL_NS, Hands, Interrupted, StoppedElsewhere
 from rsoconsole.engine.interruptions import Interruptions
-from rsoconsole.engine.kept import KeptTrack, name_of
+from rsoconsole.engine.kept import KeptTrack, kept_name
 from rsoconsole.engine.leaping import LEAP_POLL_NS, Leaping
 from rsoconsole.engine.modes import Modes
 from rsoconsole.engine.pace import Pace
@@ -448,7 +448,7 @@ class Engine:
         given_up = before.kept
         if given_up is None or self.charge.kept is not None or self.charge.state != before.state:
             return
-        words = f"{name_of(given_up, self.orbits.names)} can no longer be followed again"
+        words = f"{kept_name(given_up, self.orbits.names)} can no longer be followed again"
         self.chronicle.say("info", words, "kept")
 
     def _note_giving_up(self, happening: Happening) -> None:

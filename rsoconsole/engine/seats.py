@@ -47,7 +47,7 @@ class Seats:
             if self._holder in {None, who}:
                 self._holder = who
                 return None
-            return f"{name_of(self._holder)} has control: ask for it"
+            return f"{seat_name(self._holder)} has control: ask for it"
 
     def ask(self, who: Sender) -> str:
         """Somebody wants the seat; says how that stands."""
@@ -57,10 +57,10 @@ class Seats:
                 self._holder = who
                 return "you have control"
             if self._asked_by not in {None, who}:
-                return f"{name_of(self._asked_by)} has asked already"
+                return f"{seat_name(self._asked_by)} has asked already"
             if self._asked_by is None:
                 self._asked_by, self._asked_s = who, self._now_s()
-            return f"{name_of(self._holder)} is asked; yours in {ASKED_S:.0f} s at the latest"
+            return f"{seat_name(self._holder)} is asked; yours in {ASKED_S:.0f} s at the latest"
 
     def answer(self, who: Sender, *, gives: bool, to: str | None = None) -> str:
         """The holder gives the seat, or keeps it; ``to``: whom he means, None: whoever asks.
@@ -71,12 +71,12 @@ class Seats:
             self._hear(who)
             if who != self._holder or self._asked_by is None:
                 raise ValueError("nobody asks you for control")
-            if to is not None and to != name_of(self._asked_by):
-                raise ValueError(f"{name_of(self._asked_by)} asks by now: answer that")
+            if to is not None and to != seat_name(self._asked_by):
+                raise ValueError(f"{seat_name(self._asked_by)} asks by now: answer that")
             asked_by, self._asked_by = self._asked_by, None
             if gives:
                 self._holder = asked_by
-                return f"{name_of(asked_by)} has control now"
+                return f"{seat_name(asked_by)} has control now"
             return "you keep control"
 
     def view(self) -> SeatView:
@@ -100,6 +100,6 @@ class Seats:
             self._holder, self._asked_by = self._asked_by, None
 
 
-def name_of(who: Sender | None) -> str:
+def seat_name(who: Sender | None) -> str:
     """A console's name."""
     return "nobody" if who is None else who.name

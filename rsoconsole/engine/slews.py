@@ -13,7 +13,8 @@ from rsoconsole.reason_text import text
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import SlewCommand
 from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.limits import LimitName, Pose
+from rsoconsole.sky.limits import Pose
+from rsoconsole.sky.refusals import LimitName
 from rsoconsole.tracking.following import Following
 
 

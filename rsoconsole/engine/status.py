@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from rsoconsole.control import NextAim, Status, TrackNow
 from rsoconsole.control.field_now import pairs_now, unseen_now
-from rsoconsole.engine.kept import name_of
+from rsoconsole.engine.kept import kept_name
 from rsoconsole.engine.states import Charge
 from rsoconsole.engine.watch import Watch
 from rsoconsole.pipeline.orbits import Orbits
@@ -48,7 +48,7 @@ def status_of(
         resumes_when_clear=charge.resumes_when_clear,
         frame_id=frame_id,
         target=names.get(charge.following.track_id or 0),
-        kept=name_of(charge.kept, names),
+        kept=kept_name(charge.kept, names),
         kept_until_utc_ns=None if charge.kept is None else kept_until_utc_ns,
         is_resumable=charge.is_resumable or (charge.is_autonomous and charge.kept is not None),
         ra_icrs_deg=None if track is None else track.x[0] % 360.0,

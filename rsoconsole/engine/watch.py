@@ -20,7 +20,8 @@ from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments.ports import Instruments, MountReport, StopResult
 from rsoconsole.records import Event
 from rsoconsole.sky.angles import separation_deg
-from rsoconsole.sky.limits import LimitName, Limits, Pose, Refusal
+from rsoconsole.sky.limits import Limits, Pose
+from rsoconsole.sky.refusals import LimitName, Refusal
 
 log = logging.getLogger(__name__)
 

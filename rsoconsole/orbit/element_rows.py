@@ -11,7 +11,7 @@ from rsoconsole.orbit.identify import Compared, Identification
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.times import ARCSEC_RAD, NS_PER_S
 
-SURE = 0.95
+SURE_NAMED = 0.95
 """Probability from which on a name counts."""
 _NIGHT_NS = 8 * 3600 * NS_PER_S
 """A longer silence of one object begins another night."""
@@ -65,7 +65,7 @@ def row_of(
     session: str, track: str, compared: Compared, found: Identification
 ) -> ElementRow | None:
     """None where the track is not surely named, and where it is seen along its line of sight."""
-    if found.verdict != "identified" or found.matches[0].probability < SURE:
+    if found.verdict != "identified" or found.matches[0].probability < SURE_NAMED:
         return None
     match, with_all = found.matches[0], compared.found
     n = next(i for i, each in enumerate(with_all.entries) if each.norad_id == match.norad_id)

@@ -25,7 +25,7 @@ from rsoconsole.sky.angles import unit_to_direction, wrap_180
 from rsoconsole.sky.places import site_gcrs
 from rsoconsole.sky.times import ARCSEC_RAD, NS_PER_DAY, NS_PER_S, IntArray
 
-SURE = 0.95
+SURE_SAME = 0.95
 """Probability from which on a track is of an object that was seen before."""
 _CREDIBLE = 23.5
 """Squared Mahalanobis distance, 4 degrees of freedom: one in ten thousand lies beyond."""
@@ -184,11 +184,11 @@ def attributable(seen: Sightings) -> tuple[int, float, float, tuple[float, float
 
 
 def _answer(numbers: Sequence[int], shares: FloatArray, off: FloatArray) -> Recognised:
-    order = [int(n) for n in np.argsort(-shares, kind="stable") if shares[n] > 1.0 - SURE]
+    order = [int(n) for n in np.argsort(-shares, kind="stable") if shares[n] > 1.0 - SURE_SAME]
     best = order[0] if order else None
     probability = 0.0 if best is None else float(shares[best])
     return Recognised(
-        number=numbers[best] if best is not None and probability >= SURE else None,
+        number=numbers[best] if best is not None and probability >= SURE_SAME else None,
         probability=probability,
         separation_arcsec=None if best is None else float(off[best]),
         candidates=tuple((numbers[n], float(shares[n])) for n in order),

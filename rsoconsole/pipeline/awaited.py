@@ -21,8 +21,9 @@ from rsoconsole.pipeline.leap_pass import Stare
 from rsoconsole.pipeline.night_passes import night_passes
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.angles import separation_deg, unit_to_direction, wrap_180
-from rsoconsole.sky.limits import LimitName, Limits, Pose
+from rsoconsole.sky.limits import Limits, Pose
 from rsoconsole.sky.places import astrometric_places, site_gcrs
+from rsoconsole.sky.refusals import LimitName
 from rsoconsole.sky.sun import lit_fraction
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, IntArray
 

@@ -10,7 +10,7 @@ from rsoconsole.errors import OrbitError
 from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
 from rsoconsole.orbit.catalogue import CatalogueEntry
 from rsoconsole.orbit.element_errors import ERROR_REGIMES, ElementErrors
-from rsoconsole.orbit.element_rows import SURE, ElementRow, row_of
+from rsoconsole.orbit.element_rows import SURE_NAMED, ElementRow, row_of
 from rsoconsole.orbit.identify import compared_with
 from rsoconsole.orbit.identify_jointly import name_together
 from rsoconsole.pipeline.sightings_of import longest_arc, read_observed
@@ -135,7 +135,7 @@ def _seen_of(said: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, A
 
 def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[ElementRow]:
     """One where it is surely named."""
-    if seen["verdict"] != "identified" or seen["matches"][0]["probability"] < SURE:
+    if seen["verdict"] != "identified" or seen["matches"][0]["probability"] < SURE_NAMED:
         return
     best = seen["matches"][0]
     if best["regime"] not in ERROR_REGIMES:

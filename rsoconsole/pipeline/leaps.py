@@ -16,7 +16,8 @@ from rsoconsole.config import Config
 from rsoconsole.orbit.ahead import SkyAhead, SkyPath
 from rsoconsole.pipeline.mount_motion import MountMotion
 from rsoconsole.sky.frames import PierSide
-from rsoconsole.sky.limits import LimitName, Limits, Pose, Refusal
+from rsoconsole.sky.limits import Limits, Pose
+from rsoconsole.sky.refusals import LimitName, Refusal
 from rsoconsole.sky.times import NS_PER_S
 
 LENGTH_PX = 250.0

@@ -14,7 +14,7 @@ from rsoconsole.orbit.join import common_error_arcsec, together
 from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.sightings import Sightings, sightings
 from rsoconsole.orbit.two_body import elements_of
-from rsoconsole.orbit.uncorrelated import SURE, Recognised, SeenBefore, attributable, recognise
+from rsoconsole.orbit.uncorrelated import SURE_SAME, Recognised, SeenBefore, attributable, recognise
 from rsoconsole.pipeline.sightings_of import Observed, longest_arc, read_observed
 from rsoconsole.records import FloatArray, Identified, LedgerName, Site
 from rsoconsole.session.ledger import (
@@ -94,7 +94,7 @@ class Past:
             name=known.called,
             t_last_utc_ns=known.last.t_last_utc_ns,
             probability=probability,
-            is_sure=probability >= SURE,
+            is_sure=probability >= SURE_SAME,
             separation_arcsec=0.0 if off is None or not math.isfinite(off) else off,
         )
 

@@ -65,7 +65,7 @@ def keep_rows(
     return _folded(file, lines), aside
 
 
-def damage_words(ledger: ElementLedger, path: Path) -> str:
+def element_damage_words(ledger: ElementLedger, path: Path) -> str:
     """What is wrong with it, and what comes of that; empty for a whole one."""
     return _file(path).damage_words(ledger.unreadable)
 
