@@ -12,7 +12,15 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 import platformdirs
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_serializer,
+    field_validator,
+    model_validator,
+)
 
 from rsoconsole.element_error_config import MeasuredErrors
 from rsoconsole.errors import ConfigError
@@ -21,6 +29,7 @@ from rsoconsole.foreign_text import read_foreign, toml_of
 from rsoconsole.indi_port import INDI_PORT
 from rsoconsole.records import Site
 from rsoconsole.shutter_config import CalibratedTiming
+from rsoconsole.source_names import expect_url, shown, split_source
 
 APP = "rsoconsole"
 
@@ -434,7 +443,22 @@ class CatalogueConfig(_Section):
     """Which satellites are known by name."""
 
     tle_files: tuple[Path, ...] = Field(
-        (), description="element sets, as published: TLE, or OMM as XML, JSON or CSV"
+        (),
+        description="element sets, as published: TLE, or OMM as XML, JSON or CSV; a folder: what"
+        " 'rsoconsole catalogue update' keeps there",
+    )
+    sources: tuple[str, ...] = Field(
+        (),
+        description="whom 'rsoconsole catalogue update' asks, the one with precedence first:"
+        " celestrak:GROUP, supgp:FILE, space-track:all, url:https://..., file:/...",
+    )
+    celestrak_url: str = Field(
+        "https://celestrak.org", description="or a mirror of it in your network"
+    )
+    space_track_url: str = "https://www.space-track.org"
+    space_track_login: Path | None = Field(
+        None,
+        description="file of two lines, user name and password, that only you can read",
     )
     gate_deg: float = Field(
         0.2, gt=0, le=5, description="how far off its elements an object may be and be named"
@@ -444,6 +468,24 @@ class CatalogueConfig(_Section):
         description="by what the assumed errors of elements are multiplied, by kind of orbit, as"
         " 'rsoconsole calibrate-elements --write' measured it",
     )
+
+    @field_validator("sources")
+    @classmethod
+    def _sources_are_sound(cls, texts: tuple[str, ...]) -> tuple[str, ...]:
+        for text in texts:
+            split_source(text)
+        return texts
+
+    @field_serializer("sources", when_used="json")
+    def _sources_without_secrets(self, texts: tuple[str, ...]) -> list[str]:
+        """As sessions, logs and 'config show' carry them."""
+        return [shown(text) for text in texts]
+
+    @field_validator("celestrak_url", "space_track_url")
+    @classmethod
+    def _addresses_are_sound(cls, text: str) -> str:
+        expect_url(text)
+        return text
 
     @model_validator(mode="after")
     def _one_of_each_kind(self) -> Self:

@@ -17,6 +17,8 @@ from rsoconsole.fault_text import plain_fault
 from rsoconsole.foreign_text import read_foreign, toml_of
 
 Origin = Literal["default", "file", "command line"]
+_MAY_BE_SECRET = ("alerts.", "catalogue.sources", "catalogue.celestrak_url")
+"""Settings whose values are never shown."""
 _SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 
@@ -206,9 +208,10 @@ def _fault(found: Mapping[str, Any]) -> ConfigFault:
     if info is not None:
         default = info.get_default(call_default_factory=True)
         remedy += ("; " if remedy else "") + f"the default is {default}"
+    words = plain_fault(found["msg"])
     return ConfigFault(
         name=name,
-        problem=f"{given!r}: {plain_fault(found['msg'])}",
+        problem=words if name.startswith(_MAY_BE_SECRET) else f"{given!r}: {words}",
         remedy=remedy or "see 'rsoconsole config init' for the form of the file",
     )
 

@@ -11,6 +11,7 @@ from rsoconsole import __version__
 from rsoconsole.cli import (
     calibrate_elements,
     calibrate_time,
+    catalogue,
     demo,
     export,
     figures,
@@ -56,6 +57,7 @@ for group in (
     calibrate_time,
     calibrate_elements,
     house,
+    catalogue,
     sessions,
     service,
     figures,

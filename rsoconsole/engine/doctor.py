@@ -209,13 +209,16 @@ def check_catalogue(config: Config) -> Check:
     from rsoconsole.pipeline.catalogue_files import read_catalogue
 
     name, files = "catalogue", config.catalogue.tle_files
-    fetch = "fetch fresh ones from Space-Track or CelesTrak"
+    fetch = (
+        "fetch fresh ones ('rsoconsole catalogue add celestrak:geo' once, then 'rsoconsole"
+        " catalogue update')"
+    )
     if not files:
         return Check(
             check=name,
             ok=True,
             detail="no element files: what is followed gets no name",
-            remedy=f"{fetch}, and name them in catalogue.tle_files",
+            remedy=f"{fetch}, or name files in catalogue.tle_files",
         )
     try:
         entries = read_catalogue(files)

@@ -1,0 +1,175 @@
+"""One answer of a web server, within bounds: once, never again by itself.
+
+A server may be slow, end in the middle, send a page, a bomb or go round in circles: each is one
+sentence. Nothing secret that an address carries is ever in that.
+"""
+
+import contextlib
+import socket
+import ssl
+import threading
+import time
+import urllib.error
+import urllib.request
+import zlib
+from collections.abc import Mapping
+from http.cookiejar import CookieJar
+from typing import IO, Any, Literal
+from urllib.parse import urlencode, urlsplit
+
+from rsoconsole import __version__
+from rsoconsole.errors import OrbitError
+from rsoconsole.source_names import shown
+
+MOST_BYTES = 64 << 20
+"""Of one answer, unpacked: the whole catalogue is a third of that."""
+MOST_REDIRECTS = 5
+DEADLINE_S = 180.0
+SILENT_S = 30.0
+_CHUNK = 1 << 16
+_REFUSALS = {401, 403, 429, 451}
+
+FaultKind = Literal["refused", "unreachable", "failed"]
+
+
+class FetchError(OrbitError):
+    """No answer that can be used. ``kind``: "refused" must not be asked again by itself;
+    "unreachable" was never asked at all."""
+
+    def __init__(self, words: str, kind: FaultKind) -> None:
+        super().__init__(words)
+        self.kind: FaultKind = kind
+
+
+class _Redirects(urllib.request.HTTPRedirectHandler):
+    """A few, never from https to http, and with an account to no other host."""
+
+    max_redirections = MOST_REDIRECTS
+    max_repeats = 2
+
+    def __init__(self, *, is_bound: bool) -> None:
+        self._is_bound = is_bound
+
+    def redirect_request(  # noqa: PLR0917 - urllib's own signature
+        self,
+        req: urllib.request.Request,
+        fp: IO[bytes],
+        code: int,
+        msg: str,
+        headers: Any,
+        newurl: str,
+    ) -> urllib.request.Request | None:
+        old, new = urlsplit(req.full_url), urlsplit(newurl)
+        is_other = (old.scheme, old.netloc) != (new.scheme, new.netloc)
+        if self._is_bound and is_other:
+            words = "an account is shown to one host only"
+        elif new.scheme not in {"http", "https"} or (old.scheme, new.scheme) == ("https", "http"):
+            words = "which is not followed"
+        else:
+            return super().redirect_request(req, fp, code, msg, headers, newurl)
+        fp.close()
+        raise FetchError(f"it sends on to {shown(newurl)}: {words}", "failed")
+
+
+class Fetcher:
+    """Asks one host or several; what a login leaves (cookies) lives as long as this does."""
+
+    def __init__(self, *, deadline_s: float = DEADLINE_S, is_bound: bool = False) -> None:
+        self._deadline_s = deadline_s
+        self._opener = urllib.request.build_opener(
+            _Redirects(is_bound=is_bound), urllib.request.HTTPCookieProcessor(CookieJar())
+        )
+
+    def get(self, url: str, *, form: Mapping[str, str] | None = None) -> bytes:
+        """The body, unpacked where it came as gzip. ``form``: sent by POST.
+
+        Raises FetchError, never with a secret of the address or the form in its words.
+        """
+        done: list[bytes | BaseException] = []
+        began = time.monotonic()
+
+        def work() -> None:
+            try:
+                done.append(self._get(url, form, began + self._deadline_s))
+            except BaseException as error:
+                done.append(error)
+
+        # A name server, or a head that comes byte by byte, is past every time-out of a socket.
+        worker = threading.Thread(target=work, daemon=True, name="fetch")
+        worker.start()
+        worker.join(self._deadline_s + 1.0)
+        where = shown(url)
+        if not done:
+            raise FetchError(f"{where} took longer than {self._deadline_s:.0f} s", "failed")
+        if isinstance(done[0], BaseException):
+            raise _fault(done[0], where, self._deadline_s) from None
+        return done[0]
+
+    def _get(self, url: str, form: Mapping[str, str] | None, deadline: float) -> bytes:
+        request = urllib.request.Request(
+            url,
+            data=None if form is None else urlencode(form).encode(),
+            headers={
+                "User-Agent": f"rsoconsole/{__version__}",
+                "Accept-Encoding": "gzip",
+                "Accept": "application/json, text/plain, */*",
+            },
+        )
+        timeout_s = min(SILENT_S, self._deadline_s)
+        with contextlib.closing(self._opener.open(request, timeout=timeout_s)) as answer:
+            return _body(answer, deadline)
+
+
+def _body(answer: Any, deadline: float) -> bytes:
+    promised = answer.headers.get("Content-Length")
+    is_packed = answer.headers.get("Content-Encoding", "").strip().lower() == "gzip"
+    unpacker = zlib.decompressobj(31) if is_packed else None
+    got, parts, size = 0, list[bytes](), 0
+    while chunk := answer.read1(_CHUNK):
+        got += len(chunk)
+        if unpacker is not None:
+            chunk = unpacker.decompress(chunk, MOST_BYTES - size + 1)
+        size += len(chunk)
+        if size > MOST_BYTES or got > MOST_BYTES:
+            raise FetchError(f"it sends more than {MOST_BYTES >> 20} MB", "failed")
+        parts.append(chunk)
+        if time.monotonic() > deadline:
+            raise TimeoutError
+    if (promised is not None and promised.isdecimal() and got < int(promised)) or (
+        unpacker is not None and not unpacker.eof
+    ):
+        raise FetchError(f"its answer ended after {got} bytes, before it was whole", "failed")
+    return b"".join(parts)
+
+
+def _fault(error: BaseException, where: str, deadline_s: float) -> FetchError:
+    if isinstance(error, FetchError):
+        return FetchError(f"{where}: {error}", error.kind)
+    if isinstance(error, urllib.error.HTTPError):
+        error.close()
+        return _answer_fault(error.code, where)
+    reason: object = error.reason if isinstance(error, urllib.error.URLError) else error
+    if isinstance(reason, TimeoutError):
+        silent_s = min(SILENT_S, deadline_s)
+        words = f"{where} was silent for {silent_s:.0f} s or took longer than {deadline_s:.0f} s"
+        return FetchError(words, "failed")
+    if isinstance(reason, ssl.SSLError):
+        return FetchError(f"{where} cannot be trusted ({reason.reason or 'TLS'})", "failed")
+    if isinstance(error, urllib.error.URLError) and isinstance(reason, OSError):
+        is_name = isinstance(reason, socket.gaierror)
+        words = "no such name" if is_name else reason.strerror or type(reason).__name__
+        return FetchError(
+            f"{where} cannot be reached ({words}): is there a network?", "unreachable"
+        )
+    return FetchError(
+        f"{where} broke off its answer ({type(reason).__name__}), before it was whole", "failed"
+    )
+
+
+def _answer_fault(status: int, where: str) -> FetchError:
+    if status in _REFUSALS:
+        return FetchError(f"{where} refuses ({status})", "refused")
+    if 300 <= status < 400:
+        return FetchError(f"{where} sends on in circles ({status})", "failed")
+    hint = ": is its name right?" if status == 404 else ""
+    return FetchError(f"{where} answers with fault {status}{hint}", "failed")

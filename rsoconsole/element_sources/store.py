@@ -1,0 +1,206 @@
+"""The cache: one file for each source as it came, and an index of when, how many, in which order.
+
+The index is written whole or not at all and may be lost: then the files are read in the order of
+their names, and every source may be asked again two hours later.
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.config import data_dir
+from rsoconsole.durable_files import PART, write_durably
+from rsoconsole.element_sources.names import Source
+from rsoconsole.errors import OrbitError
+from rsoconsole.foreign_text import json_of, read_foreign
+from rsoconsole.orbit.catalogue import CatalogueEntry
+from rsoconsole.sky.times import NS_PER_S
+
+LEAST_NS = 2 * 3600 * NS_PER_S
+"""A source is asked at most once in so long, whatever came of it."""
+INDEX = "sources.json"
+LOCK = ".lock"
+FORMAT = 1
+_WAIT_S = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kept:
+    """What is known of one source; None: not yet."""
+
+    source: str
+    file: str | None = None
+    """Its name in the cache."""
+    asked_utc_ns: int | None = None
+    """When it was asked last, whatever came of it."""
+    fetched_utc_ns: int | None = None
+    """When what is kept came."""
+    refused_utc_ns: int | None = None
+    """It refused: it is not asked again until it is added again."""
+    fault: str | None = None
+    """What was wrong when it was asked last; what is kept is older then."""
+    objects: int = 0
+    sets: int = 0
+    newest_epoch_utc_ns: int | None = None
+    middle_epoch_utc_ns: int | None = None
+    """Half of its objects have newer elements."""
+
+    def due_utc_ns(self, now_utc_ns: int) -> int:
+        """When it may be asked again. A stamp of the future, by a clock since set right, is now."""
+        if self.asked_utc_ns is None:
+            return now_utc_ns
+        return min(self.asked_utc_ns, now_utc_ns) + LEAST_NS
+
+
+def default_folder() -> Path:
+    """In the user's data folder."""
+    return data_dir() / "catalogue"
+
+
+def is_store(folder: Path) -> bool:
+    """Whether that folder is a cache of elements."""
+    return (folder / INDEX).is_file()
+
+
+class ElementStore:
+    """One cache. Raises OrbitError, here and in every method, where its folder cannot be used."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self.folder = folder or default_folder()
+
+    def kept(self) -> dict[str, Kept]:
+        """By source, in their order of precedence; empty where there is no cache."""
+        path = self.folder / INDEX
+        try:
+            told = json_of(read_foreign(path))
+            rows = told["sources"]
+            found = [_read(each) for each in rows]
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError, KeyError, TypeError, UnicodeDecodeError):
+            return self._of_files()
+        return {each.source: each for each in found}
+
+    def files(self) -> tuple[Path, ...]:
+        """Of the elements, the source with precedence first."""
+        named = [self.folder / each.file for each in self.kept().values() if each.file]
+        return tuple(path for path in named if path.is_file())
+
+    def keep(
+        self, source: Source, text: str, entries: Sequence[CatalogueEntry], now_utc_ns: int
+    ) -> Kept:
+        """Put what came in place of what was; the time of asking stays."""
+        newest: dict[int, int] = {}
+        for each in entries:
+            newest[each.norad_id] = max(each.epoch_utc_ns, newest.get(each.norad_id, 0))
+        epochs = sorted(newest.values())
+        name = f"{source.slug}.txt"
+        with self._writing():
+            self._write(name, text.encode())
+            return self._changed(
+                source,
+                file=name,
+                fetched_utc_ns=now_utc_ns,
+                refused_utc_ns=None,
+                fault=None,
+                objects=len(newest),
+                sets=len(entries),
+                newest_epoch_utc_ns=epochs[-1],
+                middle_epoch_utc_ns=epochs[len(epochs) // 2],
+            )
+
+    def note(self, source: Source, **values: Any) -> Kept:
+        """Change what is known of a source, by the fields of ``Kept``."""
+        with self._writing():
+            return self._changed(source, **values)
+
+    def arrange(self, order: Sequence[Source]) -> None:
+        """These sources alone, in this order of precedence; what others left is removed."""
+        with self._writing():
+            kept = self.kept()
+            rows = [kept.get(each.text, Kept(source=each.text)) for each in order]
+            self._write_index(rows)
+            named = {each.file for each in rows}
+            for path in self.folder.glob("*.txt"):
+                if path.name not in named:
+                    path.unlink(missing_ok=True)
+
+    def _changed(self, source: Source, **values: Any) -> Kept:
+        kept = self.kept()
+        changed = replace(kept.get(source.text, Kept(source=source.text)), **values)
+        kept[source.text] = changed
+        self._write_index(list(kept.values()))
+        return changed
+
+    def _of_files(self) -> dict[str, Kept]:
+        """Of a damaged index: what lies there, asked just now as far as anybody knows."""
+        now_ns = time.time_ns()
+        found = {}
+        for path in sorted(self.folder.glob("*.txt")):
+            key = f"file:{path}"
+            found[key] = Kept(source=key, file=path.name, asked_utc_ns=now_ns)
+        return found
+
+    def _write_index(self, rows: Sequence[Kept]) -> None:
+        told = {"format": FORMAT, "sources": [asdict(each) for each in rows]}
+        self._write(INDEX, json.dumps(told, indent=1).encode())
+
+    def _write(self, name: str, content: bytes) -> None:
+        try:
+            write_durably(self.folder / name, content, mode=0o600)
+        except OSError as error:
+            raise OrbitError(
+                f"{self.folder / name} cannot be written ({error.strerror or error}): free space"
+                " there, or set its permissions"
+            ) from error
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        """One writer at a time: a timer's and the operator's."""
+        try:
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            descriptor = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        except OSError as error:
+            raise OrbitError(
+                f"{self.folder} cannot be made ({error.strerror or error}): set its permissions"
+            ) from error
+        try:
+            deadline = time.monotonic() + _WAIT_S
+            while True:
+                try:
+                    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                except OSError as error:
+                    if time.monotonic() > deadline:
+                        raise OrbitError(
+                            f"another update writes to {self.folder} for {_WAIT_S:.0f} s: see"
+                            " whether it hangs"
+                        ) from error
+                    time.sleep(0.05)
+            for beside in self.folder.glob(f"*{PART}"):
+                beside.unlink(missing_ok=True)
+            yield
+        finally:
+            os.close(descriptor)
+
+
+def _read(row: Mapping[str, Any]) -> Kept:
+    """Raises ValueError or TypeError for what this has not written."""
+    known = {each.name for each in fields(Kept)}
+    kept = Kept(**{key: value for key, value in row.items() if key in known})
+    texts = (kept.file, kept.fault)
+    times = (kept.asked_utc_ns, kept.fetched_utc_ns, kept.refused_utc_ns)
+    numbers = (kept.newest_epoch_utc_ns, kept.middle_epoch_utc_ns, kept.objects, kept.sets)
+    if not isinstance(kept.source, str) or any(not isinstance(t, str | None) for t in texts):
+        raise ValueError("not of this cache")
+    if any(not isinstance(number, int | None) for number in (*times, *numbers)):
+        raise ValueError("not of this cache")
+    if kept.file is not None and Path(kept.file).name != kept.file:
+        raise ValueError("not of this cache")
+    return kept
