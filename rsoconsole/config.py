@@ -22,6 +22,7 @@ from pydantic import (
     model_validator,
 )
 
+from rsoconsole.alerts_config import AlertsConfig
 from rsoconsole.element_error_config import MeasuredErrors
 from rsoconsole.errors import ConfigError
 from rsoconsole.fault_text import nearest, plain_fault
@@ -451,6 +452,7 @@ class CatalogueConfig(_Section):
         (),
         description="whom 'rsoconsole catalogue update' asks, the one with precedence first:"
         " celestrak:GROUP, supgp:FILE, space-track:all, url:https://..., file:/...",
+        repr=False,
     )
     celestrak_url: str = Field(
         "https://celestrak.org", description="or a mirror of it in your network"
@@ -565,6 +567,7 @@ class Config(_Section):
     leap: LeapConfig = LeapConfig()
     catalogue: CatalogueConfig = CatalogueConfig()
     alert: AlertConfig = AlertConfig()
+    alerts: AlertsConfig = AlertsConfig()
     session: SessionConfig = SessionConfig()
     console: ConsoleConfig = ConsoleConfig()
 

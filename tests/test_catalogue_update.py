@@ -16,6 +16,8 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.config import load_config
 from rsoconsole.config_file import config_faults, effective_settings
+from rsoconsole.control import ControlServer, Outcome, Status, default_socket_path
+from rsoconsole.control.status import status_json
 from rsoconsole.element_sources import ElementStore, default_folder, parse_source
 from rsoconsole.element_sources import fetch as fetching
 from rsoconsole.element_sources.update import Update, Updated
@@ -444,6 +446,37 @@ def test_a_password_in_an_address_is_in_no_output_and_the_file_is_its_owners(
     assert stat.S_IMODE(home.stat().st_mode) == 0o600
     home.write_text(f'[catalogue]\nsources = "url:{secret}"\n')
     assert "hunter" not in repr(config_faults())
+
+
+def test_while_the_mount_slews_the_update_waits(
+    home: Path, server: BadServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rsoconsole.cli.catalogue._POLL_S", 0.02)
+    server.default = send(GOOD)
+    verb("add", "celestrak:geo")
+    looks: list[int] = []
+
+    def handle(_request: object) -> Outcome:
+        looks.append(len(server.asked))
+        return Outcome(ok=True, data=status_json(Status(is_slewing=len(looks) < 4)))
+
+    with ControlServer(default_socket_path(), handle):
+        assert verb("update")[0]["fetched"] is True
+    assert looks[:4] == [0, 0, 0, 0]
+    assert len(server.asked) == 1
+
+
+def test_a_mount_that_slews_on_and_on_has_the_update_give_up(
+    home: Path, server: BadServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rsoconsole.cli.catalogue._POLL_S", 0.02)
+    monkeypatch.setattr("rsoconsole.cli.catalogue.SLEW_WAIT_S", 0.1)
+    verb("add", "celestrak:geo")
+    data = status_json(Status(slew_left_s=9.0))
+    with ControlServer(default_socket_path(), lambda _request: Outcome(ok=True, data=data)):
+        done = CliRunner().invoke(app, ["catalogue", "update"])
+    assert "slews" in str(done.exception)
+    assert server.asked == []
 
 
 def test_a_folder_that_is_no_cache_is_said(tmp_path: Path) -> None:

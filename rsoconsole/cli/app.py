@@ -9,6 +9,7 @@ import typer
 
 from rsoconsole import __version__
 from rsoconsole.cli import (
+    alerts,
     calibrate_elements,
     calibrate_time,
     catalogue,
@@ -58,6 +59,7 @@ for group in (
     calibrate_elements,
     house,
     catalogue,
+    alerts,
     sessions,
     service,
     figures,

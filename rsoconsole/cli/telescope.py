@@ -99,7 +99,17 @@ def engine(
         )
 
 
-def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
+def status(
+    *,
+    socket: SocketOption = None,
+    json_: JsonOption = False,
+    prometheus: Annotated[
+        bool, typer.Option("--prometheus", help="Print figures as Prometheus reads them.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="With --prometheus: a file, written whole or not at all.")
+    ] = None,
+) -> None:
     """One line about the running engine, for scripts and tmux.
 
     Where several satellites are followed a table of them comes below it, and where the telescope
@@ -107,8 +117,18 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
     one's nearest neighbour with the next closest approach, tracks that are in no catalogue, and who
     should be in the field and is not seen.
 
+    With --prometheus --out FILE a timer writes figures for node_exporter's textfile collector;
+    nothing listens. Without an engine that is rsoconsole_up 0, and no failure.
+
     Example: rsoconsole status --json
+
+    Example: rsoconsole status --prometheus --out /var/lib/node_exporter/rsoconsole.prom
     """
+    if prometheus:
+        _write_metrics(socket, out)
+        return
+    if out is not None:
+        raise typer.BadParameter("--out belongs to --prometheus")
     from rsoconsole.control import ControlClient, Machine, Sender, read_status
     from rsoconsole.control.mount_words import mount_words
 
@@ -143,6 +163,26 @@ def status(socket: SocketOption = None, json_: JsonOption = False) -> None:
         words.append("the cause of the fault is over: 'rsoconsole arm' goes on")
     output.say(" · ".join(words))
     _say_field(told)
+
+
+def _write_metrics(socket: Path | None, out: Path | None) -> None:
+    from rsoconsole.cli.prometheus import metrics
+    from rsoconsole.control import ControlClient, Sender, read_status
+    from rsoconsole.durable_files import write_durably
+
+    try:
+        outcome = ControlClient(socket, sender=Sender(name="status")).send(AskStatus())
+        told = read_status(outcome.data) if outcome.ok else None
+    except ControlError:
+        told = None
+    text = metrics(told)
+    if out is None:
+        output.hand_over(text)
+        return
+    try:
+        write_durably(out, text.encode(), mode=0o644)
+    except OSError as error:
+        raise ControlError(f"{out} cannot be written: {error.strerror or error}") from error
 
 
 def _say_field(told: Status) -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from rsoconsole.alerting import AlertProcess
 from rsoconsole.config import Config
 from rsoconsole.control import ControlServer, default_socket_path
 from rsoconsole.control.mount_lock import MountLock
@@ -112,6 +113,7 @@ def run_engine(
         past, past_fault = read_past(is_simulated=instruments.clock.is_simulated)
         if not instruments.clock.is_simulated:
             stack.callback(keep_uncorrelated, folder)  # behind the session's end
+        alerts = stack.enter_context(_alerts(config, folder, instruments))  # it tells of the end
         stack.callback(writer.close)
         engine = Engine(
             config=config,
@@ -126,15 +128,7 @@ def run_engine(
         stack.enter_context(warnings_on_record(engine.chronicle, "rsoconsole.instruments"))
         if config.exposure.calibrated:
             engine.chronicle.say("info", shutter_words(config.exposure, day_of(now_ns)))
-        if cut_off is not None:
-            engine.chronicle.say(
-                "warning",
-                f"the engine before this one ended without closing its session {cut_off.name}:"
-                " it is kept as it is, this one goes on in a new session",
-            )
-        for fault in (site_fault, past_fault):
-            if fault is not None:
-                engine.chronicle.say("warning", fault)
+        _say_faults(engine, _cut_off_words(cut_off), site_fault, past_fault, alerts.fault)
         _load_ahead(config)
         _say_outlook(engine, config, folder, now_ns)
         machine = MachineWatch(folder, partial(engine.chronicle.say, topic="machine"))
@@ -159,6 +153,7 @@ def run_engine(
                     on_found=partial(engine.chronicle.say, "warning"),
                 )
             )
+        alerts.start(engine.watch.is_loop_alive)
         heed_signals()
         starting.close()
         notify("READY=1")
@@ -169,6 +164,32 @@ def run_engine(
             _arm(engine, settings, folder)
         engine.run(settings.frames)
     return folder
+
+
+@contextlib.contextmanager
+def _alerts(config: Config, folder: Path, instruments: Instruments) -> Iterator[AlertProcess]:
+    """Who tells the operator; nobody where nothing is configured."""
+    where = config.site.name + (" (simulated)" if instruments.clock.is_simulated else "")
+    alerts = AlertProcess(config.alerts, folder, title=f"rsoconsole {where}")
+    try:
+        yield alerts
+    finally:
+        alerts.close()
+
+
+def _cut_off_words(session: Path | None) -> str | None:
+    if session is None:
+        return None
+    return (
+        f"the engine before this one ended without closing its session {session.name}: it is kept"
+        " as it is, this one goes on in a new session"
+    )
+
+
+def _say_faults(engine: Engine, *faults: str | None) -> None:
+    for fault in faults:
+        if fault is not None:
+            engine.chronicle.say("warning", fault)
 
 
 def _tell_service_manager(words: str) -> None:

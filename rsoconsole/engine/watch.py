@@ -152,10 +152,14 @@ class Watch:
             log.exception("the watch broke")
             self._tell_once("watch", "alarm", "the watch over the limits broke: see the log")
 
-    def _look_at_the_loop(self) -> None:
+    def is_loop_alive(self) -> bool:
+        """Whether the loop has said so of late; from any thread."""
         silent_s = time.monotonic() - self._loop_heard_s
         frame_s, again_s = self._config.exposure.frame_timeout_s, self._config.waits.connected_s
-        if silent_s < max(LOOP_SILENCE_S, 2.0 * frame_s, frame_s + again_s):
+        return silent_s < max(LOOP_SILENCE_S, 2.0 * frame_s, frame_s + again_s)
+
+    def _look_at_the_loop(self) -> None:
+        if self.is_loop_alive():
             notify("WATCHDOG=1")
             self._told.pop("loop", None)
             return

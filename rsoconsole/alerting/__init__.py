@@ -1,0 +1,5 @@
+"""Word to the operator's telephone: by a process of its own that reads the session's log."""
+
+from rsoconsole.alerting.process import AlertProcess
+
+__all__ = ["AlertProcess"]

@@ -1,0 +1,144 @@
+"""``python -m rsoconsole.alerting.child``: reads a session's log and tells the operator.
+
+Its first line on stdin is what to do, as JSON (addresses are on no command line); every line
+behind that says that the engine's loop lives; the end of stdin says that the engine is gone.
+"""
+
+import contextlib
+import json
+import logging
+import signal
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.alerting.alert import Alert
+from rsoconsole.alerting.limiter import Limiter
+from rsoconsole.alerting.news import KINDS, News
+from rsoconsole.alerting.sender import FIRST_AGAIN_S, Sender
+from rsoconsole.alerting.services import Service, call
+from rsoconsole.alerting.spool import Spool
+from rsoconsole.control.text import one_line
+from rsoconsole.errors import SessionError
+from rsoconsole.session.reader import SessionReader
+
+log = logging.getLogger("rsoconsole.alerting")
+
+LOOK_S = 2.0
+ALIVE_S = 90.0
+"""So long ago the loop may have said that it lives, and the heartbeat goes on."""
+CLOSING_S = 30.0
+"""For an engine that has gone to close its session; after that it has died."""
+FLUSH_S = 60.0
+MOST_TEXT = 600
+
+
+class Engine:
+    """What stdin says of it."""
+
+    def __init__(self, alive_s: float = ALIVE_S) -> None:
+        self._holds_s, self._alive_s = alive_s, time.monotonic()
+        self.is_gone = threading.Event()
+        threading.Thread(target=self._listen, daemon=True, name="engine").start()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether its loop has said so of late."""
+        return not self.is_gone.is_set() and time.monotonic() - self._alive_s < self._holds_s
+
+    def _listen(self) -> None:
+        with contextlib.suppress(OSError, ValueError):
+            while sys.stdin.readline():
+                self._alive_s = time.monotonic()
+        self.is_gone.set()
+
+
+def main() -> None:
+    """Until the engine is gone and all is sent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the engine's end says when to end
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", stream=sys.stderr)
+    settings: dict[str, Any] = json.loads(sys.stdin.readline())
+    services = [Service(name, url) for name, url in settings["services"]]
+    engine = Engine(float(settings.get("alive_s", ALIVE_S)))
+    if settings["heartbeat_url"]:
+        threading.Thread(
+            target=_beat, args=(engine, settings), daemon=True, name="heartbeat"
+        ).start()
+    spool = Spool(Path(settings["spool"]))
+    if spool.fault:
+        log.warning("%s: messages wait in memory alone", spool.fault)
+    sender = Sender(
+        services, spool, first_again_s=float(settings.get("first_again_s", FIRST_AGAIN_S))
+    )
+    try:
+        _follow(engine, sender, spool.seen_of(settings["session"]), settings)
+    finally:
+        left = sender.finish(FLUSH_S)
+        if left:
+            log.warning("%d messages wait in the spool for the next engine", left)
+
+
+def _follow(engine: Engine, sender: Sender, seen: int | None, settings: Mapping[str, Any]) -> None:
+    """``seen``: the record that was told last; None: nobody knows."""
+    folder, look_s = Path(settings["session"]), float(settings.get("look_s", LOOK_S))
+    limiter = Limiter(
+        events=settings["events"],
+        quiet_s=float(settings["quiet_s"]),
+        most_per_hour=int(settings["most_per_hour"]),
+    )
+    news, seq = News(), 0
+    # In place of one that died, and without its place: what is there is taken for told.
+    is_old = seen is None and bool(settings.get("is_again"))
+    gone_s: float | None = None
+
+    def tell(alert: Alert) -> None:
+        passed = limiter.passed(alert, time.monotonic())
+        if passed is not None:
+            sender.add(
+                kind=passed.kind,
+                title=one_line(f"{settings['title']}: {passed.kind}"),
+                body=one_line(passed.text)[:MOST_TEXT],
+                t_utc_ns=time.time_ns(),
+                seen=(settings["session"], seq),
+            )
+
+    while True:
+        is_gone = engine.is_gone.wait(look_s)
+        gone_s = time.monotonic() if is_gone and gone_s is None else gone_s
+        is_closed = False
+        with contextlib.suppress(SessionError):  # not begun yet, or moved away: look again
+            reader = SessionReader(folder)
+            is_closed = reader.about().get("is_closed") is True
+            for place, t_utc_ns, record in reader.records(seq, KINDS):
+                seq, alerts = place, news.take(t_utc_ns, record)
+                for alert in alerts if not is_old and seq > (seen or 0) else ():
+                    tell(alert)
+            is_old = False
+        if is_closed:
+            tell(news.done(time.time_ns()))
+            return
+        if gone_s is not None:
+            if time.monotonic() - gone_s > float(settings.get("closing_s", CLOSING_S)):
+                words = f"the engine has ended without closing its session {folder.name}"
+                tell(Alert(kind="fault", text=words, t_utc_ns=time.time_ns()))
+                return
+            time.sleep(look_s)
+
+
+def _beat(engine: Engine, settings: Mapping[str, Any]) -> None:
+    url, every_s, is_failing = settings["heartbeat_url"], float(settings["heartbeat_s"]), False
+    while not engine.is_gone.is_set():
+        if engine.is_alive:
+            done = call(url, limit_s=min(20.0, every_s))
+            if done.ok == is_failing:
+                log.log(logging.INFO if done.ok else logging.WARNING, "heartbeat: %s", done.detail)
+            is_failing = not done.ok
+        engine.is_gone.wait(every_s)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,105 @@
+"""From the records of a session to what is worth a message. Pure: a fold, record by record."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from rsoconsole.alerting.alert import Alert
+from rsoconsole.alerts_config import AlertKind
+from rsoconsole.reason_text import text
+from rsoconsole.reasons import Cause, HiddenBy, Missed
+from rsoconsole.records import (
+    Event,
+    FrameTaken,
+    Identified,
+    LoopState,
+    Miss,
+    Record,
+    StateChange,
+    TrackState,
+)
+
+KINDS = (StateChange, Identified, Miss, Event, FrameTaken, TrackState)
+"""The records that it looks at."""
+_FOLLOWING: frozenset[LoopState] = frozenset(("TRACK", "COAST"))
+_CLOUD = frozenset(("fewer stars", "fainter stars", "few stars"))
+_ITS_OWN = frozenset(("looked for again", "operator's word", "STOP", "disarmed", "moved by hand"))
+"""Causes by which a track ends as the operator wants it."""
+
+
+@dataclass(slots=True)
+class News:
+    """What has been told so far."""
+
+    frames: int = 0
+    tracks: set[int] = field(default_factory=set)
+    names: dict[int, str] = field(default_factory=dict)
+    """Of tracks that are identified, as they were told."""
+    is_cloudy: bool = False
+
+    def take(self, t_utc_ns: int, record: Record) -> list[Alert]:
+        """What this record is worth."""
+        return [Alert(kind=kind, text=words, t_utc_ns=t_utc_ns) for kind, words in self._of(record)]
+
+    def done(self, t_utc_ns: int) -> Alert:
+        """That the session is closed."""
+        named = ", ".join(dict.fromkeys(self.names.values()))
+        words = f"the session is closed: {self.frames} frames, {len(self.tracks)} tracks"
+        words += f"; identified: {named}" if named else ""
+        return Alert(kind="done", text=words, t_utc_ns=t_utc_ns)
+
+    def _of(self, record: Record) -> Iterator[tuple[AlertKind, str]]:
+        match record:
+            case FrameTaken():
+                self.frames += 1
+            case TrackState():
+                self.tracks.add(record.track_id)
+                if record.kind == "updated":
+                    self.is_cloudy = False
+            case StateChange():
+                yield from self._of_state(record)
+            case Identified():
+                yield from self._of_name(record)
+            case Miss():
+                yield from self._of_miss(record)
+            case Event(level="alarm"):
+                kind: AlertKind = "limit" if record.topic == "limit" else "fault"
+                yield kind, record.text
+            case _:
+                pass
+
+    def _of_state(self, change: StateChange) -> Iterator[tuple[AlertKind, str]]:
+        cause = change.reason.kind if isinstance(change.reason, Cause) else ""
+        words = text(change.reason)
+        if cause == "night ended":
+            yield "dawn", f"the night is over: {words}"
+        elif change.after == "FAULT" != change.before:
+            yield "fault", f"the engine is in FAULT: {words}"
+        elif cause in {"limit met", "too many limits"}:
+            yield "limit", words
+        elif change.after == "TRACK" and change.before not in _FOLLOWING:
+            yield "lock", f"a satellite is followed, from frame {change.frame_id}: {words}"
+        elif cause not in _ITS_OWN and (
+            (change.after == "LOST" != change.before)
+            or (change.before in _FOLLOWING and change.after == "SEARCH")
+        ):
+            yield "loss", f"the satellite is lost: {words}"
+
+    def _of_name(self, found: Identified) -> Iterator[tuple[AlertKind, str]]:
+        if found.verdict != "identified" or not found.matches:
+            return
+        best = found.matches[0]
+        name = f"{best.name} ({best.norad_id})" if best.name else str(best.norad_id)
+        if self.names.get(found.track_id) != name:
+            self.names[found.track_id] = name
+            yield (
+                "identification",
+                f"track {found.track_id} is {name}, {best.separation_arcsec:.0f} arcsec from its"
+                f" elements of {best.tle_age_days:.1f} days",
+            )
+
+    def _of_miss(self, miss: Miss) -> Iterator[tuple[AlertKind, str]]:
+        hidden = miss.reason.hidden_by if isinstance(miss.reason, Missed) else ()
+        cloud = [each for each in hidden if isinstance(each, HiddenBy) and each.kind in _CLOUD]
+        if cloud and not self.is_cloudy:
+            self.is_cloudy = True
+            yield "clouds", f"clouds, from frame {miss.frame_id}: {text(miss.reason)}"

@@ -1,0 +1,112 @@
+"""The services of the configuration, each by apprise; nothing of an address is in any message."""
+
+import logging
+import stat
+import threading
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rsoconsole.alerts_config import AlertsConfig, expect_service, scheme_of
+from rsoconsole.errors import ConfigError
+from rsoconsole.foreign_text import read_foreign
+
+SEND_S = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """One address."""
+
+    name: str
+    """For people: what kind it is, and its place among all."""
+    url: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """What came of one message to one service."""
+
+    ok: bool
+    detail: str
+
+
+def services_of(config: AlertsConfig) -> tuple[Service, ...]:
+    """All of them. Raises ConfigError for a file that cannot be read, or others can read."""
+    urls = [*config.services]
+    if config.services_file is not None:
+        urls += _of_file(config.services_file)
+    urls = list(dict.fromkeys(urls))
+    return tuple(Service(f"{scheme_of(url)} {n}", url) for n, url in enumerate(urls, start=1))
+
+
+def send(url: str, title: str, body: str, *, is_urgent: bool = False) -> Sent:
+    """One message by apprise, which has time-outs of its own. Never raises."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what it loads, and when, is its own affair
+        return _send(url, title, body, is_urgent)
+
+
+def _send(url: str, title: str, body: str, is_urgent: bool) -> Sent:
+    try:
+        import apprise
+    except ImportError:
+        return Sent(False, "the package apprise is not installed: 'pip install apprise' gets it")
+    # What it logs may hold the address.
+    logging.getLogger("apprise").disabled = True
+    try:
+        one = apprise.Apprise()
+        if not one.add(url):
+            return Sent(False, "apprise does not understand the address: see its list of services")
+        kind = apprise.NotifyType.WARNING if is_urgent else apprise.NotifyType.INFO
+        if one.notify(body=body, title=title, notify_type=kind):
+            return Sent(True, "sent")
+    except Exception as error:  # whatever one of a hundred services does
+        return Sent(False, f"apprise broke ({type(error).__name__})")
+    return Sent(False, "the service did not take it: no network, a wrong address, or a refusal")
+
+
+def send_within(url: str, title: str, body: str, *, limit_s: float = SEND_S) -> Sent:
+    """The same, given up after a while."""
+    done: list[Sent] = []
+    worker = threading.Thread(
+        target=lambda: done.append(send(url, title, body)), daemon=True, name="send"
+    )
+    worker.start()
+    worker.join(limit_s)
+    return done[0] if done else Sent(False, f"no answer in {limit_s:.0f} s")
+
+
+def call(url: str, *, limit_s: float = SEND_S) -> Sent:
+    """One heartbeat."""
+    from rsoconsole.element_sources.fetch import Fetcher, FetchError
+
+    try:
+        Fetcher(deadline_s=limit_s).get(url)
+    except FetchError as error:
+        words = {
+            "refused": "it refuses",
+            "unreachable": "it cannot be reached: is there a network?",
+        }
+        return Sent(False, words.get(error.kind, "it did not answer as it should"))
+    return Sent(True, "called")
+
+
+def _of_file(path: Path) -> Sequence[str]:
+    what = "write one address a line into it"
+    try:
+        if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+            raise ConfigError(f"{path} can be read by others: 'chmod 600 {path}' first")
+        lines = [line.strip() for line in read_foreign(path).splitlines()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(
+            f"alerts.services_file {path} cannot be read ({type(error).__name__}): {what}"
+        ) from error
+    urls = [line for line in lines if line and not line.startswith("#")]
+    for number, url in enumerate(urls, start=1):
+        try:
+            expect_service(url)
+        except ValueError as error:
+            raise ConfigError(f"{path}, address {number}: {error}") from error
+    return urls

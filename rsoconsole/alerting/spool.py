@@ -1,0 +1,173 @@
+"""What has still to be sent, to whom, on the disk: a message waits out a night without a network.
+
+Bounded in number and in age. Services stand in it as digests: an address is a secret.
+"""
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import os
+import threading
+from collections.abc import Collection, Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rsoconsole.durable_files import write_durably
+from rsoconsole.foreign_text import json_of, read_foreign
+
+MOST = 200
+OLDEST_NS = 24 * 3600 * 10**9
+SPOOL, LOCK = "spool.json", "spool.lock"
+
+
+@dataclass(slots=True, kw_only=True)
+class Waiting:
+    """One message and who has not had it yet."""
+
+    number: int
+    kind: str
+    title: str
+    body: str
+    t_utc_ns: int
+    pending: list[str] = field(default_factory=list)
+
+
+def digest_of(url: str) -> str:
+    """A service's address as the spool has it."""
+    return hashlib.sha256(url.encode()).hexdigest()[:16]
+
+
+class Spool:
+    """The one file; safe for several threads. Where it cannot be written it lives in memory."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / SPOOL
+        self._lock = threading.Lock()
+        self._waiting: list[Waiting] = []
+        self._next = 1
+        self._seen: tuple[str, int] = ("", 0)
+        self.fault: str | None = None
+        """Why nothing of it is on the disk."""
+        self._owns = self._claim(folder)
+        if self._owns is not None:
+            self._waiting, self._seen = _read(self._path)
+            self._next = max((each.number for each in self._waiting), default=0) + 1
+
+    def add(
+        self,
+        *,
+        kind: str,
+        title: str,
+        body: str,
+        t_utc_ns: int,
+        to: Iterable[str],
+        seen: tuple[str, int] = ("", 0),
+    ) -> None:
+        """Another message; the oldest goes where there are too many.
+
+        ``seen``: the session and its record that it is about.
+        """
+        with self._lock:
+            self._seen = seen
+            waiting = Waiting(
+                number=self._next,
+                kind=kind,
+                title=title,
+                body=body,
+                t_utc_ns=t_utc_ns,
+                pending=list(to),
+            )
+            self._next += 1
+            self._waiting = [*self._waiting, waiting][-MOST:]
+            self._write()
+
+    def seen_of(self, session: str) -> int | None:
+        """Up to which of its records a session has been told; None: nobody could keep that."""
+        if self._owns is None:
+            return None
+        return self._seen[1] if self._seen[0] == session else 0
+
+    def first_for(self, service: str) -> Waiting | None:
+        """The oldest message that this service has not had."""
+        with self._lock:
+            return next((each for each in self._waiting if service in each.pending), None)
+
+    def sent(self, number: int, service: str) -> None:
+        """It has had it now."""
+        with self._lock:
+            for each in self._waiting:
+                if each.number == number and service in each.pending:
+                    each.pending.remove(service)
+            self._waiting = [each for each in self._waiting if each.pending]
+            self._write()
+
+    def drop_old(self, now_utc_ns: int, known: Collection[str]) -> None:
+        """What is too old to be news, and what waits for services that there are no more."""
+        with self._lock:
+            before = [list(each.pending) for each in self._waiting]
+            for each in self._waiting:
+                each.pending = [one for one in each.pending if one in known]
+            self._waiting = [
+                each
+                for each in self._waiting
+                if each.pending and now_utc_ns - each.t_utc_ns < OLDEST_NS
+            ]
+            if before != [each.pending for each in self._waiting]:
+                self._write()
+
+    def __len__(self) -> int:
+        with self._lock:
+            return len(self._waiting)
+
+    def close(self) -> None:
+        """Let another process have it."""
+        if self._owns is not None:
+            os.close(self._owns)
+            self._owns = None
+
+    def _claim(self, folder: Path) -> int | None:
+        try:
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        except OSError as error:
+            self.fault = f"{folder} cannot be used ({error.strerror})"
+            return None
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(descriptor)
+            self.fault = "another engine's messages are kept there"
+            return None
+        return descriptor
+
+    def _write(self) -> None:
+        if self._owns is None:
+            return
+        told = {
+            "format": 1,
+            "seen": self._seen,
+            "waiting": [asdict(each) for each in self._waiting],
+        }
+        try:
+            write_durably(self._path, json.dumps(told).encode(), mode=0o600)
+            self.fault = None
+        except OSError as error:
+            self.fault = f"{self._path} cannot be written ({error.strerror})"
+
+
+def _read(path: Path) -> tuple[list[Waiting], tuple[str, int]]:
+    """What an earlier run left; nothing where that is damaged."""
+    found: list[Waiting] = []
+    seen = ("", 0)
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, UnicodeDecodeError):
+        told: dict[str, Any] = json_of(read_foreign(path))
+        for row in told["waiting"][-MOST:]:
+            waiting = Waiting(**row)
+            texts = (waiting.kind, waiting.title, waiting.body, *waiting.pending)
+            numbers = (waiting.number, waiting.t_utc_ns)
+            if all(isinstance(t, str) for t in texts) and all(isinstance(n, int) for n in numbers):
+                found.append(waiting)
+        seen = (str(told["seen"][0]), int(told["seen"][1]))
+    return found, seen
