@@ -23,7 +23,8 @@ from pathlib import Path
 from rsoconsole.cli.demo import config_in, demo_config
 from rsoconsole.cli.demo_night import Night, run_night
 from rsoconsole.control import Command, ControlClient
-from rsoconsole.control.commands import Accept, Goto, MarkByHand, Note, Nudge, Reject, Resume, Set
+from rsoconsole.control.commands import Goto, Note, Nudge, Resume, Set
+from rsoconsole.control.frame_commands import Accept, MarkByHand, Reject
 from rsoconsole.control.sender import Sender
 from rsoconsole.engine.loop import Engine
 from rsoconsole.pipeline.reduce import Reduction

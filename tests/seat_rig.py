@@ -13,7 +13,7 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.panes import LinesPane, StopBanner
 from rsoconsole.control import Command, Outcome
-from rsoconsole.control.commands import BeginMark
+from rsoconsole.control.frame_commands import BeginMark
 from rsoconsole.errors import ControlError
 from rsoconsole.session.writer import SessionWriter
 from tests import made_up_night as night

@@ -159,7 +159,7 @@ def test_the_banner_of_a_stop_ends_when_the_mount_is_seen_to_stand(wire: FakeWir
 
 def test_the_banner_says_a_fault_once_and_that_it_is_over():
     from rsoconsole.console.engine_view import engine_view
-    from rsoconsole.console.night import NightView
+    from rsoconsole.console.night_view import NightView
 
     fault = {"state": "FAULT", "faults": [SERVER_IS_GONE] * 3, "session": "/n"}
     assert alert_text(NightView(), engine_view(fault)).count("start indiserver") == 1
@@ -193,7 +193,7 @@ def test_where_the_mount_stands_is_on_the_screen_also_when_nothing_is_followed(
     width: int, rows: int
 ):
     from rsoconsole.console.engine_view import engine_view
-    from rsoconsole.console.night import NightView
+    from rsoconsole.console.night_view import NightView
 
     at_rest = {
         "state": "IDLE",

@@ -8,20 +8,18 @@ import pytest
 from rsoconsole.control import COMMANDS, Command, command_of, command_words
 from rsoconsole.control.command import register
 from rsoconsole.control.commands import (
-    Accept,
     AnswerSeat,
     Arm,
     Beside,
-    Choose,
     Goto,
     Hold,
-    MarkByHand,
     Nudge,
     Preview,
     Set,
     Stop,
     Track,
 )
+from rsoconsole.control.frame_commands import Accept, Choose, MarkByHand
 
 PLACE = {"ra_icrs_deg": 83.05, "dec_icrs_deg": -4.87}
 

@@ -26,7 +26,8 @@ from rsoconsole.console.key_line import key_line, keys_for
 from rsoconsole.console.log_lines import LogLine, line_of
 from rsoconsole.console.log_merging import append_line
 from rsoconsole.console.log_pane import LogPane, log_rows
-from rsoconsole.console.night import Night, NightView
+from rsoconsole.console.night import Night
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.panes import FramePane
 from rsoconsole.console.plot import Column, residual_limit, residual_plot
 from rsoconsole.console.second_press import RELEASED_S

@@ -11,14 +11,16 @@ from textual.widgets import Button, Input, Static
 
 from rsoconsole.config import Config, default_config_path
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.commands import commands_in, key_words
+from rsoconsole.console.commands import commands_in
 from rsoconsole.console.dialogs import help_text
+from rsoconsole.console.key_names import key_words
 from rsoconsole.console.keymap import load_keymap
 from rsoconsole.console.log_pane import LogPane
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.panes import SIGHTS, FramePane
 from rsoconsole.control import Command, Outcome
-from rsoconsole.control.commands import Hold, MarkByHand
+from rsoconsole.control.commands import Hold
+from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.errors import ConfigError
 from rsoconsole.records import Detections, Event, NotSolved
 from rsoconsole.session.writer import SessionWriter

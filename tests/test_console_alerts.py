@@ -11,7 +11,7 @@ from rsoconsole.console.alerts import alerts_between, notification
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.log_lines import line_of
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.reasons import Cause, Told
 from rsoconsole.records import Event, StateChange
 from rsoconsole.session.writer import SessionWriter

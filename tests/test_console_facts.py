@@ -8,7 +8,7 @@ import pytest
 from rsoconsole.console.engine_view import EngineView, engine_view
 from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.frame_rows import FrameRow
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.pipeline.outlook import Outlook
 from rsoconsole.records import CycleTiming, SlewCommand
 from rsoconsole.sky.refusals import beyond

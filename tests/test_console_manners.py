@@ -18,7 +18,8 @@ from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.reading import ReadingDialog
 from rsoconsole.control import Command, Outcome
-from rsoconsole.control.commands import Arm, Hold, MarkByHand, Seek, Shutdown
+from rsoconsole.control.commands import Arm, Hold, Seek, Shutdown
+from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Event, OperatorAction
 from rsoconsole.session.reader import SessionReader
@@ -178,7 +179,7 @@ def test_a_console_that_still_reads_the_past_does_not_say_that_nothing_happened(
 
 
 def test_an_engine_that_dies_is_an_alarm_as_ever():
-    from rsoconsole.console.night import NightView
+    from rsoconsole.console.night_view import NightView
 
     seen = NightView(is_read=True), EngineView(reach="attached", state="TRACK")
     gone = seen[0], EngineView(reach="gone", state="TRACK")

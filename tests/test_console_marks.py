@@ -15,7 +15,7 @@ from rsoconsole.console.panes import FramePane
 from rsoconsole.console.sheet_marks import faint_ends
 from rsoconsole.console.verdicts import VerdictsDialog, fate, verdict_lines
 from rsoconsole.control import Outcome
-from rsoconsole.control.commands import MarkByHand
+from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.reasons import CommandResult
 from rsoconsole.records import Detections, OperatorAction, Ruling, mark_id_of
 from rsoconsole.session.writer import SessionWriter

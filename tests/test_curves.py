@@ -11,7 +11,7 @@ from rsoconsole.config import Config
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.curves import alignment_lines, focus_lines, quality_lines, trend_words
 from rsoconsole.console.frame_rows import FrameRow
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.panels import confidence_lines, nis_lines, residual_lines
 from rsoconsole.console.plain import plain
 from rsoconsole.console.plot import AXIS_COLUMNS, Line

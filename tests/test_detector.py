@@ -12,7 +12,6 @@ from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.reason_text import text
 from rsoconsole.records import Frame
 from rsoconsole.simulator.psf import add_points
-from rsoconsole.vision.candidates import is_same_streak
 from rsoconsole.vision.confidence import FEATURES, ConfidenceCurve
 from rsoconsole.vision.detector import (
     MOST_FITS,
@@ -21,6 +20,7 @@ from rsoconsole.vision.detector import (
 )
 from rsoconsole.vision.maps import FrameMap
 from rsoconsole.vision.network import NetworkBox
+from rsoconsole.vision.same_streak import is_same_streak
 from rsoconsole.vision.set_aside import TRAILED_STREAKS
 from rsoconsole.vision.streak_fit import Box, fit_streak
 

@@ -22,7 +22,8 @@ from rsoconsole.console.key_line import key_line, keys_for
 from rsoconsole.console.leaving import left_in_field_s
 from rsoconsole.console.log_lines import LogLine, line_of
 from rsoconsole.console.log_merging import append_line
-from rsoconsole.console.night import ELSEWHERE, Night, NightView, Pointing
+from rsoconsole.console.night import ELSEWHERE, Night
+from rsoconsole.console.night_view import NightView, Pointing
 from rsoconsole.console.orbit_lines import orbit_lines, target_words
 from rsoconsole.console.orbit_view import orbit_shown
 from rsoconsole.console.panels import confidence_lines, nis_lines, residual_lines

@@ -26,7 +26,7 @@ from rsoconsole.console.sheet import Sheet
 from rsoconsole.console.sheet_actions import FAR, MarkTo
 from rsoconsole.console.sheet_view import STEPS
 from rsoconsole.console.sheet_worker import Opened
-from rsoconsole.control.commands import MarkByHand
+from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.pipeline import reprocess
 from rsoconsole.pipeline.held_frames import HELD

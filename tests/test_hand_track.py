@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config, with_setting
-from rsoconsole.control.commands import MarkByHand
+from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.engine.hand_marks import automatic_of, with_figures
 from rsoconsole.engine.states import ClockSet, LimitMet, NightEnded
 from rsoconsole.pipeline.held_frames import HELD

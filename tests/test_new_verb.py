@@ -23,7 +23,8 @@ MOST_FILES = 3
 USE = """
 from typer.testing import CliRunner
 from rsoconsole.cli.app import app
-from rsoconsole.console.commands import BY_NAME, bindings
+from rsoconsole.console.commands import BY_NAME
+from rsoconsole.console.key_names import bindings
 from rsoconsole.control import ControlServer, command_of, command_words, default_socket_path
 from rsoconsole.control.commands import Flats
 from rsoconsole.reason_text import text

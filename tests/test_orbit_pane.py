@@ -13,7 +13,8 @@ from rsoconsole.console import outlook_watch
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.fold import FULL, LARGE, THREE_COLUMNS, fold, orbit_box
-from rsoconsole.console.night import Night, NightView
+from rsoconsole.console.night import Night
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.orbit_ahead import OrbitAhead, ahead_of_record, orbit_ahead
 from rsoconsole.console.orbit_lines import orbit_lines, target_words
 from rsoconsole.console.orbit_view import OrbitShown, orbit_shown

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from rsoconsole.console import moments as moments_module
 from rsoconsole.console.frame_rows import FrameDetail
 from rsoconsole.console.moments import Moments
-from rsoconsole.console.night import Night, NightView
+from rsoconsole.console.night import Night
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.places import Typed, seq_of, understood
 from rsoconsole.console.player import SPEEDS, Player
 from rsoconsole.console.timeline import FrameMark, Happening, StateMark, Timeline

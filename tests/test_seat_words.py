@@ -18,7 +18,8 @@ from rsoconsole.console.frame_rows import FrameRow
 from rsoconsole.console.kept_words import kept_words
 from rsoconsole.console.key_line import keys_for
 from rsoconsole.console.messages import StopNewsCame
-from rsoconsole.console.night import Night, NightView
+from rsoconsole.console.night import Night
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.plot import Line
 from rsoconsole.console.second_press import WITHIN_S
 from rsoconsole.console.streak_actions import too_late_to_mark

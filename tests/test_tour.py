@@ -9,7 +9,7 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs import HelpDialog
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.glossary import TERMS, glossary_text
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.tour import TourDialog, TourMemory, intro_text, tour_pages
 from rsoconsole.console.words import top_lines
 from rsoconsole.sky.times import iso_to_utc_ns

@@ -2,7 +2,7 @@
 
 from rsoconsole.config import Alert
 from rsoconsole.console.engine_view import EngineView
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 
 FOLLOWING = {"TRACK", "COAST"}
 MACHINE = "ALARM: machine: "

@@ -23,15 +23,16 @@ from rsoconsole.console.blocks import HALF_BLOCKS, QUADRANTS, Blocks
 from rsoconsole.console.clean import CleanFilter
 from rsoconsole.console.colours import COLOURS, NIGHT_CSS, THEMES
 from rsoconsole.console.command import KeyCommand, Place
-from rsoconsole.console.commands import bindings, commands_in
+from rsoconsole.console.commands import commands_in
 from rsoconsole.console.dialogs import HelpDialog
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.key_line import MODE_WORDS, Mode
+from rsoconsole.console.key_names import bindings
 from rsoconsole.console.live import LiveScreen
 from rsoconsole.console.messages import EngineSeen, NightSeen, OrbitSeen, OutlookSeen
-from rsoconsole.console.night import NightView
 from rsoconsole.console.night_screen import NightScreen
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.outlook_watch import OutlookWatch

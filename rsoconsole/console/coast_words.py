@@ -2,7 +2,8 @@
 
 import math
 
-from rsoconsole.console.night import ELSEWHERE, NightView
+from rsoconsole.console.night import ELSEWHERE
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.words import NS_PER_S, clock_text, duration_text
 from rsoconsole.records import TrackState
 

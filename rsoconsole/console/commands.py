@@ -5,12 +5,11 @@ A command is called by its name in a keymap file, which gives it other keys.
 
 from collections.abc import Mapping
 
-from textual.binding import Binding
-
 from rsoconsole.console.command import BOTH, KeyCommand, Place
 from rsoconsole.console.command import command as _command
 from rsoconsole.console.review_commands import REVIEW_COMMANDS
-from rsoconsole.control.commands import Abort, TakeBack, Unpark
+from rsoconsole.control.commands import Abort, Unpark
+from rsoconsole.control.frame_commands import TakeBack
 
 SEAT_COMMANDS: tuple[KeyCommand, ...] = (
     _command(
@@ -424,61 +423,8 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
 )
 COMMANDS: tuple[KeyCommand, ...] = (*SEAT_COMMANDS, *REVIEW_COMMANDS)
 BY_NAME: Mapping[str, KeyCommand] = {command.name: command for command in COMMANDS}
-KEY_WORDS = {
-    "left_square_bracket": "[",
-    "right_square_bracket": "]",
-    "question_mark": "?",
-    "slash": "/",
-    "comma": ",",
-    "full_stop": ".",
-    "less_than_sign": "<",
-    "greater_than_sign": ">",
-    "plus": "+",
-    "minus": "-",
-    "colon": ":",
-    "pageup": "PgUp",
-    "pagedown": "PgDn",
-    "home": "Home",
-    "end": "End",
-    "space": "space",
-    "backspace": "bksp",
-    "escape": "esc",
-    "up": "↑",
-    "down": "↓",
-    "left": "←",
-    "right": "→",
-    "f1": "F1",
-}
 
 
 def commands_in(place: Place) -> tuple[KeyCommand, ...]:
     """Those whose keys work on that screen, the application's own among them."""
     return tuple(command for command in COMMANDS if command.is_in(place))
-
-
-def bindings(place: Place | None) -> list[Binding]:
-    """For a screen, or with None for the application."""
-    return [
-        Binding(
-            command.keys,
-            command.name if command.sends is None else f"hand_over('{command.name}')",
-            command.title,
-            id=command.name,
-            priority=command.priority,
-            show=False,
-            tooltip=command.help,
-        )
-        for command in COMMANDS
-        if (command.is_everywhere if place is None else not command.is_everywhere)
-        and (place is None or place in command.where)
-    ]
-
-
-def key_words(keys: str) -> str:
-    """Keys as a person writes them."""
-    return " ".join(KEY_WORDS.get(key, key.replace("ctrl+", "^")) for key in keys.split(","))
-
-
-def first_key(name: str, keymap: Mapping[str, str] | None = None) -> str:
-    """The key that a command is shown with, as a person writes it."""
-    return key_words((keymap or {}).get(name, BY_NAME[name].keys)).split()[0]

@@ -6,7 +6,7 @@ from typing import ClassVar
 from rsoconsole.console import panels
 from rsoconsole.console.curves import Page, alignment_lines, focus_lines, quality_lines
 from rsoconsole.console.fold import orbit_box
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.plot import AXIS_COLUMNS
 from rsoconsole.console.plot_window import LIVE_STEP, PlotWindow, axis_lines

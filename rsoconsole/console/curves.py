@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Literal
 
 from rsoconsole.console.frame_rows import FrameRow
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.panels import NEWEST, rule
 from rsoconsole.console.plot import Ink, Line, value_plot
 from rsoconsole.console.plot_window import PlotWindow, axis_lines

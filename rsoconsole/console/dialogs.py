@@ -15,9 +15,10 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
 from rsoconsole.console.command import GROUPS, Place
-from rsoconsole.console.commands import commands_in, key_words
+from rsoconsole.console.commands import commands_in
 from rsoconsole.console.glossary import glossary_text
 from rsoconsole.console.key_line import MODE_WORDS, Mode, mode_keys
+from rsoconsole.console.key_names import key_words
 
 HELP_COLUMNS = 70
 UNASKED_DEAF_S = 0.5

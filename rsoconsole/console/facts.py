@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rsoconsole.console.coast_words import coast_words
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.leaving import leaving_words
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.track_fold import predicted_sigma_arcsec
 from rsoconsole.console.words import (

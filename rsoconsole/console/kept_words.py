@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from rsoconsole.console.commands import first_key
 from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.key_names import first_key
 
 NS_PER_S = 1_000_000_000
 

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
 
-from rsoconsole.console.commands import first_key
 from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.key_names import first_key
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.words import clipped, wrapped
 from rsoconsole.pipeline.held_frames import HELD

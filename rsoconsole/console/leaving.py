@@ -3,10 +3,10 @@
 import math
 from collections.abc import Mapping
 
-from rsoconsole.console.commands import first_key
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.frame_rows import FrameRow
-from rsoconsole.console.night import NightView
+from rsoconsole.console.key_names import first_key
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.words import NS_PER_S, cos_deg
 from rsoconsole.records import TrackState
 from rsoconsole.sky.angles import wrap_180

@@ -8,10 +8,10 @@ from textual.binding import BindingType
 
 from rsoconsole.console import words
 from rsoconsole.console.ask import LineDialog
-from rsoconsole.console.commands import bindings, first_key
 from rsoconsole.console.dialogs import LeaveDialog
 from rsoconsole.console.kept_words import kept_words
 from rsoconsole.console.key_line import Key, Mode, keys_for
+from rsoconsole.console.key_names import bindings, first_key
 from rsoconsole.console.marks import Mark
 from rsoconsole.console.messages import EngineSeen, NightSeen
 from rsoconsole.console.night_screen import NightScreen
@@ -25,7 +25,8 @@ from rsoconsole.console.telescope_actions import TelescopeActions
 from rsoconsole.console.tour import intro_text
 from rsoconsole.console.track_orders import TrackOrders
 from rsoconsole.console.verdicts import MARKED, VerdictsDialog
-from rsoconsole.control.commands import MarkByHand, Note, Shutdown
+from rsoconsole.control.commands import Note, Shutdown
+from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.control.mount_words import motion_words
 from rsoconsole.control.stop import StopNews
 from rsoconsole.errors import RsoconsoleError

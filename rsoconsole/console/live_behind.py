@@ -3,7 +3,7 @@
 from typing import Protocol
 
 from rsoconsole.console.engine_view import EngineView
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 
 
 class LiveBehind(Protocol):

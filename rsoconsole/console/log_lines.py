@@ -6,17 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
 from rsoconsole.control import command_words, one_line
-from rsoconsole.control.commands import (
-    Arm,
-    BeginMark,
-    Disarm,
-    MarkByHand,
-    Note,
-    Resume,
-    Seek,
-    Set,
-    Stop,
-)
+from rsoconsole.control.commands import Arm, Disarm, Note, Resume, Seek, Set, Stop
+from rsoconsole.control.frame_commands import BeginMark, MarkByHand
 from rsoconsole.control.stop import IN_ENGINE, counted
 from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.reason_text import ruled_text, text

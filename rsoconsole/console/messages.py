@@ -9,7 +9,7 @@ from textual.message import Message
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.moments import Moment
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.timeline import Timeline

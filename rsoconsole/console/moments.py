@@ -15,7 +15,8 @@ from rsoconsole.config import Config
 from rsoconsole.console.frame_rows import FrameDetail
 from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.marks import marks_of
-from rsoconsole.console.night import KeptNight, Night, NightView
+from rsoconsole.console.night import Night
+from rsoconsole.console.night_view import KeptNight, NightView
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.picture_files import read_picture
 from rsoconsole.console.timeline import TOLD_BY_RECORD, FrameMark, Timeline, TimelineFold

@@ -1,13 +1,12 @@
 """What a session says of its night so far: a fold over its records, for whoever shows it."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.console.frame_rows import FrameDetail, FrameRow
-from rsoconsole.console.last_measured import LastMeasured, last_measured
+from rsoconsole.console.last_measured import last_measured
 from rsoconsole.console.log_lines import (
     LogLine,
     is_put_down_to_cloud,
@@ -15,15 +14,21 @@ from rsoconsole.console.log_lines import (
     line_of,
 )
 from rsoconsole.console.log_merging import append_line
+from rsoconsole.console.night_view import (
+    KeptNight,
+    NightView,
+    Now,
+    Pointing,
+    above_horizon,
+    is_same_name,
+)
 from rsoconsole.console.track_fold import (
-    FollowedTrack,
-    TracksNow,
     pairs_after,
     predicted_sigma_arcsec,
     tracks_after,
     with_track,
 )
-from rsoconsole.field_records import ExpectedMembers, PairMotion, PairMotions
+from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.pipeline.pointed_at import is_without_detection, looked_elsewhere
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
@@ -58,162 +63,6 @@ FRAMES_IN_DETAIL = 8
 """How many of the last frames keep what a picture of them needs; pictures come late."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pointing:
-    """Where the telescope looked, or was sent, at an instant."""
-
-    t_utc_ns: int
-    ra_icrs_deg: float
-    dec_icrs_deg: float
-    is_ordered: bool = False
-    """True for a slew of which no frame has been seen yet."""
-    alt_deg: float | None = None
-    az_deg: float | None = None
-    """None where the session does not say its site."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NightView:
-    """A session at one instant; nothing in it changes any more."""
-
-    folder: Path | None = None
-    title: str = ""
-    is_closed: bool = False
-    is_simulated: bool = False
-    config: Config | None = None
-    """Of the session's engine; None where it cannot be read."""
-    seq: int = 0
-    """Place in the log of the last record that has been taken."""
-    is_read: bool = False
-    """Whether the past has been read to its end: what comes now is news."""
-    has_ended: bool = False
-    """Its engine has ended as it was asked to, and the mount stood."""
-    fault: str | None = None
-    """Why the session cannot be read at this moment."""
-    tau: float = 0.1
-    rows: tuple[FrameRow, ...] = ()
-    log: tuple[LogLine, ...] = ()
-    """Oldest first."""
-    state: LoopState | None = None
-    state_since_utc_ns: int | None = None
-    last_utc_ns: int | None = None
-    frame: FrameTaken | None = None
-    pointing: Pointing | None = None
-    track: TrackState | None = None
-    """The lead."""
-    beside: Mapping[int, TrackState] = field(default_factory=dict)
-    """The other tracks of the last frame, by track id."""
-    timing: CycleTiming | None = None
-    slew: SlewCommand | None = None
-    track_frame_id: int = 0
-    """In which the last lead began."""
-    track_since_utc_ns: int | None = None
-    """When that was."""
-    orbit: OrbitEstimate | None = None
-    """Of the lead, or of what was the lead last."""
-    orbit_utc_ns: int | None = None
-    """When that was found."""
-    orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
-    """The last one of every track, by track id."""
-    identified: Identified | None = None
-    """Of the lead, or of what was the lead last."""
-    identifications: Mapping[int, Identified] = field(default_factory=dict)
-    """The last one of every track, by track id."""
-    changed: Mapping[str, float | int | str] = field(default_factory=dict)
-    """Settings that have been changed since the session began, by dotted name."""
-    measured: tuple[LastMeasured, ...] = ()
-    """What the track took of the last frames, newest first."""
-    tracks: tuple[FollowedTrack, ...] = ()
-    """All that are followed, by their numbers."""
-    dropped: tuple[int, ...] = ()
-    """Tracks whose dropping may still be undone, the last one last."""
-    pairs: tuple[PairMotion, ...] = ()
-    """How they move to each other, as of the last frame."""
-    expected: ExpectedMembers | None = None
-    """Who should be in the field beside them, as of the last look at the catalogue."""
-
-    being_fitted_again: frozenset[int] = frozenset()
-    """Tracks whose orbit is from before the operator's last word on a frame, by track id."""
-
-    kept_track: TrackState | None = None
-    """What was followed until somebody ended it, as it was then: it may be followed again."""
-
-    @property
-    def last_seen_utc_ns(self) -> int | None:
-        """When the lead was measured last, mid-exposure; None where the record does not say."""
-        return next((each.measured_utc_ns for each in self.tracks if each.is_lead), None)
-
-    @property
-    def is_in_cloud(self) -> bool:
-        """Whether the lead's last miss, in the newest frame that is known, is put down to cloud."""
-        last = next((row for row in reversed(self.rows) if row.is_reduced), None)
-        return self.state == "COAST" and last is not None and last.is_cloudy
-
-    @property
-    def is_orbit_past(self) -> bool:
-        """Whether the orbit is of something that is followed no more."""
-        orbit = self.orbit
-        return orbit is not None and (self.track is None or orbit.track_id != self.track.track_id)
-
-    def setting(self, name: str, changed: Mapping[str, Any] | None = None) -> Any:
-        """What a setting is now; None where the session does not say.
-
-        ``changed``: as it was when these had been changed.
-        """
-        changed = self.changed if changed is None else changed
-        if name in changed:
-            return changed[name]
-        section, _, key = name.partition(".")
-        return getattr(getattr(self.config, section, None), key, None)
-
-
-@dataclass(slots=True, kw_only=True)
-class _Now:
-    """What the records add up to so far, beside rows and log: as in ``NightView``."""
-
-    is_closed: bool
-    tau: float
-    seq: int = 0
-    is_read: bool = False
-    has_ended: bool = False
-    state: LoopState | None = None
-    state_since_utc_ns: int | None = None
-    last_utc_ns: int | None = None
-    frame: FrameTaken | None = None
-    pointing: Pointing | None = None
-    track: TrackState | None = None
-    beside: Mapping[int, TrackState] = field(default_factory=dict)
-    timing: CycleTiming | None = None
-    slew: SlewCommand | None = None
-    track_frame_id: int = 0
-    track_since_utc_ns: int | None = None
-    orbit: OrbitEstimate | None = None
-    orbit_utc_ns: int | None = None
-    orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
-    identified: Identified | None = None
-    identifications: Mapping[int, Identified] = field(default_factory=dict)
-    changed: Mapping[str, float | int | str] = field(default_factory=dict)
-    set_aside: TrackState | None = None
-    """The track that ended last by somebody's word: it may be followed again."""
-    tracks: TracksNow = field(default_factory=TracksNow)
-    pairs: tuple[PairMotion, ...] = ()
-    expected: ExpectedMembers | None = None
-    being_fitted_again: frozenset[int] = frozenset()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class KeptNight:
-    """A night as it was at one place of the log: what ``Night.go_back`` returns to.
-
-    Rows, details and lines are shared with the night: keeping one costs a word each.
-    """
-
-    now: _Now
-    rows: tuple[FrameRow, ...]
-    details: tuple[tuple[int, FrameDetail], ...]
-    log: tuple[LogLine, ...]
-
-
 class Night:
     """Takes a session's records in order; gives views of what they add up to."""
 
@@ -225,7 +74,7 @@ class Night:
             config=config,
         )
         """What no record changes."""
-        self._now = _Now(
+        self._now = Now(
             is_closed=about.get("is_closed") is True,
             tau=config.detector.tau if config is not None else 0.1,
         )
@@ -240,35 +89,12 @@ class Night:
         now = self._now
         return replace(
             self._about,
-            is_closed=now.is_closed,
-            tau=now.tau,
-            seq=now.seq,
-            is_read=now.is_read,
-            has_ended=now.has_ended,
-            state=now.state,
-            state_since_utc_ns=now.state_since_utc_ns,
-            last_utc_ns=now.last_utc_ns,
-            frame=now.frame,
-            pointing=now.pointing,
-            track=now.track,
-            beside=now.beside,
-            timing=now.timing,
-            slew=now.slew,
-            track_frame_id=now.track_frame_id,
-            track_since_utc_ns=now.track_since_utc_ns,
-            orbit=now.orbit,
-            orbit_utc_ns=now.orbit_utc_ns,
-            orbits=now.orbits,
-            identified=now.identified,
-            identifications=now.identifications,
-            changed=now.changed,
+            **now.shown(),
             measured=last_measured(self._details.items(), self._rows),
-            tracks=now.tracks.in_order(),
-            dropped=now.tracks.can_be_taken_back(0 if now.frame is None else now.frame.frame_id),
-            pairs=now.pairs,
-            expected=now.expected,
-            kept_track=now.set_aside,
-            being_fitted_again=now.being_fitted_again,
+            tracks=now.tracks_now.in_order(),
+            dropped=now.tracks_now.can_be_taken_back(
+                0 if now.frame is None else now.frame.frame_id
+            ),
             rows=tuple(self._rows.values()),
             log=tuple(self._log),
         )
@@ -342,9 +168,9 @@ class Night:
         named = now.identifications.get(record.track_id) if isinstance(record, Identified) else None
         self._fold(record, t_utc_ns)
         detail = self.detail(getattr(record, "frame_id", None) or 0)
-        is_one_of_several = len(now.tracks.tracks) > 1
-        now.tracks = tracks_after(
-            now.tracks, record, t_utc_ns, detail.all_measured, detail.detections
+        is_one_of_several = len(now.tracks_now.tracks) > 1
+        now.tracks_now = tracks_after(
+            now.tracks_now, record, t_utc_ns, detail.all_measured, detail.detections
         )
         line = line_of(record, t_utc_ns, self._beside(record), is_one_of_several=is_one_of_several)
         if (
@@ -354,7 +180,7 @@ class Night:
         ):
             said = f"no miss: frame {line.frame_id:04d} was {ELSEWHERE}"
             line = replace(line, level="info", text=said, words=said, missed=None)
-        is_news = not (isinstance(record, Identified) and _is_same(named, record))
+        is_news = not (isinstance(record, Identified) and is_same_name(named, record))
         if line is not None and is_news:
             append_line(self._log, replace(line, seq=now.seq))
 
@@ -521,7 +347,7 @@ class Night:
 
     def _another_leads(self, track_id: int) -> None:
         """What is known of it from when it was no lead."""
-        now, known = self._now, self._now.tracks.tracks.get(track_id)
+        now, known = self._now, self._now.tracks_now.tracks.get(track_id)
         if known is None:
             return
         now.track_frame_id, now.track_since_utc_ns = known.began_frame_id, known.since_utc_ns
@@ -579,10 +405,10 @@ class Night:
         now = self._now
         if record.after in {"TRACK", "COAST"}:
             # What was followed before the operator ended it is followed again.
-            now.track, now.set_aside = now.track or now.set_aside, None
+            now.track, now.kept_track = now.track or now.kept_track, None
         else:
             if now.track is not None:
-                now.set_aside = None if record.after == "LOST" else now.track
+                now.kept_track = None if record.after == "LOST" else now.track
             now.track, now.beside = None, {}
         now.state, now.state_since_utc_ns = record.after, t_utc_ns
         if record.before in {"IDLE", "FAULT"}:
@@ -608,15 +434,8 @@ class Night:
 
     def _see_horizon(self) -> None:
         """Altitude and azimuth of the pointing, for whoever looks now."""
-        pointing = self._now.pointing
-        if pointing is None or pointing.alt_deg is not None or self._site is None:
-            return
-        from rsoconsole.sky.frames import icrs_to_altaz
-
-        alt_deg, az_deg = icrs_to_altaz(
-            self._site, pointing.ra_icrs_deg, pointing.dec_icrs_deg, pointing.t_utc_ns
-        )
-        self._now.pointing = replace(pointing, alt_deg=alt_deg, az_deg=az_deg)
+        if self._now.pointing is not None and self._site is not None:
+            self._now.pointing = above_horizon(self._now.pointing, self._site)
 
     def _change(self, frame_id: int, **changes: Any) -> None:
         row = self._rows.get(frame_id, FrameRow(frame_id=frame_id))
@@ -625,11 +444,3 @@ class Night:
     def _detail(self, frame_id: int, **changes: Any) -> None:
         if frame_id in self._details:
             self._details[frame_id] = replace(self._details[frame_id], **changes)
-
-
-def _is_same(one: Identified | None, other: Identified) -> bool:
-    """Whether two identifications come to the same: the second is no news."""
-    if one is None or (one.verdict, bool(one.hint)) != (other.verdict, bool(other.hint)):
-        return False
-    names = [each.matches[0].norad_id if each.matches else None for each in (one, other)]
-    return names[0] == names[1]

@@ -1,20 +1,14 @@
 """The panes over one instant of a night, and the keys that only look: live and review have them."""
 
-import math
-import time
 from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
 from typing import Any, ClassVar
 
 from textual import events
 from textual.app import ComposeResult
 
-from rsoconsole.config import SessionConfig
 from rsoconsole.console import words
-from rsoconsole.console.ask import LineDialog
-from rsoconsole.console.commands import BY_NAME, first_key
-from rsoconsole.console.dialogs import Dialog
+from rsoconsole.console.commands import BY_NAME
 from rsoconsole.console.facts import fact_lines
 from rsoconsole.console.fold import (
     MOST_ALERT_ROWS,
@@ -26,33 +20,26 @@ from rsoconsole.console.fold import (
     orbit_box,
     tune_box,
 )
-from rsoconsole.console.frame_sheet import FrameSheet
 from rsoconsole.console.kept_words import kept_words
 from rsoconsole.console.key_line import Key, Mode, key_at, key_line, notice_rows
+from rsoconsole.console.key_names import first_key
 from rsoconsole.console.log_pane import LogPane
-from rsoconsole.console.marks import Mark
 from rsoconsole.console.messages import OrbitSeen, OutlookSeen
 from rsoconsole.console.orbit_lines import orbit_lines, target_words
 from rsoconsole.console.orbit_view import OrbitShown, orbit_shown
-from rsoconsole.console.panes import SIGHTS, FramePane, LinesPane, Sight, StopBanner
-from rsoconsole.console.picture import STRETCHES, Drawing, Picture, fitted_cells
+from rsoconsole.console.panes import FramePane, LinesPane, StopBanner
+from rsoconsole.console.picture import Picture
+from rsoconsole.console.picture_actions import PictureActions
 from rsoconsole.console.plot import Line
-from rsoconsole.console.reading import ReadingActions
-from rsoconsole.console.sheet_actions import MarkTo
 from rsoconsole.console.sky_view import sky_lines
 from rsoconsole.console.track_actions import TracksPane
 from rsoconsole.console.tune import TunePane
-from rsoconsole.console.verdicts import VerdictsDialog
 from rsoconsole.control.stop import StopNews
 
 DEFAULT_ASPECT = 4 / 3
-DEAF_S = 1.0
-"""So long enter does nothing after a dialog has closed."""
-SEEN_COLUMNS = 3.0
-"""A streak that is shorter in the field is a dot among stars there."""
 
 
-class NightScreen(ReadingActions):
+class NightScreen(PictureActions):
     """Shows a night as it is at one instant; which one, and what may be done, its heirs say."""
 
     PANES: ClassVar[tuple[Name, ...]] = (
@@ -74,21 +61,14 @@ class NightScreen(ReadingActions):
     NightScreen > #keys { background: $panel; layer: over; }
     """
 
-    def __init__(self, *arguments: Any, sessions_root: Path | None = None, **named: Any) -> None:
-        """``sessions_root``: under which recorded nights lie, None: where they do by default."""
+    def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         self.is_log_open = False
         self.is_orbit_open = False
-        self.sessions_root = sessions_root or SessionConfig().root
         self._drawn_keys: tuple[list[Key], str] = ([], "")
         """The keys and the notice that the last line shows."""
-        self._deaf_after_s = time.monotonic()
-        """Enter opens no frame right behind a dialog that was closed since."""
         self._rows_of_alert = 0
         """For which the panes have been laid out."""
-        self._sight: int | None = None
-        """Of SIGHTS, as chosen; None: the field, or the close-up where that shows no streak."""
-        self._stretch = 0
         self.on_plots_made()
 
     def compose(self) -> ComposeResult:
@@ -122,9 +102,6 @@ class NightScreen(ReadingActions):
         self.show_picture()
         self.look_again()
 
-    def look_again(self) -> None:
-        """The picture lies elsewhere, or shows another piece of the frame."""
-
     # -- what is known ----------------------------------------------------------------------
 
     def on_outlook_seen(self, message: OutlookSeen) -> None:
@@ -154,65 +131,6 @@ class NightScreen(ReadingActions):
         """The lines of the log."""
         is_reading = words.is_past_unread(self.night, self.engine)
         self.query_one("#log", LogPane).show(self.night.log, is_reading=is_reading)
-
-    def show_picture(self) -> None:
-        """The sight chosen in the large pane; in the small one the other."""
-        large, stretch = SIGHTS[self._sight_now], STRETCHES[self._stretch]
-        small: Sight = "close-up" if large == "field" else "field"
-        told, marks = (self.night.frame, stretch, self.hides_signs), self.marks_by_hand()
-        for name, sight in (("frame", large), ("closeup", small)):
-            pane = self.query_one(f"#{name}", FramePane)
-            pane.hides_signs = self.hides_signs
-            pane.show(self.picture, sight, stretch, told, marks)
-
-    @property
-    def _sight_now(self) -> int:
-        """Which of SIGHTS has the large pane."""
-        if self._sight is not None:
-            return self._sight
-        return SIGHTS.index("close-up") if self._is_streak_too_small() else 0
-
-    def _is_streak_too_small(self) -> bool:
-        """Whether the field would show a dot, in the only pane for pictures there is."""
-        picture, pane = self.picture, self.query_one("#frame", FramePane)
-        has_both = self.query_one("#closeup").display or not pane.display
-        if picture is None or picture.closeup is None or has_both:
-            return False
-        detail = picture.detail
-        if detail.followed is None and detail.predicted is None:
-            return False
-        streak = next((mark for mark in picture.marks if mark.kind == "followed"), None)
-        if streak is None or streak.ends_px is None or detail.detections is None:
-            return True
-        columns, _ = fitted_cells(picture.aspect, pane.size.width, max(pane.size.height - 2, 1))
-        return math.dist(*streak.ends_px) / detail.detections.width_px * columns < SEEN_COLUMNS
-
-    def picture_words(
-        self, picture: Picture | None, sight: Sight, drawing: Drawing | None
-    ) -> tuple[list[str], list[str]]:
-        """What stands over and under a picture."""
-        stretch = STRETCHES[self._stretch]
-        if sight == "field":
-            is_reading = words.is_past_unread(self.night, self.engine)
-            title = words.frame_title(self.night, picture, is_reading=is_reading)
-            caption = words.frame_caption(picture)
-        else:
-            title = words.closeup_title(picture, drawing)
-            if picture is not None and drawing is not None and self._sight_now:
-                # In the large pane, where the frame's own title stands as a rule.
-                title = [*words.frame_title(self.night, picture), "close-up", *title[1:]]
-            columns = drawing.window.columns - 1 if drawing is not None else words.BADGE_COLUMNS
-            caption = words.closeup_caption(picture, columns)
-        return title if stretch == "streaks" else [*title, stretch], caption
-
-    @property
-    def hides_signs(self) -> bool:
-        """Whether the signs of streaks would cover what is being marked."""
-        return False
-
-    def marks_by_hand(self) -> tuple[Mark, ...]:
-        """What is being marked at this moment."""
-        return ()
 
     def show_engine(self) -> None:
         """What the engine says, and what both together do."""
@@ -421,51 +339,6 @@ class NightScreen(ReadingActions):
         """What came of a STOP."""
         return f"STOP {news.text}"
 
-    def action_zoom(self) -> None:
-        """The whole field, the close-up, the close-up pixel by pixel."""
-        self._sight = (self._sight_now + 1) % len(SIGHTS)
-        self.show_picture()
-        self.look_again()
-        self.say(f"picture: {SIGHTS[self._sight]}")
-
-    def action_stretch(self) -> None:
-        """How light becomes grey."""
-        self._stretch = (self._stretch + 1) % len(STRETCHES)
-        self.show_picture()
-        self.say(f"stretch: {STRETCHES[self._stretch]}")
-
-    def action_open_frame(self) -> None:
-        """The frame that is shown, at full resolution."""
-        if self._deaf_after_s < Dialog.closed_s > time.monotonic() - DEAF_S:
-            return  # a second enter was still meant for the dialog
-        shown = self.picture or self.night.frame
-        if shown is None or self.night.folder is None:
-            self.say("no frame has been shown yet", "warn")
-            return
-        self.app.push_screen(
-            FrameSheet(
-                self.night.folder,
-                shown.frame_id,
-                self.night.config,
-                status=self.top,
-                alert=self._alert_elsewhere,
-                keymap=self.keymap,
-                mark_to=self.mark_to,
-                seat=self,
-            )
-        )
-
-    @property
-    def mark_to(self) -> MarkTo | None:
-        """Where a mark of the opened frame goes; a night that is over takes none."""
-        return None
-
-    def _alert_elsewhere(self) -> str:
-        """The alert for a screen over this one, which covers what came of a STOP."""
-        news = self.stop_news
-        stopped = f"STOP {news.text}" if news else ""
-        return " · ".join(part for part in (stopped, self.alert) if part)
-
     def action_log(self) -> None:
         """All panes to the log, and back."""
         self.is_log_open = not self.is_log_open
@@ -521,57 +394,6 @@ class NightScreen(ReadingActions):
             self.clear_log_filter()
         else:
             self.say("")
-
-    def clear_log_filter(self) -> None:
-        """Every line again."""
-        self.query_one("#log", LogPane).filter("")
-        self.say("log: every line")
-
-    def action_filter_log(self) -> None:
-        """Only lines with some words."""
-
-        def decided(wanted: str | None) -> None:
-            if wanted is None:
-                return
-            self.query_one("#log", LogPane).filter(wanted)
-            self.say(
-                f"log: lines with {wanted!r}, changes of state and alarms"
-                if wanted
-                else "log: every line"
-            )
-
-        present = self.query_one("#log", LogPane).wanted
-        self.app.push_screen(LineDialog("filter the log", "nothing: every line", present), decided)
-
-    def action_sessions(self) -> None:
-        """The recorded nights; the chosen one is opened for review."""
-        from rsoconsole.console.session_list import SessionListDialog
-
-        def decided(folder: Path | None) -> None:
-            if folder is not None:
-                self.open_session(folder)
-
-        self.app.push_screen(SessionListDialog(self.sessions_root, self.session_shown()), decided)
-
-    def session_shown(self) -> Path | None:
-        """The session that is looked at."""
-        return self.night.folder
-
-    def open_session(self, folder: Path) -> None:
-        """Review it."""
-
-    def action_verdicts(self) -> None:
-        """Every streak of the shown frame, and what became of it."""
-        if self.picture is None:
-            self.say("no frame has been shown yet", "warn")
-            return
-        self.app.push_screen(
-            VerdictsDialog([(self.picture.detail, "")], self.night.tau, self.keymap)
-        )
-
-    def action_leave(self) -> None:
-        """Out of the console; a screen that has something to ask before does."""
-        self.app.exit("quit")
 
     def text(self) -> str:
         """Every shown pane's words, for whoever cannot see the terminal."""

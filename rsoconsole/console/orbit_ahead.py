@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsoconsole.config import Config, load_config
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.records import Identified, OrbitEstimate
 from rsoconsole.session.reader import SessionReader

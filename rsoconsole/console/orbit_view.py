@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from rsoconsole.console.engine_view import EngineView
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.track_quality import TrackQuality, track_quality
 from rsoconsole.console.words import NS_PER_S, present_utc_ns

@@ -1,6 +1,6 @@
 """Who stands next to whom in the field, when they come closest, and who is missing. Pure."""
 
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.panels import rule
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.track_fold import FollowedTrack

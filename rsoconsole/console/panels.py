@@ -4,7 +4,7 @@ import itertools
 
 from rsoconsole.console.frame_rows import FrameRow
 from rsoconsole.console.marks import SHOWN_REJECTED
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.plot import (
     REFUSED,
     Column,

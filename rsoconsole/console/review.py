@@ -11,9 +11,9 @@ from textual.app import ComposeResult
 from textual.binding import BindingType
 
 from rsoconsole.console.ask import LineDialog
-from rsoconsole.console.commands import bindings, first_key
 from rsoconsole.console.fold import Name, timeline_rows
 from rsoconsole.console.key_line import Key, Mode, review_keys
+from rsoconsole.console.key_names import bindings, first_key
 from rsoconsole.console.live_behind import LiveBehind
 from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.log_pane import LogPane
@@ -24,7 +24,7 @@ from rsoconsole.console.messages import (
     ReviewFailed,
     TimelineSeen,
 )
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.orbit_lines import target_words
 from rsoconsole.console.outlook_watch import OutlookWatch

@@ -1,7 +1,7 @@
 """Two moments: one is kept, the other is where one is; side by side, or in turn."""
 
-from rsoconsole.console.commands import first_key
 from rsoconsole.console.compare import Choice, CompareDialog
+from rsoconsole.console.key_names import first_key
 from rsoconsole.console.moments import Moment
 from rsoconsole.console.review_moves import ReviewMoves
 

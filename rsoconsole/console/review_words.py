@@ -1,7 +1,7 @@
 """What a review says of the moment it shows and of the night it lies in."""
 
 from rsoconsole.console.engine_view import EngineView
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.timeline import Timeline
 from rsoconsole.console.words import (

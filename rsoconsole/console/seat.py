@@ -15,20 +15,14 @@ from rsoconsole.console.dialogs import ArmDialog, ConfirmDialog, Dialog, Message
 from rsoconsole.console.engine_view import EngineView
 from rsoconsole.console.log_lines import LogLine
 from rsoconsole.console.messages import OutcomeCame, StopNewsCame
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.orbit_ahead import OrbitAhead
 from rsoconsole.console.orders import Orders
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.plot import Ink
 from rsoconsole.control import ON_RECORD, Command, Outcome, Sender, command_words
-from rsoconsole.control.commands import (
-    AnswerSeat,
-    Arm,
-    AskSeat,
-    BeginMark,
-    MarkByHand,
-    Shutdown,
-)
+from rsoconsole.control.commands import AnswerSeat, Arm, AskSeat, Shutdown
+from rsoconsole.control.frame_commands import BeginMark, MarkByHand
 from rsoconsole.control.mount_words import mount_words
 from rsoconsole.control.stop import StopNews
 

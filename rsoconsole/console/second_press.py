@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Literal
 
-from rsoconsole.console.commands import first_key
 from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.key_names import first_key
 from rsoconsole.console.seat import Seat
 from rsoconsole.console.words import NS_PER_S, present_utc_ns
 

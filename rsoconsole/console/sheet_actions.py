@@ -17,7 +17,7 @@ from rsoconsole.console.sheet_pane import SheetPane
 from rsoconsole.console.sheet_view import STEPS
 from rsoconsole.console.sheet_words import step_words
 from rsoconsole.console.streak_actions import why_no_mark
-from rsoconsole.control.commands import MarkByHand
+from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.records import MapMode
 
 FINEST_MARK_PX = 1.0

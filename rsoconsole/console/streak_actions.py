@@ -15,7 +15,7 @@ from rsoconsole.console.reject_dialog import RejectDialog
 from rsoconsole.console.seat import MARK_SAID_S, REFUSAL_S
 from rsoconsole.console.second_press import SETTLES_S, WITHIN_S, CarefulSeat, has_track
 from rsoconsole.control import Outcome
-from rsoconsole.control.commands import Accept, BeginMark, Choose, MarkByHand, Reject
+from rsoconsole.control.frame_commands import Accept, BeginMark, Choose, MarkByHand, Reject
 from rsoconsole.pipeline.held_frames import HELD
 from rsoconsole.records import Detection, NotSolved
 

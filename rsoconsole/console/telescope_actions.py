@@ -12,11 +12,11 @@ from rsoconsole.console.ask import (
     MoveDialog,
     SettingsDialog,
 )
-from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs import ConfirmDialog
 from rsoconsole.console.engine_view import EngineView
+from rsoconsole.console.key_names import first_key
 from rsoconsole.console.messages import OutcomeCame
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.second_press import RELEASED_S, WITHIN_S, CarefulSeat, has_track
 from rsoconsole.console.up_list import UpListDialog
 from rsoconsole.control.commands import (

@@ -11,7 +11,8 @@ from typing import Literal, NamedTuple, assert_never
 from rsoconsole.console.alerts import FOLLOWING
 from rsoconsole.console.frame_rows import FrameRow
 from rsoconsole.console.panels import refused_of
-from rsoconsole.control.commands import BeginMark, Note
+from rsoconsole.control.commands import Note
+from rsoconsole.control.frame_commands import BeginMark
 from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.records import (
     Closeup,

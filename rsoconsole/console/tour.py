@@ -10,10 +10,10 @@ from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.widgets import Static
 
-from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.engine_view import EngineView
-from rsoconsole.console.night import NightView
+from rsoconsole.console.key_names import first_key
+from rsoconsole.console.night_view import NightView
 
 SEEN = "tour-seen"
 """Name of the file that says so, in the user's state folder."""

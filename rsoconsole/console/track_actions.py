@@ -9,13 +9,13 @@ from textual.message import Message
 
 from rsoconsole.console.curve_actions import CurveActions
 from rsoconsole.console.frame_rows import FrameRow
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.pair_lines import neighbour_lines
 from rsoconsole.console.panes import LinesPane
 from rsoconsole.console.track_fold import FollowedTrack
 from rsoconsole.console.track_lines import is_chosen, name_words, track_list_lines
 from rsoconsole.console.words import present_utc_ns
-from rsoconsole.control.commands import Choose
+from rsoconsole.control.frame_commands import Choose
 
 Wanting = Literal["above", "below", "lead", "drop", "keep", "close", "neighbours", "list"]
 

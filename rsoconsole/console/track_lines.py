@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.panels import rule
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.console.track_fold import FollowedTrack

@@ -5,7 +5,7 @@ from functools import partial
 from rsoconsole.console.second_press import CarefulSeat, has_track
 from rsoconsole.console.track_actions import TrackActions
 from rsoconsole.console.track_fold import FollowedTrack
-from rsoconsole.control.commands import Drop, Keep
+from rsoconsole.control.frame_commands import Drop, Keep
 
 DROP_KEY = "-"
 

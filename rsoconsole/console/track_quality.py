@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from rsoconsole.console.frame_rows import FrameRow
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.tune import NAMES
 from rsoconsole.tracking.consistency import lag_one, mean_band
 

@@ -10,9 +10,9 @@ from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.widgets import Static
 
-from rsoconsole.console.commands import first_key
 from rsoconsole.console.dialogs import Dialog
 from rsoconsole.console.frame_rows import FrameDetail
+from rsoconsole.console.key_names import first_key
 from rsoconsole.console.words import short
 from rsoconsole.reason_text import text
 from rsoconsole.records import Detection, Measurement, is_mark_id

@@ -13,7 +13,8 @@ from pathlib import Path
 from rsoconsole.config import Config, IndiConfig
 from rsoconsole.console.engine_view import EngineView, engine_view
 from rsoconsole.console.marks import marks_of
-from rsoconsole.console.night import Night, NightView
+from rsoconsole.console.night import Night
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.picture import Picture
 from rsoconsole.console.picture_files import read_closeup, read_picture
 from rsoconsole.control import Wire

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from rsoconsole.console.engine_view import EngineView
-from rsoconsole.console.night import NightView
+from rsoconsole.console.night_view import NightView
 from rsoconsole.console.picture import Drawing, Picture
 from rsoconsole.console.plot import Ink, Line
 from rsoconsole.records import Detection, NotSolved, Solution

@@ -4,7 +4,7 @@ The socket lies in a folder that only its owner can enter; nothing listens on a 
 May touch sky, config and errors below; never instruments or a session.
 """
 
-from rsoconsole.control import commands
+from rsoconsole.control import commands, frame_commands
 from rsoconsole.control.client import ControlClient, Wire
 from rsoconsole.control.command import COMMANDS, Command, command_of, command_words
 from rsoconsole.control.place import EngineLock, default_socket_path
@@ -47,6 +47,7 @@ __all__ = [
     "command_words",
     "commands",
     "default_socket_path",
+    "frame_commands",
     "one_line",
     "preview_json",
     "printable",

@@ -23,12 +23,12 @@ from rsoconsole.control.commands import (
     Arm,
     AskSeat,
     AskStatus,
-    BeginMark,
     Note,
     Preview,
     Shutdown,
     Stop,
 )
+from rsoconsole.control.frame_commands import BeginMark
 from rsoconsole.engine.arming import arming_checks, gather_facts, refusal_text
 from rsoconsole.engine.command_queue import OVERTAKEN, CommandQueue, OvertakenError, action_record
 from rsoconsole.engine.handlers import Accepted, Handler, RefusedError

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 from rsoconsole.config import Config
-from rsoconsole.control.commands import MarkByHand
+from rsoconsole.control.frame_commands import MarkByHand
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import measure
 from rsoconsole.reasons import CommandResult, RuledKind

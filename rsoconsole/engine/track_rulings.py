@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from rsoconsole.config import Config
-from rsoconsole.control.commands import Drop, Keep
+from rsoconsole.control.frame_commands import Drop, Keep
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.reasons import RuledKind
 from rsoconsole.records import Ruling

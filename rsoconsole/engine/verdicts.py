@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from rsoconsole.config import Config
-from rsoconsole.control.commands import (
+from rsoconsole.control.frame_commands import (
     Accept,
     BeginMark,
     Choose,

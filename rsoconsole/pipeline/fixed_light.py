@@ -18,8 +18,8 @@ from rsoconsole.pipeline.solved_field import SolvedField, Word
 from rsoconsole.reasons import BelowTau, NotAStreak, NotAStreakKind
 from rsoconsole.records import Detection, Detections, Frame, Rejection, Solution
 from rsoconsole.sky.star_catalogue import StarCatalogue
-from rsoconsole.vision.candidates import is_same_streak
 from rsoconsole.vision.detector import FrameAnalysis
+from rsoconsole.vision.same_streak import is_same_streak
 from rsoconsole.vision.streak_class import PRIOR, Compared, Likelihood, decided, updated
 from rsoconsole.vision.streak_names import SHINES_ON
 from rsoconsole.vision.streak_train import with_company

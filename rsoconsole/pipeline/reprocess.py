@@ -35,10 +35,10 @@ from rsoconsole.records import (
     Solution,
 )
 from rsoconsole.session.reader import SessionReader
-from rsoconsole.vision.candidates import is_same_streak
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map
 from rsoconsole.vision.network import Network
+from rsoconsole.vision.same_streak import is_same_streak
 
 log = logging.getLogger(__name__)
 

@@ -41,6 +41,7 @@ from rsoconsole.session.legacy import (
     with_ids,
     with_kind,
 )
+from rsoconsole.session.old_defaults import with_old_defaults
 from rsoconsole.session.plausible import LAST_UTC_NS, expect_plausible
 from rsoconsole.session.schema import (
     APPLICATION_ID,
@@ -147,7 +148,7 @@ class SessionReader:
         """The configuration the session began with; settings of a later version are left out."""
         table = self.about().get("config")
         try:
-            return Config.model_validate(_with_old_defaults(_known(table)))
+            return Config.model_validate(with_old_defaults(_known(table)))
         except ValidationError as error:
             raise SessionError(
                 f"the configuration of {self.folder} is not one this version knows: "
@@ -429,16 +430,6 @@ class SessionReader:
 
 def _is_busy(error: sqlite3.OperationalError) -> bool:
     return error.sqlite_errorcode & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
-
-
-_OLD_FILTER = {"preset": "tuned", "max_coast_s": 3600.0, "most_tracks": 1, "initiation": "pairs"}
-"""Defaults that have changed since: a session that does not name them was recorded with these."""
-
-
-def _with_old_defaults(table: Any) -> Any:
-    if not isinstance(table, dict):
-        return table
-    return {**table, "filter": {**_OLD_FILTER, **table.get("filter", {})}}
 
 
 def _known(table: Any) -> Any:

@@ -6,18 +6,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from rsoconsole.reasons import NotAStreak, NotAStreakKind
 from rsoconsole.records import Detection, FloatArray, Frame, Rejection
-from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.background import Background
-from rsoconsole.vision.candidate import SHARP_PX, UNMEASURED, Candidate, Focus, LineLight
+from rsoconsole.vision.candidate import SHARP_PX, Candidate, Focus, LineLight
 from rsoconsole.vision.line_filter import CellLine
 from rsoconsole.vision.line_or_stars import ShortLights
 from rsoconsole.vision.line_strip import OFF_PX
+from rsoconsole.vision.measured_detection import from_box, from_fit, from_trace, light_of
 from rsoconsole.vision.network import LOWEST_CONFIDENCE, NetworkBox
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
+from rsoconsole.vision.same_streak import SAME_STREAK_DEG, BoolArray, ends_of_box, is_same_streak
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars import StarList
 from rsoconsole.vision.streak_evenness import unevenness
 from rsoconsole.vision.streak_fit import (
     AS_CHAINS_FWHM,
@@ -30,18 +31,10 @@ from rsoconsole.vision.streak_search import Box, cut_out
 from rsoconsole.vision.streak_trace import Trace, trace_line
 from rsoconsole.vision.working_frame import to_original
 
-BoolArray = npt.NDArray[np.bool_]
-
 log = logging.getLogger(__name__)
 
-BOX_SIGMA_PX = 3.0
-"""One sigma of a box's centre against the streak's midpoint, of boxes about streaks of 119 px."""
 TOLD_CONFIDENCE = 0.01
 """Whom the network believes less is not on record where no line fits either."""
-_SAME_STREAK_DEG, _SAME_WIDTHS, _LEAST_WIDTH_PX = 10.0, 1.5, 2.0
-"""Turn, and how far across in widths of it, at least of so many px."""
-_RUNS_ALIKE_DEG = 6.0
-"""What a proposal's direction is worth."""
 
 
 DARK = NotAStreak(kind="no light")
@@ -92,12 +85,12 @@ def proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Pr
     """What either sees, each streak once: where both do, the filter's ends, the network's word."""
     is_left = np.ones(len(boxes), dtype=bool)
     said = np.array([box.confidence for box in boxes])
-    ends = np.array([_ends(box) for box in boxes]).reshape(-1, 4)
+    ends = np.array([ends_of_box(box) for box in boxes]).reshape(-1, 4)
     lengths = np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
     found = []
     for line in lines:
         box = _box_about(line)
-        same, is_light = _of_one_streak(ends, _ends(box)) & is_left, line.is_light
+        same, is_light = _of_one_streak(ends, ends_of_box(box)) & is_left, line.is_light
         if is_light:
             # A light may be a piece of what the network sees whole.
             same &= lengths < _MUCH_LONGER * box.length_px
@@ -137,7 +130,7 @@ def _of_one_streak(boxes: FloatArray, line: Box) -> BoolArray:
     length = max(math.hypot(dx, dy), 1.0)
     turn = np.abs(along[:, 0] * dy - along[:, 1] * dx) / (lengths * length)
     shorter = np.minimum(lengths, length)
-    leeway = np.sin(np.minimum(np.radians(_SAME_STREAK_DEG) + _LEEWAY_PX / shorter, 1.5))
+    leeway = np.sin(np.minimum(np.radians(SAME_STREAK_DEG) + _LEEWAY_PX / shorter, 1.5))
     middle = 0.5 * (boxes[:, 2:] + boxes[:, :2])
     off_x = middle[:, 0] - 0.5 * (line[0] + line[2])
     off_y = middle[:, 1] - 0.5 * (line[1] + line[3])
@@ -187,17 +180,21 @@ class Measurements:
         where the line filter does: a cosmic ray or a column of the sensor.
         """
         box = proposal.box
-        width_px = self._focus_at(_ends(box)).fwhm_px
+        width_px = self._focus_at(ends_of_box(box)).fwhm_px
         if proposal.is_line and self.focus.joined > 1:
             # Wind that widened the stars did not widen what moved on: a streak may be any width.
             return None
         if proposal.is_line and width_px < _UNDERSAMPLED_PX:
             return None
         if proposal.is_line:
-            matched, narrow = width_at_a_glance(self.frame.pixels, self.sky, _ends(box), width_px)
+            matched, narrow = width_at_a_glance(
+                self.frame.pixels, self.sky, ends_of_box(box), width_px
+            )
             is_narrow = narrow > max(_MOST_NARROW * matched, _SURELY_NARROW)
             return NotAStreak(kind="too narrow", limit=width_px) if is_narrow else None
-        signal = line_signal(self.frame.pixels, self.sky, _ends(box), width_px / FWHM_PER_SIGMA)
+        signal = line_signal(
+            self.frame.pixels, self.sky, ends_of_box(box), width_px / FWHM_PER_SIGMA
+        )
         return None if signal.is_worth_a_fit(box.confidence) else DARK
 
     def has(self, proposal: Proposal) -> bool:
@@ -235,12 +232,12 @@ class Measurements:
                 _around(box),
                 stars=self.stars,
                 psf_fwhm_px=None if trace is None else self._width_px(trace),
-                ends=_ends(box),
+                ends=ends_of_box(box),
             )
             if isinstance(fit, StreakFit) and (trace is None or _agree(fit, trace)):
-                light = traced.light if traced else _light_of(self._traced(_ends_of(fit)))
+                light = traced.light if traced else light_of(self._traced(_ends_of(fit)))
                 light = replace(light, bend=fit.bend, lumpiness=fit.lumpiness)
-                self._take(self._candidate(_from_fit(self.frame, box, fit), light))
+                self._take(self._candidate(from_fit(self.frame, box, fit), light))
                 return
             if not isinstance(fit, StreakFit):
                 reason, measured = reason or fit.reason, fit.fit
@@ -250,7 +247,7 @@ class Measurements:
             self._take(traced)
 
     def _from_trace(self, box: NetworkBox, trace: Trace) -> Candidate:
-        found = _from_trace(self.frame, box, trace)
+        found = from_trace(self.frame, box, trace)
         return self._candidate(found, self._irregularity(found, trace))
 
     def _candidate(self, found: Detection, light: LineLight) -> Candidate:
@@ -276,7 +273,7 @@ class Measurements:
 
     def _irregularity(self, found: Detection, trace: Trace) -> LineLight:
         """Of a short one: of its path, and of its light where that follows no one period."""
-        light = _light_of(trace)
+        light = light_of(trace)
         ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
         if found.length_px > AS_CHAINS_FWHM * self._focus_at(ends).fwhm_px:
             return light
@@ -290,7 +287,7 @@ class Measurements:
 
     def _traced_well(self, proposal: Proposal) -> tuple[Trace | None, NotAStreak | None]:
         """A trace that passes the gates, or the first that it does not."""
-        trace = self._traced(_ends(proposal.box), is_light=proposal.is_light)
+        trace = self._traced(ends_of_box(proposal.box), is_light=proposal.is_light)
         reason = NotAStreak(kind="no line") if trace is None else self._fault(trace)
         return (trace, None) if reason is None else (None, reason)
 
@@ -367,66 +364,8 @@ class Measurements:
         """Keep a candidate on record with what speaks against it, if the network believes it."""
         if box.confidence < TOLD_CONFIDENCE:
             return
-        found = from_box(self.frame, box) if fit is None else _from_fit(self.frame, box, fit)
+        found = from_box(self.frame, box) if fit is None else from_fit(self.frame, box, fit)
         self.rejected.append(Rejection(detection=found, reason=reason))
-
-
-def distinct(found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
-    """Candidates of maps of several blocks, each streak once, at its most confident."""
-    if len(found) == 1:
-        return found[0]
-    boxes = sorted((b for each in found for b in each), key=lambda b: -b.confidence)
-    if not boxes:
-        return ()
-    same = _are_same(np.array([_ends(box) for box in boxes]))
-    is_kept = np.zeros(len(boxes), dtype=bool)
-    for i in range(len(boxes)):
-        is_kept[i] = not (same[i] & is_kept).any()
-    return tuple(box for box, is_one in zip(boxes, is_kept.tolist(), strict=True) if is_one)
-
-
-def _are_same(ends: FloatArray) -> BoolArray:
-    """``is_same_streak`` of every box with every other, (n, n); ``ends`` (n, 4)."""
-    along = ends[:, 2:] - ends[:, :2]
-    middle, lengths = 0.5 * (ends[:, 2:] + ends[:, :2]), np.hypot(along[:, 0], along[:, 1])
-    cos, sin = (along / np.maximum(lengths, 1e-6)[:, None]).T
-    cross = np.abs(cos[:, None] * sin[None] - sin[:, None] * cos[None])
-    turn = np.degrees(np.arcsin(np.minimum(cross, 1.0)))
-    shortest = np.maximum(np.minimum(lengths[:, None], lengths[None]), 1.0)
-    off = middle[:, None] - middle[None]
-    # Of row i on the line of column j.
-    place = np.abs(off[..., 0] * cos + off[..., 1] * sin)
-    across = np.abs(off[..., 1] * cos - off[..., 0] * sin)
-    lies = (across < _SAME_WIDTHS * _LEAST_WIDTH_PX) & (place < 0.5 * lengths + 1.0)
-    return np.asarray((turn <= _SAME_STREAK_DEG + np.degrees(2.0 / shortest)) & (lies | lies.T))
-
-
-def is_same_streak(one: Detection, other: Detection) -> bool:
-    """True when the midpoint of either lies on the other's line, and both run alike."""
-    turn = turn_deg(one.angle_deg, other.angle_deg)
-    shortest = max(min(one.length_px, other.length_px), 1.0)
-    if turn > _SAME_STREAK_DEG + float(np.degrees(2.0 / shortest)):
-        return False
-    return _lies_on(one, other) or _lies_on(other, one)
-
-
-def runs_alike(one: Detection, others: list[Detection]) -> bool:
-    """Whether any of ``others`` may have the direction of a proposal."""
-    turns = (turn_deg(one.angle_deg, other.angle_deg) for other in others)
-    return any(turn < _RUNS_ALIKE_DEG for turn in turns)
-
-
-def _lies_on(one: Detection, other: Detection) -> bool:
-    angle = np.radians(other.angle_deg)
-    dx, dy = one.x_px - other.x_px, one.y_px - other.y_px
-    along = abs(dx * np.cos(angle) + dy * np.sin(angle))
-    across = abs(dy * np.cos(angle) - dx * np.sin(angle))
-    reach_px = _SAME_WIDTHS * max(other.width_px, _LEAST_WIDTH_PX)
-    return bool(across < reach_px and along < 0.5 * other.length_px + 1.0)
-
-
-def _corners(box: NetworkBox) -> tuple[float, float, float, float]:
-    return box.x0_px, box.y0_px, box.x1_px, box.y1_px
 
 
 def _around(box: NetworkBox) -> Box:
@@ -436,33 +375,6 @@ def _around(box: NetworkBox) -> Box:
         min(box.y0_px, box.y_a_px, box.y_b_px),
         max(box.x1_px, box.x_a_px, box.x_b_px),
         max(box.y1_px, box.y_a_px, box.y_b_px),
-    )
-
-
-def _ends(box: NetworkBox) -> tuple[float, float, float, float]:
-    return box.x_a_px, box.y_a_px, box.x_b_px, box.y_b_px
-
-
-def _from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
-    return Detection(
-        frame_id=frame.frame_id,
-        confidence=box.confidence,
-        x_px=fit.x_px,
-        y_px=fit.y_px,
-        x_a_px=fit.x_a_px,
-        y_a_px=fit.y_a_px,
-        x_b_px=fit.x_b_px,
-        y_b_px=fit.y_b_px,
-        box_px=_corners(box),
-        length_px=fit.length_px,
-        width_px=fit.width_px,
-        snr=fit.snr,
-        sigma_along_px=fit.sigma_along_px,
-        sigma_across_px=fit.sigma_across_px,
-        is_clipped=fit.is_clipped,
-        kind="crossing" if fit.is_crossing else "clipped" if fit.is_clipped else "streak",
-        sigma_angle_deg=fit.sigma_angle_deg,
-        method="line",
     )
 
 
@@ -483,86 +395,3 @@ def _agree(fit: StreakFit, trace: Trace) -> bool:
 
 def _ends_of(fit: StreakFit) -> Box:
     return fit.x_a_px, fit.y_a_px, fit.x_b_px, fit.y_b_px
-
-
-def _light_of(trace: Trace | None) -> LineLight:
-    if trace is None:
-        return UNMEASURED
-    return LineLight(
-        lower_quartile_snr=trace.lower_quartile_snr,
-        roughness=trace.roughness,
-        confusion=trace.confusion,
-        over_points=trace.over_points,
-    )
-
-
-def _from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:
-    length_px = math.hypot(trace.x_b_px - trace.x_a_px, trace.y_b_px - trace.y_a_px)
-    is_clipped = any(trace.is_open)
-    along = 0.5 * math.hypot(*trace.sigma_end_px)
-    return Detection(
-        frame_id=frame.frame_id,
-        confidence=box.confidence,
-        x_px=0.5 * (trace.x_a_px + trace.x_b_px),
-        y_px=0.5 * (trace.y_a_px + trace.y_b_px),
-        x_a_px=trace.x_a_px,
-        y_a_px=trace.y_a_px,
-        x_b_px=trace.x_b_px,
-        y_b_px=trace.y_b_px,
-        box_px=_corners(box),
-        length_px=length_px,
-        width_px=trace.width_px,
-        snr=trace.snr,
-        sigma_along_px=max(length_px, 100.0) if is_clipped else along,
-        sigma_across_px=trace.sigma_across_px,
-        is_clipped=is_clipped,
-        kind="crossing" if all(trace.is_open) else "clipped" if is_clipped else "streak",
-        sigma_angle_deg=trace.sigma_angle_deg,
-        method="line",
-    )
-
-
-def at_box_centre(detection: Detection) -> Detection:
-    """The paper's measurement of a detection: its box's centre stands for the streak's midpoint.
-
-    Whether it is a streak, and where it ends, is still what the line fit made of it.
-    """
-    x0, y0, x1, y1 = detection.box_px
-    return replace(
-        detection,
-        x_px=0.5 * (x0 + x1),
-        y_px=0.5 * (y0 + y1),
-        sigma_along_px=BOX_SIGMA_PX,
-        sigma_across_px=BOX_SIGMA_PX,
-        method="box",
-    )
-
-
-def from_box(frame: Frame, box: NetworkBox) -> Detection:
-    """A proposal as it is, not measured: to compare, and for the record of what was refused."""
-    x0, y0, x1, y1 = _corners(box)
-    rim_px = 1.0
-    is_clipped = (
-        x0 < rim_px
-        or y0 < rim_px
-        or x1 > frame.width_px - 1 - rim_px
-        or y1 > frame.height_px - 1 - rim_px
-    )
-    return Detection(
-        frame_id=frame.frame_id,
-        confidence=box.confidence,
-        x_px=0.5 * (x0 + x1),
-        y_px=0.5 * (y0 + y1),
-        x_a_px=box.x_a_px,
-        y_a_px=box.y_a_px,
-        x_b_px=box.x_b_px,
-        y_b_px=box.y_b_px,
-        box_px=(x0, y0, x1, y1),
-        length_px=box.length_px,
-        width_px=0.0,
-        snr=0.0,
-        sigma_along_px=BOX_SIGMA_PX,
-        sigma_across_px=BOX_SIGMA_PX,
-        is_clipped=is_clipped,
-        method="box",
-    )

@@ -21,22 +21,20 @@ from rsoconsole.vision.candidates import (
     TOLD_CONFIDENCE,
     Measurements,
     Proposal,
-    at_box_centre,
-    distinct,
-    from_box,
     in_order,
     proposals,
-    runs_alike,
 )
 from rsoconsole.vision.confidence import ConfidenceCurve
 from rsoconsole.vision.cores import threads_for
 from rsoconsole.vision.line_filter import FINEST_PX, CellLine, cell_side_px, propose_lines
 from rsoconsole.vision.line_or_stars import ShortLights
 from rsoconsole.vision.maps import FrameMap, choose_blocks, make_map, map_noise
+from rsoconsole.vision.measured_detection import at_box_centre, from_box
 from rsoconsole.vision.network import NetworkBox
 from rsoconsole.vision.pattern import find_pattern
 from rsoconsole.vision.psf_field import Psf
 from rsoconsole.vision.psf_memory import PsfMemory
+from rsoconsole.vision.same_streak import distinct, runs_alike
 from rsoconsole.vision.set_aside import is_of_stars, set_aside
 from rsoconsole.vision.short_lines import in_turn, short_lines
 from rsoconsole.vision.stars import MAX_STARS, STAR_BLOCK_PX, StarList, find_stars

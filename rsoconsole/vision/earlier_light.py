@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.line_columns import LineColumns, columns_at, on_line, rows_across, smoothed
-from rsoconsole.vision.stars import FWHM_PER_SIGMA
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.streak_search import Box
 from rsoconsole.vision.streak_strip import length_of
 

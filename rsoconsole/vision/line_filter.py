@@ -8,7 +8,6 @@ taken away, so that the next line owes nothing to it.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,19 +16,14 @@ import numpy.typing as npt
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.background import Background, resample
 from rsoconsole.vision.bins import CELL_PX, lines_through, median_5x5
+from rsoconsole.vision.line_seeds import Float32Array, Seed, seeds_in, threshold
 from rsoconsole.vision.stars import StarList, lit_radius_px
 
-Float32Array = npt.NDArray[np.float32]
-
-THRESHOLD, LONG_THRESHOLD, LEAST_SNR = 5.0, 4.6, 5.0
-"""Sigma of the cells' own scatter: of a short and of a long partial sum that is traced, and of the
-whole line then."""
-_LONG_ROWS = 32
+LEAST_SNR = 5.0
+"""Sigma of the cells' own scatter of a whole line that was traced."""
 MOST_LINES = 56
 FINEST_PX, _MOST_CELLS = 4, 300_000
 _SHORTEST_FWHM = 4.5
-_SHORTEST, _LONGEST = 2, 7
-"""Lines of 2^k rows of cells."""
 _MOST_SEEDS, _MOST_TRACED = 300, 12
 _SMALLEST = 1e-9
 _LIMIT, _MOST = 2.0, 6.0
@@ -42,9 +36,6 @@ _OF_A_BAND = 0.6
 """Side of the cells in which a band is one or two cells wide, over its width."""
 _FEWEST_COARSE = 8
 _EVERY = 3
-_STEPS = 24.0
-"""Of whole numbers in one sigma: they add up twice as fast."""
-_MOST_STEPS = 32767 >> _LONGEST
 _SMOOTHED, _SMOOTHED_NOISE = 0.6, 0.655
 """Cells, one sigma; and the noise of a sum along a line that is left of one sigma a cell."""
 _STILL_THERE = 0.7
@@ -70,23 +61,6 @@ class CellLine:
     """Limited light along it over its noise."""
     is_light: bool = False
     """Whether it is one light of the star search (``short_lines``), no sum along cells."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Seed:
-    """One partial sum that stands out: column and row of both ends, the first cell's middle 0."""
-
-    snr: float
-    rows: int
-    x_a: int
-    y_a: int
-    x_b: int
-    y_b: int
-
-    @property
-    def alike(self) -> tuple[int, bool]:
-        """Its length, and whether it runs along a row or column: the sensor's own lines do."""
-        return self.rows, self.x_a == self.x_b or self.y_a == self.y_b
 
 
 def cell_side_px(height: int, width: int, finest_px: int = FINEST_PX) -> int:
@@ -220,8 +194,8 @@ def find_lines(cells: Float32Array) -> list[CellLine]:
     # A line between two cells, or where the sums' own course is a cell beside it, counts more so.
     smooth = cv2.GaussianBlur(left, (3, 3), _SMOOTHED)
     smooth /= np.float32(_SMOOTHED_NOISE)
-    seeds: dict[tuple[int, bool], list[_Seed]] = {}
-    for seed in _seeds(smooth):
+    seeds: dict[tuple[int, bool], list[Seed]] = {}
+    for seed in seeds_in(smooth):
         seeds.setdefault(seed.alike, []).append(seed)
     lit = [each for alike in seeds.values() for each in _lit_all_along(smooth, alike)]
     found: list[CellLine] = []
@@ -231,7 +205,7 @@ def find_lines(cells: Float32Array) -> list[CellLine]:
         # is alike has its share.
         if traced[seed.alike] == _MOST_TRACED:
             continue
-        if _what_is_left(smooth, seed) < max(_STILL_THERE * seed.snr, _threshold(seed.rows)):
+        if _what_is_left(smooth, seed) < max(_STILL_THERE * seed.snr, threshold(seed.rows)):
             continue
         line = _traced(left, seed)
         traced[seed.alike] += 1
@@ -245,7 +219,7 @@ def find_lines(cells: Float32Array) -> list[CellLine]:
     return sorted(found, key=lambda line: -line.snr)
 
 
-def _lit_all_along(cells: Float32Array, seeds: list[_Seed]) -> list[tuple[float, _Seed]]:
+def _lit_all_along(cells: Float32Array, seeds: list[Seed]) -> list[tuple[float, Seed]]:
     """Sums of one length whose light is not that of a few bright places, best first.
 
     Each with what its middling parts say of the whole.
@@ -266,73 +240,7 @@ def _lit_all_along(cells: Float32Array, seeds: list[_Seed]) -> list[tuple[float,
     ]
 
 
-def _threshold(rows: int) -> float:
-    """Of a sum of so many rows: there are the fewer of them the longer they are."""
-    return THRESHOLD if rows < _LONG_ROWS else LONG_THRESHOLD
-
-
-def _seeds(cells: Float32Array) -> Iterator[_Seed]:
-    steps = np.clip(np.rint(cells * np.float32(_STEPS)), -_MOST_STEPS, _MOST_STEPS)
-    whole = steps.astype(np.int16)
-    for is_turned in (False, True):
-        for is_flipped in (False, True):
-            table = whole.T if is_turned else whole
-            last = table.shape[1] - 1
-            table = np.ascontiguousarray(table[:, ::-1] if is_flipped else table)
-            for snr, row, x, rows, shift in _sums_that_stand_out(table):
-                x_a, x_b = (last - x, last - x - shift) if is_flipped else (x, x + shift)
-                y_a, y_b = row, row + rows - 1
-                ends = (y_a, x_a, y_b, x_b) if is_turned else (x_a, y_a, x_b, y_b)
-                yield _Seed(snr, rows, *ends)
-
-
-def _sums_that_stand_out(
-    table: npt.NDArray[np.int16],
-) -> Iterator[tuple[float, int, int, int, int]]:
-    """(snr, first row, first column, rows, shift to the right) of lines no flatter than 45 deg."""
-    height, width = table.shape
-    # Part j, shift s, column x: the line from row j * rows, column x, to s columns further right.
-    sums = table[:, None, :]
-    for level in range(1, _LONGEST + 1):
-        rows = 1 << level
-        parts = height // rows
-        if parts == 0:
-            return
-        longer = np.empty((parts, rows, width), dtype=table.dtype)
-        upper, lower = sums[: 2 * parts : 2], sums[1 : 2 * parts : 2]
-        for shift in range(min(rows, width)):
-            first, second = shift // 2, (shift + 1) // 2
-            inside = width - second
-            np.add(
-                upper[:, first, :inside], lower[:, first, second:], out=longer[:, shift, :inside]
-            )
-            longer[:, shift, inside:] = upper[:, first, inside:]
-        longer[:, width:] = 0
-        sums = longer
-        if level >= _SHORTEST:
-            yield from _maxima(sums, rows, _threshold(rows) * _STEPS)
-
-
-def _maxima(
-    sums: npt.NDArray[np.int16], rows: int, threshold: float
-) -> Iterator[tuple[float, int, int, int, int]]:
-    """The best line of every part and every so many columns, above a threshold in steps."""
-    parts, _, width = sums.shape
-    step = max(rows // 2, 4)
-    best = sums.max(axis=1)
-    spare = -width % step
-    if spare:
-        best = np.pad(best, ((0, 0), (0, spare)), constant_values=0)
-    highest = best.reshape(parts, -1, step).max(axis=2)
-    limit = threshold * math.sqrt(rows)
-    for part, tile in np.argwhere(highest > limit).tolist():
-        window = sums[part, :, tile * step : (tile + 1) * step]
-        shift, x = divmod(int(np.argmax(window)), window.shape[1])
-        snr = float(window[shift, x]) / math.sqrt(rows) / _STEPS
-        yield snr, part * rows, tile * step + x, rows, shift
-
-
-def _what_is_left(cells: Float32Array, seed: _Seed) -> float:
+def _what_is_left(cells: Float32Array, seed: Seed) -> float:
     """The sum along a seed over its noise, as the map is now."""
     count = max(abs(seed.x_b - seed.x_a), abs(seed.y_b - seed.y_a)) + 1
     column = _cells_between(seed.x_a, seed.x_b, count)
@@ -350,7 +258,7 @@ def _cells_between(first: int, last: int, count: int) -> npt.NDArray[np.intp]:
     return np.rint(places).astype(np.intp)
 
 
-def _traced(cells: Float32Array, seed: _Seed) -> CellLine | None:
+def _traced(cells: Float32Array, seed: Seed) -> CellLine | None:
     """The lit stretch of a seed's line, which may go on beyond it, along the light itself."""
     x, y = 0.5 * (seed.x_a + seed.x_b), 0.5 * (seed.y_a + seed.y_b)
     half = 0.5 * math.hypot(seed.x_b - seed.x_a, seed.y_b - seed.y_a) + 0.5

@@ -15,7 +15,7 @@ import numpy as np
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.few_points import best_pair
 from rsoconsole.vision.line_strip import LineProfile
-from rsoconsole.vision.stars import FWHM_PER_SIGMA
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
 
 MOST_FWHM = 30.0
 """Length in widths of a star up to which a few stars may look like a line."""

@@ -19,7 +19,8 @@ from rsoconsole.vision.background import Background
 from rsoconsole.vision.few_points import best_pair
 from rsoconsole.vision.median import median_of
 from rsoconsole.vision.star_image import StarImage, disc, star_image
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars import StarList
 
 MOST_FWHM = 20.0
 """Length in widths of a star up to which a few stars may look like a line."""

@@ -9,7 +9,7 @@ import numpy as np
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.line_strip import BoolArray, Course, LineProfile, LineStrip, profile_of
 from rsoconsole.vision.median import median_of
-from rsoconsole.vision.stars import FWHM_PER_SIGMA
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
 
 _MOST_PARTS = 48
 _ENOUGH, _LEAST_SEEN = 8, 0.3

@@ -9,7 +9,7 @@ from rsoconsole.records import Detection, Frame, Rejection
 from rsoconsole.sky.angles import turn_deg
 from rsoconsole.vision.candidate import Candidate
 from rsoconsole.vision.candidates import Proposal
-from rsoconsole.vision.stars import FWHM_PER_SIGMA
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.trailed_stars import Trail
 
 TRAILED_STREAKS = 9

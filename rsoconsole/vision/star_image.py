@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars import StarList
 
 Float32Array = npt.NDArray[np.float32]
 

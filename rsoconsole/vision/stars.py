@@ -15,12 +15,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background, local_background, resample
 from rsoconsole.vision.bins import (
-    Float32Array,
     FrameBins,
     bin_frame,
     binning_of,
     block_maximum,
-    mirrored,
 )
 from rsoconsole.vision.oblong import MOST_OBLONG, Oblong
 from rsoconsole.vision.one_line import MOST_POINTS, on_one_line
@@ -31,12 +29,11 @@ from rsoconsole.vision.psf_field import (
     WidthSource,
     fit_psf_field,
 )
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA, IntArray, Measured, measure
 from rsoconsole.vision.trailed_stars import Trail, Trailed, trailed_stars
 
-IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 
-FWHM_PER_SIGMA = 2.3548
 MIN_SNR = 7.0
 MAX_STARS = 400
 STAR_BLOCK_PX = 8
@@ -53,7 +50,6 @@ second the light of an undersampled star is lost in noise, too."""
 _PROBE_STARS = 150
 _PROBE_HALF_PX = 10
 _PROBE_SIGMA_PX = 2.0
-_ITERATIONS = 8
 _DEFAULT_FWHM_PX = 2.5
 _FEWEST = 5
 """Unsaturated stars from which on their median width holds."""
@@ -111,24 +107,6 @@ class StarList:
         return int(self.x_px.size)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Measured:
-    """Windowed moments of candidates, one entry each."""
-
-    x_px: FloatArray
-    y_px: FloatArray
-    flux: FloatArray
-    fwhm_px: FloatArray
-    axis_ratio: FloatArray
-    angle_deg: FloatArray
-    """Of the longer axis, x towards y, 0 to 180."""
-    peak_share: FloatArray
-    peak_adu: FloatArray
-    snr: FloatArray
-    shift_px: FloatArray
-    """From the brightest pixel to the centroid."""
-
-
 def find_stars(
     pixels: PixelArray,
     background: Background | None = None,
@@ -161,7 +139,7 @@ def find_stars(
     fwhm_px, source = _known_fwhm(probed_px, expected)
     sigma_px = fwhm_px / FWHM_PER_SIGMA
     half_px = max(5, int(np.ceil(4.0 * sigma_px)))
-    found = _measure(pixels, sky, x_px, y_px, sigma_px=sigma_px, half_px=half_px)
+    found = measure(pixels, sky, x_px, y_px, sigma_px=sigma_px, half_px=half_px)
     is_saturated = found.peak_adu >= _SATURATED_SHARE * saturation_adu
     is_star = _is_point(found, is_saturated)
     is_star &= found.shift_px < np.where(is_saturated, half_px, 1.5 + 0.5 * fwhm_px)
@@ -297,7 +275,7 @@ def _psf_fwhm(
     None where there are fewer than five. And whether most of what is bright, and no hot pixel, is
     longer than it is wide.
     """
-    probe = _measure(pixels, sky, x_px, y_px, sigma_px=_PROBE_SIGMA_PX, half_px=_PROBE_HALF_PX)
+    probe = measure(pixels, sky, x_px, y_px, sigma_px=_PROBE_SIGMA_PX, half_px=_PROBE_HALF_PX)
     is_saturated = probe.peak_adu >= _SATURATED_SHARE * saturation_adu
     is_good = _is_point(probe, is_saturated) & ~is_saturated & (probe.snr > 2 * MIN_SNR)
     is_good = _without_streak(probe, is_good)
@@ -323,7 +301,7 @@ def _known_fwhm(probed_px: float | None, expected: Psf | None) -> tuple[float, W
 
 
 def _psf_field(
-    found: _Measured,
+    found: Measured,
     is_good: BoolArray,
     expected: Psf | None,
     shape: tuple[int, ...],
@@ -346,7 +324,7 @@ def _psf_field(
     return expected.field.through(*stars)
 
 
-def _without_streak(found: _Measured, is_good: BoolArray) -> BoolArray:
+def _without_streak(found: Measured, is_good: BoolArray) -> BoolArray:
     """Those that tell a star's width: where few are seen, pieces of one streak may be most."""
     if not _FEWEST <= np.count_nonzero(is_good) <= MOST_POINTS:
         return is_good
@@ -358,7 +336,7 @@ def _without_streak(found: _Measured, is_good: BoolArray) -> BoolArray:
 
 
 def _oblong(
-    found: _Measured,
+    found: Measured,
     is_good: BoolArray,
     is_saturated: BoolArray,
     fwhm_px: float | FloatArray,
@@ -407,14 +385,14 @@ def _of_trails(found: Trailed, sky: Background, max_stars: int) -> StarList:
     )
 
 
-def _is_point(found: _Measured, is_saturated: BoolArray) -> BoolArray:
+def _is_point(found: Measured, is_saturated: BoolArray) -> BoolArray:
     ok = (found.snr >= MIN_SNR) & (found.flux > 0) & np.isfinite(found.x_px + found.y_px)
     ok &= (found.axis_ratio < _MAX_AXIS_RATIO) | is_saturated
     ok &= (found.peak_share < _MAX_PEAK_SHARE) | is_saturated
     return np.asarray(ok)
 
 
-def _apart(found: _Measured, kept: IntArray, distance_px: float) -> IntArray:
+def _apart(found: Measured, kept: IntArray, distance_px: float) -> IntArray:
     """Drop the fainter of two centroids that are the same star; ``kept`` is brightest first."""
     x_px, y_px = found.x_px[kept], found.y_px[kept]
     order = np.argsort(x_px, kind="stable")
@@ -424,86 +402,3 @@ def _apart(found: _Measured, kept: IntArray, distance_px: float) -> IntArray:
         close = np.hypot(x_px[a] - x_px[b], y_px[a] - y_px[b]) < distance_px
         is_double[np.maximum(a, b)[close]] = True
     return kept[~is_double]
-
-
-def _measure(
-    pixels: PixelArray,
-    sky: Background,
-    x0_px: IntArray,
-    y0_px: IntArray,
-    *,
-    sigma_px: float,
-    half_px: int,
-) -> _Measured:
-    """Windowed centroid, width and flux around each start pixel; edges of the frame are mirrored.
-
-    Gaussian window of ``sigma_px``; boxes of 2 half_px + 1. A width follows from the windowed
-    moment M by 1/C = 1/M - 1/W, exact for a Gaussian star in a Gaussian window.
-    """
-    offset = np.arange(-half_px, half_px + 1)
-    boxes, noise = _boxes(pixels, sky, x0_px, y0_px, half_px)
-    dx, dy = np.zeros(x0_px.size), np.zeros(x0_px.size)
-    for _ in range(_ITERATIONS):
-        total, mx, my, *_rest = _moments(boxes, offset, dx, dy, sigma_px)
-        # Twice the windowed offset: the window halves it where it is as wide as the star.
-        dx = np.clip(dx + 2.0 * mx, -half_px / 2, half_px / 2)
-        dy = np.clip(dy + 2.0 * my, -half_px / 2, half_px / 2)
-    wide_px = 1.5 * sigma_px
-    total, _, _, mxx, myy, mxy = _moments(boxes, offset, dx, dy, wide_px)
-    mean, half_gap = (mxx + myy) / 2, np.hypot((mxx - myy) / 2, mxy)
-    small, large = np.maximum(mean - half_gap, 1e-3), np.maximum(mean + half_gap, 1e-3)
-    inverse = np.maximum(1.0 / np.maximum(mean, 1e-3) - 1.0 / wide_px**2, 1e-2)
-    variance = 1.0 / inverse
-    matched, *_ = _moments(boxes, offset, dx, dy, sigma_px)
-    inner = boxes[:, half_px - 1 : half_px + 2, half_px - 1 : half_px + 2]
-    inner_sum = np.maximum(inner.sum(axis=(1, 2)), 1e-6)
-    return _Measured(
-        x_px=x0_px + dx,
-        y_px=y0_px + dy,
-        flux=np.asarray(total * (variance + wide_px**2) / wide_px**2),
-        fwhm_px=FWHM_PER_SIGMA * np.sqrt(variance),
-        axis_ratio=np.sqrt(large / small),
-        angle_deg=0.5 * np.degrees(np.arctan2(2.0 * mxy, mxx - myy)) % 180.0,
-        peak_share=inner.max(axis=(1, 2)) / inner_sum,
-        peak_adu=inner.max(axis=(1, 2)) + _levels(sky, x0_px, y0_px, sky.level),
-        snr=matched / (noise * np.sqrt(np.pi) * sigma_px),
-        shift_px=np.hypot(dx, dy),
-    )
-
-
-def _boxes(
-    pixels: PixelArray, sky: Background, x0_px: IntArray, y0_px: IntArray, half_px: int
-) -> tuple[FloatArray, FloatArray]:
-    """Pixels above the sky, (n, 2 half + 1, 2 half + 1), and the noise of one pixel, (n,)."""
-    size, (height, width) = 2 * half_px + 1, pixels.shape
-    top, left = y0_px - half_px, x0_px - half_px
-    boxes = np.empty((x0_px.size, size, size), dtype=np.float64)
-    inside = (top >= 0) & (left >= 0) & (top + size <= height) & (left + size <= width)
-    if inside.any():
-        boxes[inside] = sliding_window_view(pixels, (size, size))[top[inside], left[inside]]
-    ys = mirrored(top[~inside, None] + np.arange(size), height)[:, :, None]
-    xs = mirrored(left[~inside, None] + np.arange(size), width)[:, None, :]
-    boxes[~inside] = pixels[ys, xs]
-    boxes -= _levels(sky, x0_px, y0_px, sky.level)[:, None, None]
-    return boxes, _levels(sky, x0_px, y0_px, sky.noise)
-
-
-def _levels(sky: Background, x_px: IntArray, y_px: IntArray, small: Float32Array) -> FloatArray:
-    rows = np.clip(y_px // sky.cell_px, 0, small.shape[0] - 1)
-    columns = np.clip(x_px // sky.cell_px, 0, small.shape[1] - 1)
-    return small[rows, columns].astype(np.float64)
-
-
-def _moments(
-    boxes: FloatArray, offset: IntArray, dx: FloatArray, dy: FloatArray, sigma_px: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Windowed sum, means and second moments about (dx, dy); the window is separable."""
-    ux, uy = offset - dx[:, None], offset - dy[:, None]
-    wx, wy = np.exp(-0.5 * (ux / sigma_px) ** 2), np.exp(-0.5 * (uy / sigma_px) ** 2)
-    along_x = boxes @ np.stack([wx, wx * ux, wx * ux**2], axis=-1)
-    s = np.stack([wy, wy * uy, wy * uy**2], axis=1) @ along_x
-    total = s[:, 0, 0]
-    safe = np.where(total > 0, total, np.inf)
-    mx, my = s[:, 0, 1] / safe, s[:, 1, 0] / safe
-    mxx, myy = s[:, 0, 2] / safe - mx**2, s[:, 2, 0] / safe - my**2
-    return total, mx, my, mxx, myy, s[:, 1, 1] / safe - mx * my

@@ -7,7 +7,7 @@ import numpy as np
 from rsoconsole.records import PixelArray
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.median import median_of
-from rsoconsole.vision.stars import FWHM_PER_SIGMA
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.streak_search import Box
 from rsoconsole.vision.streak_strip import length_of, ridge_of
 

@@ -13,7 +13,8 @@ import numpy as np
 from rsoconsole.reasons import NotAStreak
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import Background
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars import StarList
 from rsoconsole.vision.streak_doubts import goes_on_beyond, is_broken
 from rsoconsole.vision.streak_evenness import unevenness
 from rsoconsole.vision.streak_model import Line, LineFit

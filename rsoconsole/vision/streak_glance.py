@@ -16,7 +16,7 @@ from rsoconsole.records import PixelArray
 from rsoconsole.vision.background import Background
 from rsoconsole.vision.line_strip import INTERPOLATED_VARIANCE, OFF_PX
 from rsoconsole.vision.median import median_of
-from rsoconsole.vision.stars import FWHM_PER_SIGMA
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.streak_search import Box
 from rsoconsole.vision.streak_strip import LONGEST_PX, length_of, smoothed_strip
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.vision.stars import FWHM_PER_SIGMA
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.streak_hidden import with_hidden_ends
 from rsoconsole.vision.streak_model import (
     BoolArray,

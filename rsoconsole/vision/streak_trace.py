@@ -32,7 +32,8 @@ from rsoconsole.vision.line_strip import (
 )
 from rsoconsole.vision.line_texture import confusion, texture
 from rsoconsole.vision.median import median_of
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars import StarList
 from rsoconsole.vision.streak_search import Box
 from rsoconsole.vision.trailed_stars import Trail
 

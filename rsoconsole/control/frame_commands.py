@@ -1,0 +1,150 @@
+"""What an operator says of streaks and tracks: one command a verb."""
+
+from dataclasses import dataclass
+
+from rsoconsole.control.command import Command, argument, register
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decision(Command):
+    """The operator's word on one frame's streaks; without a frame: on the newest."""
+
+    frame_id: int | None = argument(
+        "frame", default=None, help_="The frame that it is said of; without: the newest."
+    )
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choose(Decision):
+    """The streak nearest to a place is the one to follow."""
+
+    verb = "choose"
+
+    x_px: float = argument("x")
+    y_px: float = argument("y")
+
+    def words(self) -> str:
+        """What is wanted."""
+        return f"follow the streak at {self.x_px:.0f}, {self.y_px:.0f}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Accept(Decision):
+    """The frame's likeliest streak that was not taken is taken, whatever the gates said."""
+
+    verb = "accept"
+
+    def words(self) -> str:
+        """What is wanted."""
+        return "accept" if self.frame_id is None else f"accept frame {self.frame_id}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reject(Decision):
+    """What the frame gave to the track was something else; without a frame: the last."""
+
+    verb = "reject"
+
+    def words(self) -> str:
+        """What is wanted."""
+        return "reject" if self.frame_id is None else f"reject frame {self.frame_id}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarkByHand(Decision):
+    """A streak between two ends that the operator has pointed at."""
+
+    verb = "mark"
+    answer_s = 30.0
+
+    x_a_px: float = argument("x_a")
+    y_a_px: float = argument("y_a")
+    x_b_px: float = argument("x_b")
+    y_b_px: float = argument("y_b")
+    sigma_px: float | None = None
+    """How finely it was made; None: as a hand does."""
+    sigma_across_px: float | None = None
+    """Where it was refined on the light beneath it: ``sigma_px`` is that along it then."""
+    is_clipped: bool | None = None
+    """Whether the frame cuts the streak, likewise."""
+    replaces: bool | None = None
+    """Whether it may take the place of a measurement that is better."""
+
+    def words(self) -> str:
+        """What is wanted."""
+        known = "" if self.frame_id is None else f" in frame {self.frame_id}"
+        return f"mark by hand{known}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BeginMark(Decision):
+    """A mark by hand is being made in a frame: it is kept for it, however many come meanwhile."""
+
+    verb = "begin_mark"
+    answer_s = 30.0
+
+    is_on: bool = argument("on", default=True)
+
+    def words(self) -> str:
+        """What is wanted."""
+        known = "" if self.frame_id is None else f" in frame {self.frame_id}"
+        return f"begin a mark{known}" if self.is_on else f"leave off the mark{known}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TakeBack(Decision):
+    """What was said of a frame's streaks is taken back; without a frame: what was said last."""
+
+    verb = "take_back"
+    title = "take back"
+
+    def words(self) -> str:
+        """What is wanted."""
+        known = "" if self.frame_id is None else f" what was said of frame {self.frame_id}"
+        return f"take back{known}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drop(Decision):
+    """One of the tracks ends for good; its streaks start none while it may be in the field."""
+
+    verb = "drop"
+    shell = "rsoconsole drop 3"
+    shell_help = """End one track by its number, as 'rsoconsole status' lists it; the others go on.
+
+    Its streaks start no other track for as long as it may be in the field. With --off within
+    12 frames it is followed as if it had never been dropped; so does 'u' in the console."""
+
+    track: int = argument(help_="The track's number.")
+    off: bool | None = argument(default=None, help_="Take it back.")
+
+    def words(self) -> str:
+        """What is wanted."""
+        return f"{'take back: ' if self.off else ''}drop track {self.track}"
+
+
+@register
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Keep(Decision):
+    """No miss ends one of the tracks while it may be in the field; or that holds no longer."""
+
+    verb = "keep"
+    shell = "rsoconsole keep 3"
+    shell_help = """Keep one track, by its number, whatever it misses.
+
+    Neither the time that it coasts nor a miss on trial ends it, until it leaves the field or its
+    3-sigma bounds are wider than the field. With --off that holds no longer."""
+
+    track: int = argument(help_="The track's number.")
+    off: bool | None = argument(default=None, help_="Keep it no longer.")
+
+    def words(self) -> str:
+        """What is wanted."""
+        return f"keep track {self.track}{' no longer' if self.off else ''}"

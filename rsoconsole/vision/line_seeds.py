@@ -1,0 +1,105 @@
+"""Where lines may run: sums over cells along straight ways that stand out. Pure."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Float32Array = npt.NDArray[np.float32]
+
+THRESHOLD, LONG_THRESHOLD = 5.0, 4.6
+"""Sigma of the cells' own scatter: of a short and of a long partial sum that is traced."""
+_SHORTEST, _LONGEST = 2, 7
+"""Lines of 2^k rows of cells."""
+
+_LONG_ROWS = 32
+
+_STEPS = 24.0
+"""Of whole numbers in one sigma: they add up twice as fast."""
+
+_MOST_STEPS = 32767 >> _LONGEST
+
+
+@dataclass(frozen=True, slots=True)
+class Seed:
+    """One partial sum that stands out: column and row of both ends, the first cell's middle 0."""
+
+    snr: float
+    rows: int
+    x_a: int
+    y_a: int
+    x_b: int
+    y_b: int
+
+    @property
+    def alike(self) -> tuple[int, bool]:
+        """Its length, and whether it runs along a row or column: the sensor's own lines do."""
+        return self.rows, self.x_a == self.x_b or self.y_a == self.y_b
+
+
+def threshold(rows: int) -> float:
+    """Of a sum of so many rows: there are the fewer of them the longer they are."""
+    return THRESHOLD if rows < _LONG_ROWS else LONG_THRESHOLD
+
+
+def seeds_in(cells: Float32Array) -> Iterator[Seed]:
+    steps = np.clip(np.rint(cells * np.float32(_STEPS)), -_MOST_STEPS, _MOST_STEPS)
+    whole = steps.astype(np.int16)
+    for is_turned in (False, True):
+        for is_flipped in (False, True):
+            table = whole.T if is_turned else whole
+            last = table.shape[1] - 1
+            table = np.ascontiguousarray(table[:, ::-1] if is_flipped else table)
+            for snr, row, x, rows, shift in _sums_that_stand_out(table):
+                x_a, x_b = (last - x, last - x - shift) if is_flipped else (x, x + shift)
+                y_a, y_b = row, row + rows - 1
+                ends = (y_a, x_a, y_b, x_b) if is_turned else (x_a, y_a, x_b, y_b)
+                yield Seed(snr, rows, *ends)
+
+
+def _sums_that_stand_out(
+    table: npt.NDArray[np.int16],
+) -> Iterator[tuple[float, int, int, int, int]]:
+    """(snr, first row, first column, rows, shift to the right) of lines no flatter than 45 deg."""
+    height, width = table.shape
+    # Part j, shift s, column x: the line from row j * rows, column x, to s columns further right.
+    sums = table[:, None, :]
+    for level in range(1, _LONGEST + 1):
+        rows = 1 << level
+        parts = height // rows
+        if parts == 0:
+            return
+        longer = np.empty((parts, rows, width), dtype=table.dtype)
+        upper, lower = sums[: 2 * parts : 2], sums[1 : 2 * parts : 2]
+        for shift in range(min(rows, width)):
+            first, second = shift // 2, (shift + 1) // 2
+            inside = width - second
+            np.add(
+                upper[:, first, :inside], lower[:, first, second:], out=longer[:, shift, :inside]
+            )
+            longer[:, shift, inside:] = upper[:, first, inside:]
+        longer[:, width:] = 0
+        sums = longer
+        if level >= _SHORTEST:
+            yield from _maxima(sums, rows, threshold(rows) * _STEPS)
+
+
+def _maxima(
+    sums: npt.NDArray[np.int16], rows: int, threshold: float
+) -> Iterator[tuple[float, int, int, int, int]]:
+    """The best line of every part and every so many columns, above a threshold in steps."""
+    parts, _, width = sums.shape
+    step = max(rows // 2, 4)
+    best = sums.max(axis=1)
+    spare = -width % step
+    if spare:
+        best = np.pad(best, ((0, 0), (0, spare)), constant_values=0)
+    highest = best.reshape(parts, -1, step).max(axis=2)
+    limit = threshold * math.sqrt(rows)
+    for part, tile in np.argwhere(highest > limit).tolist():
+        window = sums[part, :, tile * step : (tile + 1) * step]
+        shift, x = divmod(int(np.argmax(window)), window.shape[1])
+        snr = float(window[shift, x]) / math.sqrt(rows) / _STEPS
+        yield snr, part * rows, tile * step + x, rows, shift
