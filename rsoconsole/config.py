@@ -405,6 +405,18 @@ class LeapConfig(_Section):
     most_misses: int = Field(
         4, ge=1, le=50, description="leaps in a row without it, after which it is given up"
     )
+    at_close: bool = Field(
+        True,
+        description="order the next slew as the shutter closes, once one frame more changes nothing"
+        " of where it leads; false: when the frame has been read out and examined",
+    )
+    binning: int = Field(
+        1,
+        ge=0,
+        le=4,
+        description="pixels joined on each axis while it stares and leaps, where the camera can;"
+        " 0: as many as leave a streak well measured",
+    )
     pass_norad: int = Field(
         0,
         ge=0,

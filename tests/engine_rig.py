@@ -24,6 +24,7 @@ from rsoconsole.instruments.ports import (
     SlewEnd,
     StopResult,
 )
+from rsoconsole.pipeline.glance import Glance
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.records import (
     Detections,
@@ -138,9 +139,14 @@ class PlainCamera:
         self.clock = clock
         self.broken_for = 0
         self.aborts = 0
+        self.binned: list[int] = []
 
     def start_exposure(self, exposure_s: float, frame_id: int) -> None:
         self.taken = (frame_id, self.clock.t_utc_ns, exposure_s)
+
+    def set_binning(self, binning: int) -> int:
+        self.binned.append(binning)
+        return binning
 
     def wait_frame(self, timeout_s: float) -> Frame:
         if self.broken_for > 0:
@@ -178,6 +184,10 @@ class ScriptedReducer:
 
     def forget_plate(self) -> None:
         pass
+
+    def glance(self, frame: Frame, reach_px: float) -> Glance | None:
+        """The test's frames have no middle."""
+        return None
 
     def reduce(self, frame: Frame) -> Reduction:
         found: tuple[Measurement, ...] = ()

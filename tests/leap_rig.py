@@ -9,6 +9,7 @@ from rsoconsole.instruments.ports import MountReport
 from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.zonal import Zonal
 from rsoconsole.pipeline.awaited import is_dark
+from rsoconsole.pipeline.glance import Glance
 from rsoconsole.pipeline.measure import measured
 from rsoconsole.pipeline.reduce import Reduction
 from rsoconsole.records import Detection, Detections, Frame
@@ -71,10 +72,11 @@ class TravellingMount(PlainMount):
     def __init__(self, clock) -> None:
         super().__init__(clock)
         self.pier_side = None
-        self.way: tuple[int, int, tuple[float, float], tuple[float, float]] | None = None
+        self.ordered_ns: list[int] = []
 
     def slew(self, ra_icrs_deg, dec_icrs_deg, now_utc_ns) -> None:
         self.slews.append((ra_icrs_deg, dec_icrs_deg))
+        self.ordered_ns.append(self.clock.t_utc_ns)
         turn = abs(wrap_180(ra_icrs_deg - self.at_deg[0]))
         takes_s = travel_s(max(turn, abs(dec_icrs_deg - self.at_deg[1])), 4.0, 2.0)
         self.arrives_ns = self.clock.t_utc_ns + round(takes_s * NS)
@@ -90,9 +92,29 @@ class TravellingMount(PlainMount):
 class SlowCamera(PlainCamera):
     """Opens its shutter 0.1 s after the order; its header knows."""
 
+    def __init__(self, clock, mount: TravellingMount) -> None:
+        super().__init__(clock)
+        self.mount = mount
+        self.looked_deg: dict[int, tuple[float, float]] = {}
+        """Where the telescope looked while each frame was exposed."""
+        self.arrived_ns: dict[int, int] = {}
+        """When the mount had arrived before each frame, where it had moved."""
+        self.moved: set[int] = set()
+        """Frames whose shutter was open while the mount moved."""
+
+    def start_exposure(self, exposure_s: float, frame_id: int) -> None:
+        super().start_exposure(exposure_s, frame_id)
+        self.looked_deg[frame_id] = self.mount.at_deg
+        if self.mount.arrives_ns:
+            self.arrived_ns[frame_id] = self.mount.arrives_ns
+
     def wait_frame(self, timeout_s) -> Frame:
         frame = super().wait_frame(timeout_s)
         assert frame.t_start_utc_ns is not None
+        assert frame.exposure_s is not None
+        closed_ns = frame.t_start_utc_ns + round((0.1 + frame.exposure_s) * NS)
+        if self.mount.ordered_ns and frame.t_start_utc_ns < self.mount.ordered_ns[-1] < closed_ns:
+            self.moved.add(frame.frame_id)
         pixels = np.zeros((HEIGHT_PX, WIDTH_PX), np.uint16)
         return dataclasses.replace(
             frame, pixels=pixels, t_start_utc_ns=frame.t_start_utc_ns + NS // 10
@@ -102,8 +124,9 @@ class SlowCamera(PlainCamera):
 class LowReducer(ScriptedReducer):
     """Sees the satellite's streak wherever it really crosses the frame."""
 
-    def __init__(self, orbit: KnownOrbit, mount: PlainMount, config: Config) -> None:
-        super().__init__(set(), mount)
+    def __init__(self, orbit: KnownOrbit, camera: SlowCamera, config: Config) -> None:
+        super().__init__(set(), camera.mount)
+        self.camera = camera
         self.orbit, self.config = orbit, config
         self.random = np.random.default_rng(1)
         self.blind: set[int] = set()
@@ -113,21 +136,41 @@ class LowReducer(ScriptedReducer):
         """Whether the Earth's shadow counts."""
         self.in_frame: list[tuple[int, bool]] = []
         """Each frame, and whether both ends were in it."""
+        self.glances: list[int] = []
+        """Frames of which the middle was looked at."""
+        self.sees_middle = False
+        """Whether there is something to be seen in it."""
+
+    def glance(self, frame: Frame, reach_px: float) -> Glance | None:
+        self.glances.append(frame.frame_id)
+        if not self.sees_middle:
+            return None
+        seen = self.reduce(frame)
+        self.in_frame.pop()
+        return Glance(detections=seen.detections, solution=seen.solution)
 
     def reduce(self, frame: Frame) -> Reduction:
         plain = super().reduce(frame)
         assert frame.t_start_utc_ns is not None
         assert frame.exposure_s is not None
         scale = self.config.optics.scale_arcsec_px
+        ra_deg, dec_deg = self.camera.looked_deg[frame.frame_id]
         wcs = tan_wcs(
-            *self.mount.at_deg,
+            ra_deg,
+            dec_deg,
             scale_arcsec_px=scale,
             rotation_deg=20.0,
             is_flipped=False,
             width_px=WIDTH_PX,
             height_px=HEIGHT_PX,
         )
-        solution = dataclasses.replace(plain.solution, wcs=wcs, scale_arcsec_px=scale)
+        solution = dataclasses.replace(
+            plain.solution,
+            wcs=wcs,
+            scale_arcsec_px=scale,
+            ra_icrs_deg=ra_deg,
+            dec_icrs_deg=dec_deg,
+        )
         late_ns = round(float(self.random.normal(0.0, 0.015)) * NS)
         t = frame.t_start_utc_ns + late_ns + np.array([0, round(frame.exposure_s * NS)])
         places = astrometric_places(self.orbit.states, SITE, t)
@@ -184,9 +227,10 @@ def leap_rig(orbit: KnownOrbit, config: Config | None = None) -> Rig:
     """Armed when the test says so."""
     config = config or config_with()
     made = engine_rig.rig(set(), config)
-    mount, camera = TravellingMount(made.clock), SlowCamera(made.clock)
+    mount = TravellingMount(made.clock)
+    camera = SlowCamera(made.clock, mount)
     instruments = dataclasses.replace(made.engine.hands.instruments, mount=mount, camera=camera)
-    reducer = LowReducer(orbit, mount, config)
+    reducer = LowReducer(orbit, camera, config)
     engine = engine_rig.Engine(
         config=config,
         hands=engine_rig.Hands(instruments, config, lambda: made.queue.is_wanted),

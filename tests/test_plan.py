@@ -50,7 +50,8 @@ class Loop:
     def expose(self, plan: Plan, before: Following, after: Following) -> float:
         """One exposure; the hour angle that it looked at, rounded."""
         if plan.slew is not None:
-            self.planner.arrived(plan.slew, report(-20.0))
+            to = self.planner.command(plan.slew)
+            self.planner.arrived(plan.slew, report(-20.0), to)
         self.frame_id += 1
         self.now_ns = plan.t_start_utc_ns + 12 * NS
         frame = Frame(frame_id=self.frame_id, name="", pixels=np.zeros((4, 4), np.uint16))

@@ -23,6 +23,10 @@ class LeapControl(Protocol):
 
     config: Config
 
+    @property
+    def may_move(self) -> bool:
+        """Whether autonomy has the mount and nobody holds it."""
+
     def configure(self, config: Config) -> None:
         """Take new tunables."""
 

@@ -97,10 +97,19 @@ class Exposures:
             )
             raise Interrupted
 
+    def pass_readout_time(self, frame: Frame) -> None:
+        """Read-out costs virtual time, not the wall's: fewer pixels their part of it."""
+        optics, share = self._config.optics, 1.0
+        if frame.camera is not None:
+            share = frame.width_px * frame.height_px / (optics.width_px * optics.height_px)
+        self._pass(min(share, 1.0) * self._config.exposure.readout_s)
+
     def pass_processing_time(self) -> None:
-        """Read-out and processing cost virtual time, not the wall's: stopwatches stand still."""
+        """Processing costs virtual time, not the wall's: stopwatches stand still."""
+        self._pass(self._config.indi.simulated_latency_s)
+
+    def _pass(self, pause_s: float) -> None:
         if self._hands.instruments.clock.is_simulated:
-            pause_s = self._config.exposure.readout_s + self._config.indi.simulated_latency_s
             self._hands.wait_until(self._hands.now_utc_ns() + round(pause_s * NS))
 
     def keep(self, frame: Frame, state: LoopState, place_px: tuple[float, float] | None) -> None:

@@ -1,6 +1,7 @@
 """Moves the mount and opens the shutter, each with a deadline; knows nothing of targets."""
 
 import contextlib
+import dataclasses
 import itertools
 import math
 from collections.abc import Callable
@@ -42,6 +43,11 @@ class Hands:
         """When the mount was seen to have arrived last, before it settled."""
         self.on_tick: Callable[[], None] = lambda: None
         """Called at every step of a wait, at least once a second."""
+        self.on_opened: Callable[[int, int], None] = lambda _frame_id, _opened_utc_ns: None
+        """Called once an exposure has been ordered: which, and when."""
+        self.on_closed: Callable[[], MountReport | None] = lambda: None
+        """Called when the shutter of a frame should have closed, before the frame has come; where
+        the mount looked is told where it has been sent on."""
         self.on_clock_fault: Callable[[ClockFault], None] = lambda _fault: None
         """Called when something has gone wrong with the machine's time."""
 
@@ -100,9 +106,16 @@ class Hands:
         self.instruments.mount.park()
 
     def wait_for_arrival(
-        self, ra_icrs_deg: float, dec_icrs_deg: float, *, poll_ns: int = POLL_NS
+        self,
+        ra_icrs_deg: float,
+        dec_icrs_deg: float,
+        *,
+        poll_ns: int = POLL_NS,
+        settle_s: float | None = None,
     ) -> MountReport:
         """Wait for the mount's arrival by read-back, asked so often, then for it to settle.
+
+        ``settle_s``: None for as long as configured.
 
         A mount that stops a little beside the place is sent again, twice: some lose the sky's
         motion on a long way. Raises StoppedElsewhere when it came to rest far from the place:
@@ -129,7 +142,8 @@ class Hands:
                 )
             self.order_slew(ra_icrs_deg, dec_icrs_deg)
         self.arrived_utc_ns = self.now_utc_ns()
-        self.wait_until(self.arrived_utc_ns + round(self._config.mount.settle_s * NS))
+        settle_s = self._config.mount.settle_s if settle_s is None else settle_s
+        self.wait_until(self.arrived_utc_ns + round(settle_s * NS))
         return report
 
     def wait_for_rest(self) -> MountReport:
@@ -159,12 +173,15 @@ class Hands:
         """
         exposure = self._config.exposure
         camera = self.instruments.camera
+        looked: MountReport | None = None
         self.wait_until(t_start_utc_ns)
         opened_ns = self.now_utc_ns()
         camera.start_exposure(exposure.exposure_s, frame_id)
         length_s = exposure.start_latency_s + exposure.exposure_s
         try:
+            self.on_opened(frame_id, opened_ns)
             self.wait_until(opened_ns + math.ceil(length_s * NS))
+            looked = self.on_closed()
         except Interrupted:
             with contextlib.suppress(InstrumentError):
                 camera.abort()
@@ -172,4 +189,18 @@ class Hands:
         frame = camera.wait_frame(exposure.frame_timeout_s)
         # Some drivers write a frame's time when they have read it.
         self.heed_clock()
+        return frame if looked is None else _looked_at(frame, looked)
+
+
+def _looked_at(frame: Frame, report: MountReport) -> Frame:
+    """The frame with the mount's word from before it was sent on.
+
+    Some drivers write a frame's header when they have read it, on the way to the next place.
+    """
+    if frame.pointing_ra_icrs_deg is None:
         return frame
+    return dataclasses.replace(
+        frame,
+        pointing_ra_icrs_deg=report.ra_icrs_deg,
+        pointing_dec_icrs_deg=report.dec_icrs_deg,
+    )

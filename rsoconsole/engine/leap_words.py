@@ -1,11 +1,11 @@
 """What the log says of leaps, in the operator's words. Pure."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
 
+from rsoconsole.engine.leap_times import LeapParts
 from rsoconsole.orbit.leap_track import LeapTrack
 from rsoconsole.orbit.low_fit import LowOrbit
 from rsoconsole.orbit.next_pass import passes_above
@@ -65,25 +65,6 @@ def pass_words(plan: PassPlan) -> str:
         words += f", {plan.flips} of them over the pier ({plan.longest_gap_s:.0f} s)"
     end = plan.end.kind if plan.end.refusal is None else plan.end.refusal.text
     return f"{words}; then: {end}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeapParts:
-    """What one leap took, in seconds."""
-
-    total_s: float
-    """From the order of its slew until the next could be ordered."""
-    slew_s: float
-    settle_s: float
-    shutter_s: float
-    exposure_s: float
-    readout_s: float
-
-    @property
-    def wait_s(self) -> float:
-        """For the satellite to come, and all that has no name."""
-        named_s = self.slew_s + self.settle_s + self.shutter_s + self.exposure_s + self.readout_s
-        return self.total_s - named_s
 
 
 def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:

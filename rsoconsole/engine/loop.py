@@ -150,8 +150,9 @@ class Engine:
             guide=self.guide,
             chronicle=self.chronicle,
         )
-        self.leaping = Leaping(self, parts)
+        self.leaping = Leaping(self, parts, self.cycle.glance)
         """Stares and leaps, where that is configured."""
+        hands.on_opened, hands.on_closed = self.leaping.opened, self.leaping.closed
         self.by_hand = ByHand(self, parts)
         self.seeking = Seeking(self, hands, self.planner, self.slews, self.guide)
         self.verdicts = Verdicts(self, self.cycle, self.chronicle, pixels_of)
@@ -187,6 +188,11 @@ class Engine:
     def following(self) -> Following:
         """What is followed."""
         return self.charge.following
+
+    @property
+    def may_move(self) -> bool:
+        """Whether autonomy has the mount and nobody holds it."""
+        return self.charge.is_autonomous and not self.charge.is_held
 
     @property
     def hand_move(self) -> HandMove | None:
@@ -471,20 +477,27 @@ class Engine:
         """Wait for the mount, expose, reduce, follow, send the mount on; then put it on record."""
         plan = self._plan or self._order_next()
         self._plan = None
-        poll_ns = LEAP_POLL_NS if self.leaping.is_on else POLL_NS
-        if self.slews.finish(plan, is_held=self.charge.is_held, poll_ns=poll_ns):
+        poll_ns, settle_s = POLL_NS, None
+        if self.leaping.is_on:
+            poll_ns, settle_s = LEAP_POLL_NS, self.leaping.times.settle_s()
+        is_held = self.charge.is_held
+        if self.slews.finish(plan, is_held=is_held, poll_ns=poll_ns, settle_s=settle_s):
             self.cycle.forget_plate()
-        self.leaping.arrived()
-        frame, read_ms = self._exposures.take(plan)
+        self.leaping.times.arrived()
         place_px: tuple[float, float] | None = None
+        frame: Frame | None = None
         try:
+            frame, read_ms = self._exposures.take(plan)
+            self._exposures.pass_readout_time(frame)
+            self.leaping.read_out(frame)
             self._exposures.pass_processing_time()
-            self.leaping.read_out(frame, self.hands.now_utc_ns())
             reduction = self._reduce_and_go_on(frame, read_ms, plan.blocked)
             place_px = self._places.of(frame, reduction, self.following)
         finally:
+            self.leaping.drop_early()
             # Also the frame that could not be used: it is the one somebody will want to see.
-            self._exposures.keep(frame, self.following.state, place_px)
+            if frame is not None:
+                self._exposures.keep(frame, self.following.state, place_px)
 
     def _order_next(self) -> Plan:
         """Where and when the next exposure is; the mount is on its way when this returns."""
@@ -504,6 +517,7 @@ class Engine:
         frame, _ = self._exposures.take(self.planner.first_look(self.hands.now_utc_ns()))
         place_px: tuple[float, float] | None = None
         try:
+            self._exposures.pass_readout_time(frame)
             self._exposures.pass_processing_time()
             reduction, records = self.cycle.look(frame)
             place_px = self._places.of(frame, reduction, self.following)
@@ -565,12 +579,14 @@ class Engine:
         reduce_ms = result.reduction.stage_ms
         stages = {
             "read": read_ms,
+            **self.leaping.take_stage_ms(),
             **reduce_ms,
             "filter": (folded_s - began_s) * 1e3 - sum(reduce_ms.values()),
             "order": (ordered_s - folded_s) * 1e3,
             "total": (ordered_s - began_s) * 1e3 + read_ms,
         }
         # The mount is on its way: nobody waits for this.
+        self.leaping.plan_pass()
         lqe.make_ready()
         self.chronicle.tell(self.orbits.refine())
         self.guide.prepare(self.hands.now_utc_ns())

@@ -169,13 +169,25 @@ class Planner:
         )
 
     def to_place(
-        self, direction: Direction | None, t_start_utc_ns: int, reason: str, now_utc_ns: int
+        self,
+        direction: Direction | None,
+        t_start_utc_ns: int,
+        reason: str,
+        now_utc_ns: int,
+        *,
+        t_mid_utc_ns: int | None = None,
+        frame_id: int | None = None,
     ) -> Plan:
-        """An exposure at an instant, there; None: where the telescope looks already."""
-        t_mid_ns = self._t_mid_ns(t_start_utc_ns)
+        """An exposure at an instant, there; None: where the telescope looks already.
+
+        ``t_mid_utc_ns``: its middle, where its length is not yet set; ``frame_id``: of the frame
+        after which it is planned, where that has not come yet.
+        """
+        t_mid_ns = self._t_mid_ns(t_start_utc_ns) if t_mid_utc_ns is None else t_mid_utc_ns
         slew = None
         if direction is not None:
-            slew = slew_to(self._frame_id, direction, t_mid_ns, reason, None)
+            after = self._frame_id if frame_id is None else frame_id
+            slew = slew_to(after, direction, t_mid_ns, reason, None)
             self._planned = (slew, now_utc_ns)
         return Plan(t_start_utc_ns=t_start_utc_ns, t_mid_utc_ns=t_mid_ns, slew=slew)
 
@@ -406,9 +418,9 @@ class Planner:
         ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(*direction, t_utc_ns)
         return hour_angle_jnow_deg(self._site, ra_jnow_deg, t_utc_ns), dec_jnow_deg
 
-    def arrived(self, slew: SlewCommand, report: MountReport) -> bool:
-        """The mount has done the slew; True when it has changed the side of the pier."""
-        self._commanded = self.command(slew)
+    def arrived(self, slew: SlewCommand, report: MountReport, told: Direction) -> bool:
+        """The mount has done the slew, as it was told; True when it has changed the pier's side."""
+        self._commanded = told
         has_flipped = report.pier_side != self._pier_side
         self.last_report = report
         self._pier_side = report.pier_side

@@ -35,6 +35,8 @@ class Slews:
         self._planner = planner
         self._watch = watch
         self._chronicle = chronicle
+        self._told: tuple[SlewCommand, tuple[float, float]] | None = None
+        """The slew ordered last, and what the mount was told for it."""
 
     def order_next(self, following: Following, *, is_held: bool) -> Plan:
         """Where and when the next exposure is; the mount is on its way when this returns.
@@ -73,19 +75,32 @@ class Slews:
 
     def _order(self, slew: SlewCommand) -> None:
         self._planner.last_report = None  # until it has arrived nobody knows where it is
-        self._hands.order_slew(*self._planner.command(slew))
+        to = self._planner.command(slew)
+        self._hands.order_slew(*to)
+        self._told = slew, to
         self._chronicle.append(slew)
 
-    def finish(self, plan: Plan, *, is_held: bool, poll_ns: int = POLL_NS) -> bool:
+    def finish(
+        self,
+        plan: Plan,
+        *,
+        is_held: bool,
+        poll_ns: int = POLL_NS,
+        settle_s: float | None = None,
+    ) -> bool:
         """Wait until the mount is where the plan wants it; True when the last plate is void.
+
+        ``settle_s``: after its arrival; None for as long as configured.
 
         Raises StoppedElsewhere when somebody else has moved or stopped it, InstrumentError when
         it does not arrive.
         """
         if plan.slew is not None:
-            to = self._planner.command(plan.slew)
-            report = self._hands.wait_for_arrival(*to, poll_ns=poll_ns)
-            return self._planner.arrived(plan.slew, report)
+            # A frame that came since may have taught another pointing offset.
+            slew, told = plan.slew, self._told
+            to = told[1] if told is not None and told[0] == slew else self._planner.command(slew)
+            report = self._hands.wait_for_arrival(*to, poll_ns=poll_ns, settle_s=settle_s)
+            return self._planner.arrived(slew, report, to)
         report = self._hands.mount_report()
         if report.is_slewing:
             # A hold came while the loop's own slew was under way, or somebody set the clock.

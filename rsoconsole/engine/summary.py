@@ -399,9 +399,15 @@ def _chi2(measurement: Measurement, east: float, north: float) -> float:
     return (nn * east**2 - 2.0 * en * east * north + ee * north**2) / (ee * nn - en**2)
 
 
+_STAGES = (
+    *("read", "glance", "ahead", "process", "detect", "solve", "filter", "order"),
+    *("total", "orbit"),
+)
+
+
 def _latency(timings: Sequence[CycleTiming]) -> dict[str, dict[str, float]]:
     stages: dict[str, dict[str, float]] = {}
-    for stage in ("read", "process", "detect", "solve", "filter", "order", "total", "orbit"):
+    for stage in _STAGES:
         values = sorted(t.stage_ms[stage] for t in timings if stage in t.stage_ms)
         if values:
             stages[stage] = {

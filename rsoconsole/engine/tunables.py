@@ -40,6 +40,8 @@ TUNABLE = {
     "leap.stare_exposure_s",
     "leap.least_rate_arcsec_s",
     "leap.most_misses",
+    "leap.at_close",
+    "leap.binning",
     "leap.pass_norad",
     "leap.late_sigma_s",
     "leap.waits",

@@ -1,5 +1,6 @@
 """The camera port over a child process; frames come through shared memory."""
 
+import contextlib
 from collections import deque
 from pathlib import Path
 from typing import Any
@@ -49,6 +50,10 @@ class IndiCamera:
         self._ring = FrameRing.create(optics.width_px * optics.height_px * _BYTES_PER_PIXEL)
         self._awaited: int | None = None
         self._outcome: dict[str, Any] | None = None
+        self._own_binning: int | None = None
+        """Of the driver, before this program has set another."""
+        self._binning = 1
+        """How many of those are joined."""
         self._messages: deque[str] = deque(maxlen=_MAX_MESSAGES)
         self.process = IndiProcess(
             name="camera",
@@ -84,6 +89,14 @@ class IndiCamera:
             frame_id=frame_id,
             slot=self._ring.free_slot(),
         )
+
+    def set_binning(self, binning: int) -> int:
+        """Join so many pixels on each axis of those that the driver was set to join before."""
+        answer = self.process.request(
+            "bin", self._order_s, binning=binning, own=self._own_binning or 0
+        )
+        self._own_binning, self._binning = int(answer["own"]), binning
+        return self._binning
 
     def wait_frame(self, timeout_s: float) -> Frame:
         """The frame of the exposure under way, within ``timeout_s`` of wall time.
@@ -142,6 +155,9 @@ class IndiCamera:
 
     def close(self) -> None:
         """End the process and release the shared memory."""
+        if self._binning != 1 and self.process.pid is not None:
+            with contextlib.suppress(InstrumentError):
+                self.set_binning(1)
         self.process.close()
         self._ring.close()
 

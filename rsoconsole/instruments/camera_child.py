@@ -24,6 +24,7 @@ from rsoconsole.instruments.process_memory import return_free_pages, return_what
 
 _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
+_BINNING = "CCD_BINNING"
 _STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+: ")
 """What libindi puts before a driver's words."""
 
@@ -79,6 +80,30 @@ class CameraChild:
         # libindi has read the last frame as text: there is time now to give that memory back.
         return_free_pages()
         return {}
+
+    def bin(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Join pixels: ``binning`` times as many on each axis as the driver's own setting.
+
+        ``own``: that setting, where it is known already; it is in the answer.
+        """
+        client = self._ready()
+        vector = client.get(_BINNING)
+        if vector is None:
+            raise InstrumentError("the camera's driver cannot join pixels: set leap.binning to 1")
+        now = int(vector.values["HOR_BIN"])
+        own = int(order["own"]) or now
+        wanted = own * int(order["binning"])
+        if wanted == now:
+            return {"own": own}
+        before = client.send_numbers(_BINNING, dict.fromkeys(("HOR_BIN", "VER_BIN"), float(wanted)))
+        answer = client.wait(_BINNING, lambda v: v.state != "Busy", self._answer_s, before)
+        is_set = answer is not None and int(answer.values["HOR_BIN"]) == wanted
+        if not is_set or answer is None or answer.state == "Alert":
+            raise InstrumentError(
+                f"the camera did not join {wanted} x {wanted} pixels"
+                f" ({client.last_message or 'no reason given'}): set leap.binning to 1"
+            )
+        return {"own": own}
 
     def abort(self, _order: dict[str, Any]) -> dict[str, Any]:
         """Give up the exposure under way."""
@@ -174,7 +199,7 @@ def main() -> None:
     try:
         run_child(
             mouth,
-            slow={"start": child.start, "expose": child.expose},
+            slow={"start": child.start, "expose": child.expose, "bin": child.bin},
             urgent={"abort": child.abort},
         )
     finally:

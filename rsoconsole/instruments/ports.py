@@ -219,6 +219,13 @@ class CameraPort(Protocol):
         Raises InstrumentError when the camera refuses or is silent.
         """
 
+    def set_binning(self, binning: int) -> int:
+        """Join so many pixels on each axis of those that the camera was set to join before.
+
+        1: as it was. Between exposures. Returns what holds from now on. Raises InstrumentError
+        where the camera cannot or is silent.
+        """
+
     def wait_frame(self, timeout_s: float) -> Frame:
         """The frame of the exposure under way, within ``timeout_s`` of wall time.
 

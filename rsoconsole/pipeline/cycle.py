@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from rsoconsole.config import Config
 from rsoconsole.pipeline.absence import StarHistory, cloud_before, stars_of
 from rsoconsole.pipeline.fold import Shown, fold, looked_at, when
+from rsoconsole.pipeline.glance import Glance
 from rsoconsole.pipeline.hand_track import HandTrack
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.rulings import Fold, Folds, on_record_again
@@ -104,6 +105,10 @@ class Cycle:
         """
         again = self._folds.rule(ruling)
         return again[-1].folded.following, on_record_again(ruling, again)
+
+    def glance(self, frame: Frame, reach_px: float) -> Glance | None:
+        """A frame's middle, so many pixels about its centre, before the frame is run."""
+        return self._reducer.glance(frame, reach_px)
 
     def look(self, frame: Frame) -> tuple[Reduction, tuple[Record, ...]]:
         """Reduce a frame that is not followed; (what it shows, what belongs on the record)."""

@@ -15,6 +15,7 @@ from rsoconsole.orbit.field_crossings import FieldOfView
 from rsoconsole.orbit.field_match import Line
 from rsoconsole.pipeline.calibration import Calibration
 from rsoconsole.pipeline.field_points import Points, points_of
+from rsoconsole.pipeline.frame_part import Part
 from rsoconsole.pipeline.measure import measure, shutter_mid_utc_ns
 from rsoconsole.pipeline.plate import PlateFinder
 from rsoconsole.pipeline.reduce import FrameReducer
@@ -116,6 +117,11 @@ class FieldPlate:
         if isinstance(solved, Solution) or self._mode == "solve" or not _has_plate(frame):
             return solved
         return self._of_header(frame, solved.reason)
+
+    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
+        """Nobody looks at a part of such a frame."""
+        _ = frame, stars, part
+        return None
 
     def _of_header(self, frame: Frame, why: str) -> Solution | NotSolved:
         try:

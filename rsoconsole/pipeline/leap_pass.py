@@ -18,6 +18,8 @@ from rsoconsole.sky.places import site_gcrs
 from rsoconsole.sky.times import NS_PER_S
 
 _MOST = 500
+CLOSED_S = 0.05
+"""From the end of an exposure until the shutter has surely closed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,16 +47,25 @@ def plan_pass(
     start: Pose,
     now_utc_ns: int,
     telescope: Telescope,
+    *,
+    first: Leap | None = None,
+    sure_from: int | None = None,
 ) -> PassPlan:
-    """Leap after leap until it sets or a limit ends it."""
+    """Leap after leap until it sets or a limit ends it.
+
+    ``first``: the one under way. From the ``sure_from``-th on the next slew is ordered when the
+    shutter has closed, before that, or with None, when the frame has been read out.
+    """
     leaps: list[Leap] = []
     pose, now = start, now_utc_ns
     while len(leaps) < _MOST:
-        found = next_leap(path, pose, now, telescope)
+        found = next_leap(path, pose, now, telescope) if leaps or first is None else first
         if isinstance(found, NoLeap):
             return PassPlan(leaps=tuple(leaps), end=found)
         leaps.append(found)
-        now = found.t_close_utc_ns + round(telescope.terms.readout_s * NS_PER_S)
+        waits = sure_from is None or len(leaps) < sure_from
+        pause_s = telescope.terms.readout_s if waits else CLOSED_S
+        now = found.t_close_utc_ns + round(pause_s * NS_PER_S)
         ra, dec = found.place.direction_deg
         pose = Pose(t_utc_ns=now, ra_icrs_deg=ra, dec_icrs_deg=dec, pier_side=found.side)
     return PassPlan(leaps=tuple(leaps), end=NoLeap(kind="it sets"))

@@ -23,7 +23,11 @@ from rsoconsole.sky.times import NS_PER_S
 LENGTH_PX = 250.0
 """Of a streak that is measured well; from 500 px on the detector is less sure."""
 LEAST_LENGTH_PX = 40.0
+BINNED_LENGTH_PX = 100.0
+"""Of a binned camera's streak, at least: with half the pixels it is as long on the sky."""
 SHORTEST_S, LONGEST_S = 0.05, 1.0
+BESIDE_ARCSEC = 180.0
+"""What a mount may look beside where it was sent, its offset known."""
 RIM = 0.96
 """Share of the field within which ends count as in it."""
 LEAST_WITHIN = 0.2
@@ -43,10 +47,18 @@ class LeapTerms:
     field_deg: tuple[float, float]
     scale_arcsec_px: float
     settle_s: float
+    """From the arrival until an exposure may be ordered."""
     latency_s: float
     """From the order of an exposure to its beginning."""
     readout_s: float
     """From its end until the next order can be given."""
+    binning: int = 1
+    """Pixels that are joined on each axis; ``scale_arcsec_px`` is that of the joined ones."""
+
+    @property
+    def length_px(self) -> float:
+        """Of a streak that is measured well."""
+        return max(LENGTH_PX / self.binning, BINNED_LENGTH_PX)
 
     @property
     def half_short_deg(self) -> float:
@@ -54,15 +66,30 @@ class LeapTerms:
         return RIM * min(self.field_deg) / 2.0
 
 
-def terms_of(config: Config) -> LeapTerms:
-    """As configured."""
+BINNED_SCALE_ARCSEC_PX = 4.0
+"""Of joined pixels, at most, where nothing else is set: coarser, stars fall into one pixel."""
+MANY_PX = 6_000_000
+"""Fewer pixels are read out and examined fast enough as they are."""
+
+
+def binning_for(config: Config) -> int:
+    """As many pixels joined as leave a streak well measured, where that saves time."""
+    optics = config.optics
+    if optics.width_px * optics.height_px < MANY_PX:
+        return 1
+    return 2 if 2.0 * optics.scale_arcsec_px <= BINNED_SCALE_ARCSEC_PX else 1
+
+
+def terms_of(config: Config, binning: int = 1) -> LeapTerms:
+    """As configured, with so many pixels of the configured ones joined on each axis."""
     exposure = config.exposure
     return LeapTerms(
         field_deg=config.optics.field_deg,
-        scale_arcsec_px=config.optics.scale_arcsec_px,
+        scale_arcsec_px=binning * config.optics.scale_arcsec_px,
         settle_s=config.mount.settle_s,
         latency_s=exposure.start_latency_s,
-        readout_s=exposure.readout_s,
+        readout_s=exposure.readout_s / binning**2,
+        binning=binning,
     )
 
 
@@ -95,6 +122,8 @@ class Leap:
     within: float
     """Probability that both ends are in the field."""
     flips: bool
+    binning: int = 1
+    """Of the camera."""
 
     @property
     def t_close_utc_ns(self) -> int:
@@ -105,6 +134,11 @@ class Leap:
     def length_arcsec(self) -> float:
         """Of the streak."""
         return self.place.speed_arcsec_s * self.exposure_s
+
+    def reach_px(self, terms: LeapTerms) -> float:
+        """From the middle of the field either end is surely no farther."""
+        off_arcsec = self.length_arcsec / 2.0 + 3.0 * self.place.sigma_arcsec + BESIDE_ARCSEC
+        return off_arcsec / terms.scale_arcsec_px
 
 
 NoLeapKind = Literal["it sets", "too fast", "too unsure", "limit"]
@@ -153,7 +187,7 @@ def exposure_for(place: SkyAhead, terms: LeapTerms) -> float:
     speed = max(place.speed_arcsec_s, 1e-3)
     sigma_arcsec = sqrt(max(float(place.along_across_arcsec2[0, 0]), 0.0))
     room_arcsec = 2.0 * (3600.0 * terms.half_short_deg - 3.0 * sigma_arcsec)
-    long_px = min(LENGTH_PX, max(room_arcsec / terms.scale_arcsec_px, LEAST_LENGTH_PX))
+    long_px = min(terms.length_px, max(room_arcsec / terms.scale_arcsec_px, LEAST_LENGTH_PX))
     wanted_s = long_px * terms.scale_arcsec_px / speed
     return float(np.clip(wanted_s, SHORTEST_S, LONGEST_S))
 
@@ -220,4 +254,5 @@ def _meeting(
         slew_s=slew_s,
         within=within_field(met, exposure_s, terms),
         flips=None not in (side, start.pier_side) and side != start.pier_side,
+        binning=terms.binning,
     )

@@ -10,6 +10,7 @@ from dataclasses import replace
 from rsoconsole.config import Config
 from rsoconsole.errors import SolverError
 from rsoconsole.instruments.solver import MIN_STARS, PlateSolver, SolveHint
+from rsoconsole.pipeline.frame_part import Part
 from rsoconsole.pipeline.hints import hint_of, relaxed, rescaled
 from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.sky.angles import wrap_180
@@ -60,6 +61,17 @@ class PlateFinder:
             # Only the pointing and the size are kept: a frame holds 33 MB.
             self._last_frame = replace(frame, pixels=frame.pixels[:0].copy())
         return solution
+
+    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
+        """The last plate moved onto the stars of a frame's part, which stays the last plate.
+
+        ``stars`` in the part's pixels, the solution in the frame's. None where it does not fit.
+        """
+        last = self._last
+        if last is None:
+            return None
+        here = self._refit(frame, stars, part, replace(last, wcs=part.of_part(last.wcs)))
+        return None if here is None else replace(here, wcs=part.of_frame(here.wcs))
 
     def _factor_of(self, frame: Frame, solution: Solution) -> float:
         """So that a wrong focal length costs one search, not one a frame."""
@@ -116,8 +128,15 @@ class PlateFinder:
             # A solver that cannot be started now may be again at the next frame.
             return NotSolved(frame_id=frame.frame_id, reason=str(error), ms=0.0)
 
-    def _refit(self, frame: Frame, stars: StarList) -> Solution | None:
-        last, before = self._last, self._last_frame
+    def _refit(
+        self,
+        frame: Frame,
+        stars: StarList,
+        part: Part | None = None,
+        last: Solution | None = None,
+    ) -> Solution | None:
+        last, before = last or self._last, self._last_frame
+        size_px = (frame.width_px, frame.height_px) if part is None else part.size_px
         if last is None or before is None or before.width_px != frame.width_px:
             return None
         if before.pointing_ra_icrs_deg is None or before.pointing_dec_icrs_deg is None:
@@ -132,8 +151,8 @@ class PlateFinder:
             last,
             stars,
             frame_id=frame.frame_id,
-            width_px=frame.width_px,
-            height_px=frame.height_px,
+            width_px=size_px[0],
+            height_px=size_px[1],
             shift_deg=shift_deg,
             t_utc_ns=frame.t_mid_utc_ns,
         )

@@ -12,6 +12,8 @@ from rsoconsole.config import Config
 from rsoconsole.pipeline.calibration import Calibration
 from rsoconsole.pipeline.cautions import Caution, cautions
 from rsoconsole.pipeline.fixed_light import Comparison, FixedLight
+from rsoconsole.pipeline.frame_part import Part, middle_of
+from rsoconsole.pipeline.glance import Glance
 from rsoconsole.pipeline.measure import measured
 from rsoconsole.pipeline.zero_point import ZeroPoint
 from rsoconsole.reason_text import text
@@ -55,6 +57,9 @@ class Plate(Protocol):
     def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved | None:
         """The plate of one frame; None where nobody asks for one."""
 
+    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
+        """The last plate moved onto the stars of a frame's part, remembering nothing of it."""
+
 
 class FrameReducer:
     """Detector and plate finder in the order of Algorithm 1."""
@@ -76,6 +81,7 @@ class FrameReducer:
         self._curve = curve
         self._memory = PsfMemory()
         self._detector = StreakDetector(network, config.detector, curve, self._memory)
+        self._glancer = StreakDetector(network, config.detector, curve, is_quick=True)
         self._plate = plate
         self._comparison = comparison or FixedLight()
         self._zero_point = ZeroPoint()
@@ -88,6 +94,7 @@ class FrameReducer:
         if not self._calibration.is_for(config):
             self._calibration = Calibration(config)
         self._detector = StreakDetector(self._network, config.detector, self._curve, self._memory)
+        self._glancer = StreakDetector(self._network, config.detector, self._curve, is_quick=True)
         self._plate.configure(config)
 
     def make_ready(self) -> None:
@@ -97,6 +104,22 @@ class FrameReducer:
     def forget_plate(self) -> None:
         """The camera has turned: the next frame is solved in full."""
         self._plate.forget()
+
+    def glance(self, frame: Frame, reach_px: float) -> Glance | None:
+        """Streaks and plate by the frame's middle alone; the whole is still to be reduced.
+
+        None where that is no smaller, or where its stars do not fit the last plate.
+        """
+        middle = middle_of(frame, reach_px)
+        if middle is None:
+            return None
+        even, _ = self._calibration.prepare(frame)
+        analysis = self._glancer.analyse(middle.cut(even))
+        found = middle.streaks_of_frame(analysis.detections, frame)
+        if not found.detections:
+            return None
+        solution = self._plate.moved(frame, analysis.stars, middle)
+        return None if solution is None else Glance(detections=found, solution=solution)
 
     def reduce(self, frame: Frame) -> Reduction:
         """Detections, solution and measurements of one frame.

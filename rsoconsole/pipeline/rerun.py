@@ -14,6 +14,7 @@ from rsoconsole.errors import FrameError
 from rsoconsole.instruments.frame_files import read_frame
 from rsoconsole.pipeline.cautions import calibration_warnings
 from rsoconsole.pipeline.fold import Shown
+from rsoconsole.pipeline.frame_part import Part
 from rsoconsole.pipeline.measure import measured, numbered_like
 from rsoconsole.pipeline.open import open_reducer
 from rsoconsole.pipeline.reduce import FrameReducer
@@ -124,6 +125,11 @@ class RecordedPlate:
         """What was found that night."""
         _ = frame, stars
         return self.solution
+
+    def moved(self, frame: Frame, stars: StarList, part: Part) -> Solution | None:
+        """Nobody looks at a part of a recorded frame."""
+        _ = frame, stars, part
+        return None
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from rsoconsole.simulator.frame_fate import Fate, frame_fate
 from rsoconsole.simulator.indi_fits import Card, fits_bytes
 from rsoconsole.simulator.indi_vectors import asked_for, numbers, stamp, switches, texts, turn_on
 from rsoconsole.simulator.mount_model import MountModel
+from rsoconsole.simulator.read_out import ReadOut, ReadOutVectors, numbers_asked
 from rsoconsole.simulator.world import NAMELESS, World
 from rsoconsole.sky.frames import jnow_to_icrs
 
@@ -62,6 +63,7 @@ class _Exposure:
     opens_later_s: float
     fate: Fate
     late_s: float
+    mode: ReadOut
 
     @property
     def t_end_utc_ns(self) -> int:
@@ -78,6 +80,14 @@ class _Exposure:
         """The instant after this share of the true exposure."""
         since_s = self.opens_later_s + share * self.exposure_s
         return self.t_start_utc_ns + round(since_s * NS)
+
+
+@runtime_checkable
+class BinnableScene(SceneLike, Protocol):
+    """One whose pixels can be joined while the night goes on."""
+
+    def binned(self, factor: int) -> SceneLike:
+        """The same with so many more pixels joined on each axis."""
 
 
 class CameraDevice:
@@ -104,6 +114,9 @@ class CameraDevice:
         self._mount, self._site, self._mount_name = mount, site, mount_name
         self._now_utc_ns, self._truth_path, self._spawn = now_utc_ns, truth_path, spawn
         self._exposure: _Exposure | None = None
+        self._read_out = ReadOutVectors(traits, can_bin=isinstance(scene, BinnableScene))
+        self._scenes: dict[int, SceneLike] = {1: scene}
+        """By how many pixels they join beside those of the first."""
         self._generation = 0
         self._is_sky_empty = False
         # One thread: frames are drawn in the order in which they were taken.
@@ -137,15 +150,8 @@ class CameraDevice:
                 },
                 perm="ro",
             ),
-            numbers(
-                "CCD_FRAME",
-                "Image Settings",
-                {"X": 0, "Y": 0, "WIDTH": width_px, "HEIGHT": height_px},
-                perm="ro",
-            ),
-            numbers(
-                "CCD_BINNING", "Image Settings", {"HOR_BIN": binning, "VER_BIN": binning}, perm="ro"
-            ),
+            self._read_out.frame,
+            self._read_out.binning,
             texts(
                 "DRIVER_INFO",
                 "General Info",
@@ -168,6 +174,8 @@ class CameraDevice:
         elif event.vectorname == "UPLOAD_MODE":
             turn_on(self._upload, asked_for(event))
             await self._send(self._upload, "Ok")
+        elif event.vectorname in ("CCD_BINNING", "CCD_FRAME"):
+            await self._handle_read_out(event)
         else:
             await self._send(event.vector, "Ok")
 
@@ -208,6 +216,25 @@ class CameraDevice:
             return None
         return self._mount.unrest_path_arcsec(exposure.at(0.0), exposure.at(1.0))
 
+    async def _handle_read_out(self, event: Any) -> None:
+        asked = numbers_asked(event, self.device.indi_number_to_float)
+        is_binning = event.vectorname == "CCD_BINNING"
+        vectors = self._read_out
+        vector = vectors.binning if is_binning else vectors.frame
+        if self._exposure is not None:
+            await self._send(vector, "Alert", "an exposure is under way")
+        elif vectors.set_binning(asked) if is_binning else vectors.set_frame(asked):
+            await self._send(vector, "Ok")
+            await self._send(vectors.frame if is_binning else vectors.binning, "Ok")
+        else:
+            await self._send(vector, "Alert", "the camera cannot read out so")
+
+    def _scene_of(self, mode: ReadOut) -> SceneLike:
+        factor = mode.factor(self._traits) or 1
+        if factor not in self._scenes and isinstance(self._scene, BinnableScene):
+            self._scenes[factor] = self._scene.binned(factor)
+        return self._scenes[factor]
+
     async def _handle_exposure(self, event: Any) -> None:
         try:
             exposure_s = float(self.device.indi_number_to_float(event["CCD_EXPOSURE_VALUE"]))
@@ -225,6 +252,7 @@ class CameraDevice:
             self._world.shutter.latency_s + self._world.shutter.bias_s,
             frame_fate(self._world.frames, self._seed, t_start_utc_ns),
             self._world.frames.late_s,
+            self._read_out.mode,
         )
         self._exposing["CCD_EXPOSURE_VALUE"] = repr(exposure_s)
         await self._send(self._exposing, "Busy")
@@ -271,7 +299,7 @@ class CameraDevice:
         cards: dict[str, Card],
     ) -> bytes:
         ra_icrs_deg, dec_icrs_deg, rotation_deg = pointing
-        pixels, truth = self._scene.expose(
+        pixels, truth = self._scene_of(exposure.mode).expose(
             ra_icrs_deg,
             dec_icrs_deg,
             rotation_deg,
@@ -283,14 +311,18 @@ class CameraDevice:
         if self._truth_path is not None:
             with self._truth_path.open("a", encoding="utf-8") as lines:
                 lines.write(truth.to_json() + "\n")
-        return bytes(fits_bytes(pixels, cards))
+        return bytes(fits_bytes(exposure.mode.cut(pixels), cards))
 
     def _cards(self, exposure: _Exposure) -> dict[str, Card]:
         belief = self._mount.instant(exposure.t_start_utc_ns)
         names = (self._name, self._mount_name)
-        return header_cards(
+        cards = header_cards(
             names, self._traits, self._site, self._world, belief, exposure.exposure_s
         )
+        # Joined pixels of a colour sensor have seen all colours.
+        if exposure.mode.binning > 1:
+            cards.pop("BAYERPAT", None)
+        return cards | exposure.mode.cards(self._traits)
 
     async def _send(self, vector: Any, state: str, message: str = "") -> None:
         if message:

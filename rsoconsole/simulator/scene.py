@@ -4,6 +4,7 @@
 asked for in any order, and asking twice gives the same pixels.
 """
 
+import copy
 import math
 from dataclasses import replace
 
@@ -89,13 +90,32 @@ class Scene:
         self.seed = seed
         self.site = scenario.site if site is None else site
         self.world = world
-        self.sensor = sensor_in(world, _sensor_of(optics, sensor or SensorModel()))
+        self._plain_sensor = _sensor_of(optics, sensor or SensorModel())
+        self.sensor = sensor_in(world, self._plain_sensor)
         self.clouds = clouds_in(world.clouds, seed, scenario.clouds)
         self.catalogue = StarCatalogue.load() if catalogue is None else catalogue
         self.satellites = tuple(
             Satellite(each.element_set, each.standard_magnitude) for each in scenario.satellites
         )
         self._nearby = Nearby(self.satellites)
+
+    def binned(self, factor: int) -> "Scene":
+        """The same sky on the same sensor with so many more of its pixels joined on each axis."""
+        joined = self.world.sensor.model_copy(
+            update={"binning": factor * self.world.sensor.binning}
+        )
+        other, plain = copy.copy(self), self._plain_sensor
+        other.world = self.world.model_copy(update={"sensor": joined})
+        other.sensor = sensor_in(
+            other.world,
+            replace(
+                plain,
+                width_px=plain.width_px // factor,
+                height_px=plain.height_px // factor,
+                pixel_um=plain.pixel_um * factor,
+            ),
+        )
+        return other
 
     def field_radius_deg(self) -> float:
         """Half the diagonal of the field, with a margin for light from just outside."""

@@ -44,6 +44,7 @@ from rsoconsole.vision.workers import Workers
 from rsoconsole.vision.working_frame import WorkingFrame, pixels_to_join
 
 MOST_FITS = 28
+MOST_QUICK_FITS = 3
 MOST_WITNESSES = 12
 LEAST_BELIEVED = 1e-3
 """Whom the network believes less is measured only where the line filter sees something too."""
@@ -89,12 +90,16 @@ class StreakDetector:
         settings: DetectorConfig,
         curve: ConfidenceCurve | None = None,
         memory: PsfMemory | None = None,
+        *,
+        is_quick: bool = False,
     ) -> None:
         """``curve`` None: a streak keeps the confidence of its proposal.
 
         ``memory`` of the stars' width, where frames come in order from one camera; None: each
-        frame stands alone.
+        frame stands alone. ``is_quick``: only what the line filter proposes is measured, the
+        likeliest few, and stars are taken to be points.
         """
+        self._is_quick = is_quick
         self._network = network
         self._settings = settings
         self._curve = curve
@@ -198,7 +203,7 @@ class StreakDetector:
             frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
         )
         mode = self._settings.map_mode
-        lines = blocks if mode == "fast" else ()
+        lines = blocks if mode == "fast" and not self._is_quick else ()
         # Where pixels were joined stars stand closer together, and streaks are short.
         finest_px = FINEST_PX if looks_again else FINEST_PX // 2
         star_block_px = STAR_BLOCK_PX if looks_again else STAR_BLOCK_PX // 2
@@ -220,6 +225,7 @@ class StreakDetector:
                     bins=bins,
                     expected=expected,
                     block_px=star_block_px,
+                    may_be_trails=not self._is_quick,
                 )
             if looks_again and pixels_to_join(stars, frame) > 1:
                 return stars, []
@@ -230,6 +236,9 @@ class StreakDetector:
         looked = workers.begin(look_for_stars_and_lines)
         if looks_again and looked.done() and pixels_to_join(looked.result()[0], frame) > 1:
             return _Seen(sky=sky, stars=looked.result()[0], proposals=())
+        if self._is_quick:
+            stars, found = looked.result()
+            return _Seen(sky=sky, stars=stars, proposals=tuple(proposals([], found)))
         with watch.stage("map"):
             noise = {block: begun.result() for block, begun in noises.items()}
             maps = [
@@ -272,12 +281,12 @@ class StreakDetector:
         others: list[Proposal] = []
         for each in ordered:
             (hopeful if self._has_hope(each, focus, threshold) else others).append(each)
-        fits = 0
+        fits, most = 0, MOST_QUICK_FITS if self._is_quick else MOST_FITS
         for each in hopeful:
             if measured.has(each):
                 continue
-            if fits == MOST_FITS:
-                measured.refuse(each.box, NotAStreak(kind="not measured", limit=MOST_FITS))
+            if fits == most:
+                measured.refuse(each.box, NotAStreak(kind="not measured", limit=most))
             elif (doubt := measured.at_a_glance(each)) is not None:
                 measured.refuse(each.box, doubt)
             else:
@@ -286,7 +295,7 @@ class StreakDetector:
         risen = [d for d in self._judged(measured.taken, focus) if d.confidence > threshold]
         witnesses = 0
         for each in others:
-            is_asked = risen and witnesses < MOST_WITNESSES
+            is_asked = risen and witnesses < (0 if self._is_quick else MOST_WITNESSES)
             alike = is_asked and runs_alike(from_box(frame, each.box), risen)
             if alike and measured.at_a_glance(each) is None:
                 witnesses += 1

@@ -116,6 +116,7 @@ def find_stars(
     bins: FrameBins | None = None,
     expected: Psf | None = None,
     block_px: int = STAR_BLOCK_PX,
+    may_be_trails: bool = True,
 ) -> StarList:
     """Measure up to ``max_stars`` stars of ``pixels`` (height, width), ADU.
 
@@ -124,7 +125,7 @@ def find_stars(
     the field, so that no corner goes empty. ``background`` and ``bins`` of the same frame, where
     they are known already; what is missing is computed here. ``expected``, of earlier frames, holds
     as far as there are too few stars to measure it. Of three blocks of ``block_px`` each way the
-    brightest place is looked at.
+    brightest place is looked at. ``may_be_trails``: whether drift may have drawn all of them out.
     """
     if bins is None or block_px not in bins.brightest:
         bins = bin_frame(pixels, (block_px,))
@@ -132,7 +133,7 @@ def find_stars(
     x_px, y_px = _candidates(pixels, sky, bins, 2 * max_stars, block_px)
     probe = (x_px[:_PROBE_STARS], y_px[:_PROBE_STARS])
     probed_px, is_drawn_out = _psf_fwhm(pixels, sky, *probe, saturation_adu)
-    if is_drawn_out:
+    if is_drawn_out and may_be_trails:
         trailed = trailed_stars(pixels, sky, x_px, y_px, saturation_adu)
         if trailed is not None:
             return _of_trails(trailed, sky, max_stars)
