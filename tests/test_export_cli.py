@@ -85,7 +85,7 @@ def test_a_report_is_one_of_the_formats(session: Path, tmp_path: Path):
         (["--format", "csv", "--out", "-", "--json"], "--out -"),
         (["--format", "regions", "--out", "-"], "--out -"),
         (["--format", "fits", "--frames", "9-3"], "9-3"),
-        (["--format", "tdm", "--norad", "1000000"], "five digits"),
+        (["--format", "tdm", "--norad", "1000000000"], "nine digits"),
         (["--format", "iod", "--sky", "X"], "no state of the sky"),
     ],
 )

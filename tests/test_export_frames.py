@@ -255,6 +255,14 @@ def test_the_ellipse_is_three_sigma_of_the_prediction(session: Path):
     assert abs(wrap_180(values["ra"] - state.x[0])) < 1e-8
 
 
+def test_the_package_regions_reads_what_is_written(session: Path, tmp_path: Path):
+    from regions import Regions
+
+    made = export(session, "regions", tmp_path)
+    read = [Regions.read(path, format="ds9") for path in made.files]
+    assert sum(len(each) for each in read) >= made.measurements > 0
+
+
 def test_every_frame_has_its_regions_and_braces_in_words_break_nothing(session: Path, tmp_path):
     made = export(session, "regions", tmp_path)
     assert len(made.files) == 14

@@ -10,7 +10,10 @@ from rsoconsole.cli import output
 from rsoconsole.cli.options import JsonOption
 from rsoconsole.errors import ExportError
 
-AnyFormat: TypeAlias = Literal["csv", "ecsv", "jsonl", "tdm", "iod", "fits", "regions", "html"]
+AnyFormat: TypeAlias = Literal[
+    "csv", "ecsv", "jsonl", "tdm", "tdm-xml", "iod", "udl", "fits", "regions", "html"
+]
+MESSAGES = ("tdm", "tdm-xml", "iod", "udl")
 STDOUT = "-"
 FOLDER_KINDS = ("fits", "regions")
 """A folder of files, one a frame."""
@@ -55,13 +58,13 @@ def export(
     frames: Annotated[
         str | None, typer.Option(metavar="3,9-12", help="fits, regions: these frames alone.")
     ] = None,
-    track: Annotated[int | None, typer.Option(help="tdm, iod: this track alone.")] = None,
+    track: Annotated[int | None, typer.Option(help="tdm, iod, udl: this track alone.")] = None,
     norad: Annotated[
-        int | None, typer.Option(help="tdm, iod: the object's catalogue number, if known.")
+        int | None, typer.Option(help="tdm, iod, udl: the object's catalogue number, if known.")
     ] = None,
     cospar: Annotated[
         str | None,
-        typer.Option(metavar="2009-064A", help="tdm, iod: its international designation."),
+        typer.Option(metavar="2009-064A", help="tdm, iod, udl: its international designation."),
     ] = None,
     station: Annotated[
         str, typer.Option(help="iod: your station's number; 9999 has none.")
@@ -69,14 +72,22 @@ def export(
     sky: Annotated[
         str, typer.Option(help="iod: the sky, one of E G F P B T, excellent to terrible.")
     ] = " ",
-    originator: Annotated[str, typer.Option(help="tdm: who makes it.")] = "RSOCONSOLE",
+    site_line: Annotated[
+        bool | None,
+        typer.Option(
+            "--site-line/--no-site-line",
+            help="iod: begin with your station and its place, as on SeeSat-L; default: in files.",
+        ),
+    ] = None,
+    originator: Annotated[str, typer.Option(help="tdm, udl: who makes it.")] = "RSOCONSOLE",
     json_: JsonOption = False,
 ) -> None:
-    """The night for others: tables, CCSDS TDM, IOD, solved FITS, DS9 regions, a report.
+    """The night for others: tables, CCSDS TDM, IOD, UDL, solved FITS, DS9 regions, a report.
 
     csv, ecsv, jsonl: every measurement, its errors, and what the track made of it.
 
-    tdm, iod: what the tracks took, as messages to others; no streak that the frame cuts.
+    tdm, tdm-xml, iod, udl: what the tracks took, as messages to others; no streak that the frame
+    cuts. udl is a file of EOObservation records; nothing is uploaded.
 
     fits, regions: kept frames with their plate in the header; their streaks for DS9.
 
@@ -104,6 +115,7 @@ def export(
             target=Target(norad_id=norad, cospar=cospar),
             station=station,
             sky=sky,
+            site_line=out != STDOUT if site_line is None else site_line,
             originator=originator,
             frames=None if frames is None else parse_numbers(frames),
             is_forced=force,
@@ -141,7 +153,7 @@ def _export(wish: _Wish, options: Any, json_: bool) -> None:
             output.say(str(path))
     _tell_folder(new_folder)
     _tell_what_is_not_in_it(made)
-    if made.format in {"tdm", "iod"} and not options.target.is_known:
+    if made.format in MESSAGES and not options.target.is_known:
         _tell_name(wish.session)
 
 
@@ -183,7 +195,7 @@ def _tell_what_is_not_in_it(made: Any) -> None:
     if made.left_out:
         words = ", ".join(f"{number} {what}" for what, number in made.left_out.items())
         output.complain(f"left out: {words}")
-    if made.is_simulated and made.format in {"tdm", "iod"}:
+    if made.is_simulated and made.format in MESSAGES:
         output.complain("this night was simulated: send it to nobody")
 
 

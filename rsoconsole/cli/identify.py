@@ -1,7 +1,7 @@
 """The verb identify: from the tracks of a night, or the streaks of frames, to names."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -9,8 +9,20 @@ from rsoconsole.cli import output
 from rsoconsole.cli.element_files import element_files
 from rsoconsole.cli.frames import ExtensionOption
 from rsoconsole.cli.options import ConfigOption, JsonOption
-from rsoconsole.cli.orbit import SigmaOption, TrackOption
+from rsoconsole.cli.orbit import (
+    ObjectOption,
+    RadiansOption,
+    SigmaOption,
+    SiteOption,
+    StationsOption,
+    TrackOption,
+    read_as,
+)
 from rsoconsole.config import load_config
+
+if TYPE_CHECKING:
+    from rsoconsole.export.observed import ReadAs
+    from rsoconsole.pipeline.sightings_of import Observed
 
 
 def register(app: typer.Typer) -> None:
@@ -47,6 +59,10 @@ def identify(
     ] = 0.2,
     track: TrackOption = None,
     sigma: SigmaOption = 1.0,
+    site: SiteOption = None,
+    stations: StationsOption = None,
+    object_: ObjectOption = None,
+    radians: RadiansOption = None,
     keep: Annotated[
         bool,
         typer.Option(
@@ -68,6 +84,8 @@ def identify(
     those that were seen at the same time, and what the elements of a slot
     are off together is found by where its members stand to each other. Where
     another choice is one twentieth as likely or more, it is 'ambiguous'.
+
+    Files of observations may be what 'rsoconsole orbit' reads.
 
     What no catalogue explains is looked up in the ledger of such tracks, and
     with --keep put into it (see 'rsoconsole ledger'). Tracks of simulated
@@ -109,20 +127,12 @@ def identify(
     from rsoconsole.pipeline.catalogue_files import read_catalogue
     from rsoconsole.pipeline.element_errors_of import errors_of, errors_report
     from rsoconsole.pipeline.orbit_report import identification_report, named_track_report
-    from rsoconsole.pipeline.sightings_of import longest_arc, read_observed
+    from rsoconsole.pipeline.sightings_of import longest_arc
 
     catalogue = load_config(config).catalogue
     files = tle or element_files(path, catalogue.tle_files)
-    tracks = read_observed(path, sigma_arcsec=sigma)
-    shown = tracks[0]
-    if track is not None:
-        chosen = [each for each in tracks if each.number == track or each.track_id is None]
-        # Asked for one that is not there, it says which there are.
-        shown = chosen[0] if chosen else read_observed(path, track=track)[0]
-    elif len(tracks) > 1:
-        output.complain(
-            f"rsoconsole: {len(tracks)} tracks, named together; the longest in full, see --track"
-        )
+    ask = read_as(sigma, site, stations, object_, is_radians=radians)
+    tracks, shown = _tracks_of(path, ask, track)
     entries = read_catalogue(files)
     arcs = [longest_arc(each.seen) for each in tracks]
     named = identify_jointly(
@@ -154,3 +164,24 @@ def identify(
         *source_lines(report["element_errors"], regimes),
         *past_tracks_lines(report),
     )
+
+
+def _tracks_of(
+    path: Path, ask: "ReadAs", track: int | None
+) -> "tuple[tuple[Observed, ...], Observed]":
+    """All that are named together, and the one that is told in full."""
+    from rsoconsole.export.observed import read_observations
+
+    groups = read_observations(path, ask)
+    tracks = max(groups, key=lambda each: len(each[0].seen))
+    if len(groups) > 1:
+        output.complain(f"rsoconsole: {len(groups)} stations; by {tracks[0].name}, which has most")
+    if track is not None:
+        chosen = [each for each in tracks if each.number == track or each.track_id is None]
+        # Asked for one that is not there, it says which there are.
+        return tracks, chosen[0] if chosen else read_observations(path, ask, track=track)[0][0]
+    if len(tracks) > 1:
+        output.complain(
+            f"rsoconsole: {len(tracks)} tracks, named together; the longest in full, see --track"
+        )
+    return tracks, tracks[0]

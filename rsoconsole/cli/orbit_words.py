@@ -39,7 +39,11 @@ def orbit_lines(names: Sequence[str], report: dict[str, Any]) -> list[str]:
     if report["predicted"]:
         lines += ["", *_ahead_lines(report), "", *_event_lines(report)]
     if report["tle"]:
-        lines += ["", "  Elements for SGP4 (--out writes them):", *report["tle"]]
+        lines += [
+            "",
+            f"  Elements for SGP4, {report['tle_frame']} (--out writes them):",
+            *report["tle"],
+        ]
     return lines
 
 
@@ -92,6 +96,7 @@ def _part_lines(parts: Sequence[dict[str, Any]]) -> Iterator[str]:
 
 def _element_lines(report: dict[str, Any]) -> Iterator[str]:
     yield f"  {'epoch':18} {_clock(report['epoch_utc'], with_date=True, seconds=True)} UTC"
+    yield f"  {'frame':18} {report['frame']}, osculating"
     for key, name, unit in _ELEMENT_WORDS:
         sigma = report["sigma_a_km"] if key == "a_km" else report["sigmas"][key]
         value, spread = _with_sigma(report[key], sigma)

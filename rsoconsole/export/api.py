@@ -9,19 +9,24 @@ from typing import Literal, get_args
 from rsoconsole.durable_files import write_durably
 from rsoconsole.errors import ExportError
 from rsoconsole.export import frames as on_record
-from rsoconsole.export.iod import STATION, check_station, to_iod
+from rsoconsole.export.eo_observation import to_udl
+from rsoconsole.export.iod import STATION, check_station, site_line, to_iod
 from rsoconsole.export.night import ExportedNight, read_night
 from rsoconsole.export.regions import to_regions
 from rsoconsole.export.solved_fits import solved_fits
 from rsoconsole.export.tables import to_csv, to_ecsv, to_jsonl
 from rsoconsole.export.target import Target
 from rsoconsole.export.tdm import ORIGINATOR, to_tdm, whole
+from rsoconsole.export.tdm_xml import xml_of
 
-TextFormat = Literal["csv", "ecsv", "jsonl", "tdm", "iod"]
+TextFormat = Literal["csv", "ecsv", "jsonl", "tdm", "tdm-xml", "iod", "udl"]
 FrameFormat = Literal["fits", "regions"]
 Format = Literal[TextFormat, FrameFormat]
 TEXT_FORMATS: tuple[str, ...] = get_args(TextFormat)
 FRAME_FORMATS: tuple[str, ...] = get_args(FrameFormat)
+MESSAGES = ("tdm", "tdm-xml", "iod", "udl")
+"""What the tracks took, for others."""
+_ENDINGS: Mapping[str, str] = {"tdm-xml": "tdm.xml", "udl": "udl.json"}
 FOLDER = Path("branches") / "exports"
 """Where in a session its exports lie, unless another place is named."""
 _SUFFIXES: Mapping[FrameFormat, str] = {"fits": ".fits.fz", "regions": ".reg"}
@@ -34,15 +39,17 @@ class ExportOptions:
     everything: bool = False
     """Tables also hold what the operator refused and what his word replaced."""
     track: int | None = None
-    """TDM and IOD of this track alone."""
+    """TDM, IOD and UDL of this track alone."""
     target: Target = field(default_factory=Target)
     """What the track's object is called."""
     station: str = STATION
     """IOD: the observing site's number."""
     sky: str = " "
     """IOD: state of the sky, one of E, G, F, P, B, T."""
+    site_line: bool = False
+    """IOD: a line with the station and its place comes first, as in posts to SeeSat-L."""
     originator: str = ORIGINATOR
-    """TDM: who made it."""
+    """TDM and UDL: who made it."""
     frames: tuple[int, ...] | None = None
     """FITS and regions of these frames alone."""
     is_forced: bool = False
@@ -93,8 +100,8 @@ def export(
 
 def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str, Export]:
     """The text of a format that has one, and what is in it. Raises as ``export`` does."""
-    night = read_night(session, everything=options.everything and kind not in {"tdm", "iod"})
-    if kind in {"tdm", "iod"}:
+    night = read_night(session, everything=options.everything and kind not in MESSAGES)
+    if kind in MESSAGES:
         return _messages(night, kind, options)
     texts = {
         "csv": lambda: to_csv(night.rows),
@@ -115,7 +122,8 @@ def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str
 
 def default_path(session: Path, extension: str) -> Path:
     """``SESSION/branches/exports/NAME.EXT``."""
-    return session / FOLDER / f"{session.resolve().name}.{extension}"
+    ending = _ENDINGS.get(extension, extension)
+    return session / FOLDER / f"{session.resolve().name}.{ending}"
 
 
 def write_file(path: Path, content: bytes, *, is_forced: bool) -> None:
@@ -150,18 +158,7 @@ def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[
             "no track took anything in this session: there is nothing to report; "
             "csv, ecsv and jsonl carry measurements that no track took"
         )
-    if kind == "tdm":
-        text = to_tdm(
-            night,
-            tracks,
-            target=options.target,
-            created_utc_ns=time.time_ns(),
-            originator=options.originator,
-        )
-    else:
-        text = to_iod(
-            night, tracks, target=options.target, station=options.station, sky=options.sky
-        )
+    text = _text_of(night, kind, tracks, options)
     counted = {
         "cut by the frame's edge": len(taken) - len(sent),
         "taken by no track": sum(row.track is None for row in night.rows),
@@ -177,6 +174,32 @@ def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[
         is_simulated=night.is_simulated,
     )
     return text, made
+
+
+def _text_of(
+    night: ExportedNight, kind: str, tracks: tuple[int, ...], options: ExportOptions
+) -> str:
+    if kind == "iod":
+        lines = to_iod(
+            night, tracks, target=options.target, station=options.station, sky=options.sky
+        )
+        return site_line(night, options.station) + lines if options.site_line else lines
+    if kind == "udl":
+        return to_udl(
+            night,
+            tracks,
+            target=options.target,
+            source=options.originator,
+            sensor=night.config.site.name,
+        )
+    text = to_tdm(
+        night,
+        tracks,
+        target=options.target,
+        created_utc_ns=time.time_ns(),
+        originator=options.originator,
+    )
+    return xml_of(text) if kind == "tdm-xml" else text
 
 
 def _export_frames(

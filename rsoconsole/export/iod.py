@@ -59,6 +59,17 @@ def to_iod(
     )
 
 
+def site_line(night: ExportedNight, station: str) -> str:
+    """Which station it was and where it stands, ahead of its lines; readers pass over it."""
+    site = night.config.site
+    place = site.to_site()
+    name = "".join(c if c.isascii() and c.isprintable() else "?" for c in site.name)
+    return (
+        f"# {station} {place.latitude_deg:.5f} {place.longitude_deg:.5f} {place.elevation_m:.0f} m"
+        f" (WGS84, east positive) {name}\n"
+    )
+
+
 def check_station(station: str, sky: str) -> None:
     """Raises ExportError for a station or a state of the sky that a line cannot say."""
     if _STATION.fullmatch(station) is None:

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from rsoconsole.errors import ExportError
 
 _COSPAR = re.compile(r"(\d{4})-(\d{3})([A-Z]{1,3})", re.ASCII)
-LARGEST_NORAD = 99_999
+LARGEST_NORAD = 999_999_999
+"""What an OMM holds."""
+LARGEST_IOD_NORAD = 99_999
 """What five columns hold."""
 UNKNOWN_NORAD = 99_900
 """The first number of those that stand for unknown objects: 99901 is the night's first."""
@@ -26,7 +28,7 @@ class Target:
     def __post_init__(self) -> None:
         """Raises ExportError for what cannot be such a number."""
         if self.norad_id is not None and not 1 <= self.norad_id <= LARGEST_NORAD:
-            raise ExportError(f"{self.norad_id} is no catalogue number of five digits")
+            raise ExportError(f"{self.norad_id} is no catalogue number of one to nine digits")
         if self.cospar is not None and _COSPAR.fullmatch(self.cospar) is None:
             raise ExportError(
                 f"{self.cospar!r} is no international designation: write it like 2009-064A"
@@ -49,7 +51,12 @@ class Target:
         An unknown object is 999NN with NN its track, launch 999 of the year of the observation:
         no launch has that number. Raises ExportError where more tracks are than such numbers.
         """
-        if track > LARGEST_NORAD - UNKNOWN_NORAD:
+        if self.norad_id is not None and self.norad_id > LARGEST_IOD_NORAD:
+            raise ExportError(
+                f"an IOD line has five columns for a catalogue number, no room for {self.norad_id}:"
+                " leave --norad out and give --cospar, or export tdm"
+            )
+        if track > LARGEST_IOD_NORAD - UNKNOWN_NORAD:
             raise ExportError("more than 99 tracks: give one at a time with --track")
         norad = UNKNOWN_NORAD + track if self.norad_id is None else self.norad_id
         match = _COSPAR.fullmatch(self.cospar or "")

@@ -101,6 +101,8 @@ def _metadata(
     )
     if night.config.exposure.calibrated:
         yield f"COMMENT Times: {_shutter_words(night, rows)}"
+    time_sigma_s = night.time_sigma_s(middle)
+    yield f"COMMENT Times: mid-exposure; one sigma of the shutter {time_sigma_s:.3g} s"
     if track in night.names:
         yield f"COMMENT Track {track} {name_words(night.names[track])}"
     yield "COMMENT Angles are astrometric and along ICRS axes; EME2000 differs by 0.02 arcsec"
@@ -148,7 +150,9 @@ def aberration_deg(
 
 
 def _epoch(t_utc_ns: int, decimals: int = 9) -> str:
-    return utc_ns_to_iso(t_utc_ns, decimals).removesuffix("Z")
+    """Without digits that are nothing, but to the millisecond: what is written is what was read."""
+    whole_s, point, digits = utc_ns_to_iso(t_utc_ns, decimals).removesuffix("Z").partition(".")
+    return f"{whole_s}{point}{digits.rstrip('0').ljust(3, '0')}"
 
 
 def _ra(ra_deg: float) -> str:

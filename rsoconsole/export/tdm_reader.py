@@ -11,6 +11,7 @@ from datetime import date
 from pathlib import Path
 
 from rsoconsole.errors import ExportError
+from rsoconsole.export.tdm_xml import lines_of_xml
 from rsoconsole.foreign_text import MOST_DATA_BYTES, read_foreign
 from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
 
@@ -111,9 +112,15 @@ def read_tdm(path: Path) -> Tdm:
 
 
 def parse_tdm(text: str, name: str = "the message") -> Tdm:
-    """The message in a text; ``name`` is what errors call it. Raises as ``read_tdm`` does."""
-    walk = _Walk(name=name)
-    for number, line in enumerate(text.split("\n"), start=1):
+    """The message in a text, keyword = value or XML; ``name`` is what errors call it.
+
+    Raises as ``read_tdm`` does.
+    """
+    text = text.removeprefix("\ufeff")
+    is_xml = text.lstrip().startswith("<")
+    walk = Walk(name=name, unit="element" if is_xml else "line")
+    lines = lines_of_xml(text.lstrip(), name) if is_xml else text.split("\n")
+    for number, line in enumerate(lines, start=1):
         stripped = line.strip()
         if stripped:
             walk.number = number
@@ -151,10 +158,12 @@ class _Open:
 
 
 @dataclass(slots=True, kw_only=True)
-class _Walk:
+class Walk:
     """Where the reading stands."""
 
     name: str
+    unit: str = "line"
+    """What is counted."""
     number: int = 0
     section: str = "start"
     version: str = ""
@@ -164,7 +173,7 @@ class _Walk:
     open: _Open = field(default_factory=_Open)
 
     def wrong(self, what: str) -> ExportError:
-        return ExportError(f"{self.name}, line {self.number}: {what}")
+        return ExportError(f"{self.name}, {self.unit} {self.number}: {what}")
 
     def hear(self, line: str) -> None:
         if line == "COMMENT" or line.startswith("COMMENT "):

@@ -59,6 +59,8 @@ class MeanElements:
     """Per Earth radius; 0 where nothing is known of it."""
     rms_arcsec: float
     """Of the used directions, per axis."""
+    cospar: str = ""
+    """International designator, as ``2009-064A``; empty where nobody knows it."""
 
     def record(self) -> Any:
         """For SGP4. Raises OrbitError where SGP4 refuses."""
@@ -99,7 +101,10 @@ class MeanElements:
         from sgp4.exporter import export_tle
 
         number = _five_columns(self.norad_id)
-        lines = [each[:2] + number + each[7:68] for each in export_tle(self.rounded().record())]
+        record = self.rounded().record()
+        if self.cospar:
+            record.intldesg = self.cospar[2:4] + self.cospar[5:]
+        lines = [each[:2] + number + each[7:68] for each in export_tle(record)]
         text = "\n".join((self.name, *(each + str(checksum(each + "0")) for each in lines)))
         return parse_elements(text, "elements fitted")[0]
 

@@ -28,7 +28,7 @@ def omm(
     header = {"CREATION_DATE": _time(created_utc_ns), "ORIGINATOR": originator}
     comment = f"SGP4 elements fitted to directions, {elements.rms_arcsec:.2f} arcsec rms"
     parts = {
-        "metadata": _metadata(elements, object_id),
+        "metadata": _metadata(elements, elements.cospar or object_id),
         "meanElements": _mean(elements),
         "tleParameters": _tle(elements),
     }

@@ -1,6 +1,6 @@
 """Elements for SGP4 of an orbit that was found, where it is known well enough to have any."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rsoconsole.errors import OrbitError
 from rsoconsole.orbit.mean_elements import MeanElements, mean_elements
@@ -20,13 +20,14 @@ class FittedElements:
     reason: str
 
 
-def orbit_elements(found: Found, *, norad_id: int, name: str) -> FittedElements:
+def orbit_elements(found: Found, *, norad_id: int, name: str, cospar: str = "") -> FittedElements:
     """Fitted to the directions and the orbit; nothing is raised for what SGP4 does not follow."""
     if found.orbit is None or found.orbit.label not in WORTH_WRITING:
         label = "not observable" if found.orbit is None else found.orbit.label
         return FittedElements(mean=None, tle=None, reason=f"the orbit is labelled {label}")
     try:
         fitted = mean_elements(found.orbit, found.seen, norad_id=norad_id, name=name)
+        fitted = replace(fitted, cospar=cospar)
     except OrbitError as error:
         return FittedElements(mean=None, tle=None, reason=str(error))
     try:

@@ -46,6 +46,8 @@ def orbit_report(
             for each in found.solutions
         ],
         "tle": None if tle is None else list(tle),
+        "frame": "GCRS",
+        "tle_frame": "TEME",
     }
     report.update(_outlook_values(outlook))
     return report

@@ -1,0 +1,381 @@
+"""Directions of one object from any file of observations: what ``orbit`` and ``identify`` read.
+
+Sessions and the program's own JSON are read by ``pipeline.sightings_of``; here TDM (both forms),
+IOD and UK lines, tables, and rows of EOObservation records join them.
+"""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from rsoconsole.errors import ExportError, OrbitError
+from rsoconsole.export.equinox import to_icrs
+from rsoconsole.export.iod_reader import HORIZONTAL, IodObservation, parse_iod
+from rsoconsole.export.observed_csv import ecsv_site, looks_like_table, read_table, stations_of
+from rsoconsole.export.observed_rows import ObservedRow
+from rsoconsole.export.tdm_reader import Tdm, TdmSegment, parse_tdm
+from rsoconsole.export.uk_reader import is_uk, parse_uk
+from rsoconsole.foreign_text import MOST_DATA_BYTES, json_of, read_foreign
+from rsoconsole.orbit.sightings import sightings
+from rsoconsole.pipeline.sightings_of import Observed, read_observed
+from rsoconsole.records import FloatArray, Site
+from rsoconsole.sky.angles import wrap_180
+from rsoconsole.sky.times import NS_PER_S
+
+_LISTED = 8
+_SITE_LINE = re.compile(r"# (\w{4}) (-?\d+\.\d+) (-?\d+\.\d+) (-?\d+) m \(WGS84, east positive\)")
+"""As ``iod`` writes it."""
+NEAR_S = 600.0
+"""Neighbours in time by which a rate is told."""
+SITE_USAGE = "--site LATITUDE,LONGITUDE,METRES (east positive), or --stations FILE"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadAs:
+    """What a file does not say itself."""
+
+    sigma_arcsec: float = 1.0
+    """Of observations that state none."""
+    site: Site | None = None
+    stations: Path | None = None
+    """File of stations' places."""
+    target: str | None = None
+    """Which object of several, as the file calls it."""
+    is_radians: bool | None = None
+    """Whether the file's angles are radians; None: nobody said."""
+
+
+def read_observations(
+    path: Path, ask: ReadAs, *, track: int | None = None
+) -> tuple[tuple[Observed, ...], ...]:
+    """The tracks of a session, the longest first; or of a file its one object, by station.
+
+    Raises SessionError, OrbitError or ExportError saying what is wrong with what.
+    """
+    if path.is_dir() or path.name == "session.db" or not path.exists():
+        return (read_observed(path, sigma_arcsec=ask.sigma_arcsec, track=track),)
+    text = _text(path)
+    rows = _rows(text, path)
+    if rows is None:
+        if ask.is_radians is not None or ask.site is not None:
+            raise OrbitError(
+                f"{path} says itself where and in what: leave --site and --radians out"
+            )
+        observed = read_observed(path, sigma_arcsec=ask.sigma_arcsec)
+        _expect_degrees(path, observed[0].seen.ra_icrs_deg, observed[0].seen.dec_icrs_deg)
+        return (observed,)
+    rows = _in_degrees(rows, path, ask)
+    rows = _of_one(rows, path, ask.target)
+    return tuple(_of_station(path, station, each, ask) for station, each in _stations(rows))
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_foreign(path, most_bytes=MOST_DATA_BYTES).removeprefix("\ufeff")
+    except (OSError, UnicodeDecodeError) as error:
+        raise OrbitError(f"{path} cannot be read: {error}") from error
+
+
+def _rows(text: str, path: Path) -> tuple[ObservedRow, ...] | None:
+    """The file's rows, by what it is; None for the program's own JSON."""
+    name = str(path)
+    start = text.lstrip()
+    if start.startswith(("CCSDS_TDM_VERS", "<")):
+        return _of_tdm(parse_tdm(text, name), name)
+    if start.startswith("[") and '"obTime"' in start:
+        return _of_udl(start, name)
+    if looks_like_table(text):
+        site = ecsv_site(text) if "%ECSV" in text[:200] else None
+        return tuple(
+            each if each.site is not None else replace(each, site=site)
+            for each in read_table(text, name)
+        )
+    if start.startswith(("{", "[")):
+        return None
+    return _of_lines(text, name)
+
+
+def _of_tdm(message: Tdm, name: str) -> tuple[ObservedRow, ...]:
+    found: list[ObservedRow] = []
+    for number, segment in enumerate(message.segments, start=1):
+        found.extend(_of_segment(segment, f"{name}, segment {number}"))
+    if not found:
+        raise ExportError(
+            f"{name} holds no pairs of angles (ANGLE_TYPE = RADEC): ranges and Doppler say nothing"
+            " here"
+        )
+    return tuple(found)
+
+
+def _of_segment(segment: TdmSegment, where: str) -> list[ObservedRow]:
+    if not segment.angles:
+        return []
+    kind = segment.metadata.get("ANGLE_TYPE", "none")
+    if kind.upper() != "RADEC":
+        raise ExportError(
+            f"{where}: angles of type {kind}: only right ascension and declination (RADEC) are read"
+        )
+    frame = segment.metadata.get("REFERENCE_FRAME", "EME2000").upper()
+    if frame not in {"EME2000", "ICRF", "GCRF", "J2000"}:
+        raise ExportError(f"{where}: directions in {frame}: only EME2000 and ICRF are read")
+    return [
+        ObservedRow(
+            where=where,
+            t_utc_ns=each.t_utc_ns,
+            ra_icrs_deg=each.angle_1_deg % 360.0,
+            dec_icrs_deg=each.angle_2_deg,
+            sigma_ra_arcsec=each.sigma_1_arcsec,
+            sigma_dec_arcsec=each.sigma_2_arcsec,
+            correlation=each.correlation or 0.0,
+            target=segment.metadata.get("PARTICIPANT_2"),
+            station=segment.metadata.get("PARTICIPANT_1"),
+            site=_site_of_comments(segment.comments),
+        )
+        for each in segment.angles
+    ]
+
+
+def _site_of_comments(comments: Sequence[str]) -> Site | None:
+    """As ``tdm`` writes it: TDM has no keyword for a place."""
+    for comment in comments:
+        words = comment.replace(",", " ").split()
+        if words[:2] != ["Site", "WGS84:"]:
+            continue
+        try:
+            return Site(
+                latitude_deg=float(words[words.index("latitude") + 1]),
+                longitude_deg=float(words[words.index("longitude") + 1]),
+                elevation_m=float(words[words.index("height") + 1]),
+            )
+        except (ValueError, IndexError):
+            return None
+    return None
+
+
+def _of_lines(text: str, name: str) -> tuple[ObservedRow, ...]:
+    """IOD and UK lines, also among other words of a mail."""
+    found: list[ObservedRow] = []
+    fault: str | None = None
+    places: dict[str, Site] = {}
+    for number, line in enumerate(text.splitlines(), start=1):
+        if (told := _SITE_LINE.match(line)) is not None:
+            latitude, longitude, height = (float(told[n]) for n in (2, 3, 4))
+            places[told[1]] = Site(
+                latitude_deg=latitude, longitude_deg=longitude, elevation_m=height
+            )
+        if not line.strip() or line.startswith("#"):
+            continue
+        where = f"{name}, line {number}"
+        try:
+            each = parse_uk(line) if is_uk(line) else parse_iod(line)
+        except ExportError as error:
+            fault = fault or f"{where}: {error}"
+            continue
+        if each.angle_format in HORIZONTAL:
+            horizontal = "only right ascension and declination are read"
+            fault = fault or f"{where}: azimuth and elevation: {horizontal}"
+        elif each.first_deg is not None:
+            found.append(_of_line(each, where, places.get(each.station)))
+    if not found:
+        raise ExportError(
+            fault
+            or f"{name} holds no observations: TDM, IOD or UK lines, CSV with named columns, and"
+            " JSON are read"
+        )
+    return tuple(found)
+
+
+def _of_line(each: IodObservation, where: str, site: Site | None) -> ObservedRow:
+    assert each.first_deg is not None
+    assert each.second_deg is not None
+    ra, dec = to_icrs(each.first_deg, each.second_deg, each.epoch_year, each.t_utc_ns)
+    name = each.cospar if each.norad_id is None else str(each.norad_id)
+    step_s = each.t_step_ns / NS_PER_S / math.sqrt(12.0)
+    return ObservedRow(
+        where=where,
+        t_utc_ns=each.t_utc_ns,
+        ra_icrs_deg=ra,
+        dec_icrs_deg=dec,
+        sigma_ra_arcsec=each.position_sigma_arcsec,
+        sigma_dec_arcsec=each.position_sigma_arcsec,
+        time_sigma_s=math.hypot(each.time_sigma_s or 0.0, step_s),
+        target=name,
+        station=each.station,
+        site=site,
+    )
+
+
+def _of_udl(text: str, name: str) -> tuple[ObservedRow, ...]:
+    """EOObservation records, by their names there."""
+    import json
+
+    try:
+        records = json_of(text)
+    except ValueError as error:
+        raise ExportError(f"{name} is not JSON: {error}") from error
+    lines = [json.dumps(_plain_record(each, name, n)) for n, each in enumerate(records, 1)]
+    return read_table("\n".join(lines), name)
+
+
+def _plain_record(record: object, name: str, number: int) -> dict[str, object]:
+    if not isinstance(record, dict):
+        raise ExportError(f"{name}, record {number}: an object belongs there")
+    if record.get("referenceFrame") not in (None, "J2000", "GCRF"):
+        raise ExportError(f"{name}, record {number}: only J2000 and GCRF are read")
+    try:
+        dec = float(record["declination"])
+        cos_dec = math.cos(math.radians(dec))
+        told: dict[str, object] = {
+            "time": str(record["obTime"]),
+            "ra_deg": float(record["ra"]),
+            "dec_deg": dec,
+            "object": record.get("satNo") or record.get("origObjectId"),
+            "station": record.get("origSensorId") or record.get("idSensor"),
+            "lat_deg": record.get("senlat"),
+            "lon_deg": record.get("senlon"),
+        }
+        height_km = record.get("senalt")
+        told["alt_m"] = None if height_km is None else 1000.0 * float(height_km)
+        for key, scale in (("raUnc", cos_dec), ("declinationUnc", 1.0)):
+            value = record.get(key)
+            axis = "ra" if key == "raUnc" else "dec"
+            told[f"sigma_{axis}_arcsec"] = None if value is None else 3600.0 * scale * float(value)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ExportError(f"{name}, record {number}: {error!r} is missing or no number") from error
+    return told
+
+
+def _in_degrees(rows: tuple[ObservedRow, ...], path: Path, ask: ReadAs) -> tuple[ObservedRow, ...]:
+    if ask.is_radians:
+        rows = tuple(
+            replace(
+                each,
+                ra_icrs_deg=math.degrees(each.ra_icrs_deg),
+                dec_icrs_deg=math.degrees(each.dec_icrs_deg),
+            )
+            for each in rows
+        )
+    for each in rows:
+        if not (-360.0 <= each.ra_icrs_deg <= 360.0 and abs(each.dec_icrs_deg) <= 90.0):
+            raise ExportError(
+                f"{each.where}: RA {each.ra_icrs_deg:g}, Dec {each.dec_icrs_deg:g} is no direction"
+                " in degrees"
+            )
+    if ask.is_radians is None:
+        ra = np.array([each.ra_icrs_deg for each in rows])
+        _expect_degrees(path, ra, np.array([each.dec_icrs_deg for each in rows]))
+    return tuple(replace(each, ra_icrs_deg=each.ra_icrs_deg % 360.0) for each in rows)
+
+
+def _expect_degrees(path: Path, ra_deg: FloatArray, dec_deg: FloatArray) -> None:
+    """Raises OrbitError where all directions are such as radians would be."""
+    is_small = bool(np.all(ra_deg <= 2.0 * math.pi) and np.all(abs(dec_deg) <= 0.5 * math.pi))
+    if len(ra_deg) > 1 and is_small:
+        raise OrbitError(
+            f"{path}: every RA is below 6.284 and every Dec within 1.571, as radians are: say"
+            " --radians or --degrees"
+        )
+
+
+def _of_one(
+    rows: tuple[ObservedRow, ...], path: Path, wanted: str | None
+) -> tuple[ObservedRow, ...]:
+    """Those of one object. Raises OrbitError that lists the objects of several."""
+    counted = Counter(each.target for each in rows)
+    if wanted is not None:
+        chosen = tuple(each for each in rows if each.target == wanted)
+        if chosen:
+            return chosen
+        raise OrbitError(f"{path} has no object {wanted!r}: it has {_listed(counted)}")
+    if len(counted) > 1:
+        raise OrbitError(
+            f"{path} holds {len(counted)} objects: {_listed(counted)}; say which with --object"
+        )
+    return rows
+
+
+def _listed(counted: "Counter[str | None]") -> str:
+    words = [f"{name or 'unnamed'} ({count})" for name, count in counted.most_common(_LISTED)]
+    more = len(counted) - len(words)
+    return ", ".join(words) + (f" and {more} more" if more > 0 else "")
+
+
+def _stations(
+    rows: tuple[ObservedRow, ...],
+) -> list[tuple[str | None, tuple[ObservedRow, ...]]]:
+    names = list(dict.fromkeys((each.station, each.site) for each in rows))
+    return [
+        (station, tuple(each for each in rows if (each.station, each.site) == (station, site)))
+        for station, site in names
+    ]
+
+
+def _of_station(
+    path: Path, station: str | None, rows: tuple[ObservedRow, ...], ask: ReadAs
+) -> tuple[Observed, ...]:
+    site = _site(path, station, rows, ask)
+    t = np.array([each.t_utc_ns for each in rows], np.int64)
+    ra = np.array([each.ra_icrs_deg for each in rows])
+    dec = np.array([each.dec_icrs_deg for each in rows])
+    cov = np.array([_covariance(each, ask.sigma_arcsec) for each in rows])
+    cov += _of_times(rows, t, ra, dec)
+    name = path.name if station is None else f"{path.name}, station {station}"
+    try:
+        seen = sightings(site, t, ra, dec, cov)
+    except ValueError as error:
+        raise OrbitError(f"{path}: {error}") from error
+    return (Observed(name=name, site=site, limits=None, seen=seen),)
+
+
+def _site(path: Path, station: str | None, rows: tuple[ObservedRow, ...], ask: ReadAs) -> Site:
+    if rows[0].site is not None:
+        return rows[0].site
+    if ask.stations is not None and station is not None:
+        places = stations_of(ask.stations, _text(ask.stations))
+        if station in places:
+            return places[station]
+    if ask.site is not None:
+        return ask.site
+    who = "its station" if station is None else f"station {station}"
+    raise OrbitError(f"{path} does not say where {who} stands: {SITE_USAGE}")
+
+
+def _covariance(row: ObservedRow, sigma_arcsec: float) -> tuple[float, float, float]:
+    east = row.sigma_ra_arcsec or sigma_arcsec
+    north = row.sigma_dec_arcsec or row.sigma_ra_arcsec or sigma_arcsec
+    if east <= 0.0 or north <= 0.0 or abs(row.correlation) >= 1.0:
+        raise ExportError(f"{row.where}: a sigma must be above 0, a correlation within 1")
+    return east**2, row.correlation * east * north, north**2
+
+
+def _of_times(
+    rows: tuple[ObservedRow, ...],
+    t: np.ndarray[tuple[int], np.dtype[np.int64]],
+    ra: FloatArray,
+    dec: FloatArray,
+) -> FloatArray:
+    """(N, 3) what errors of time add along the motion, by neighbours within ten minutes."""
+    added = np.zeros((len(rows), 3))
+    order = np.argsort(t, kind="stable")
+    for place, n in enumerate(order):
+        sigma_s = rows[n].time_sigma_s
+        near = [
+            m
+            for m in order[max(place - 1, 0) : place + 2]
+            if 0 < abs(int(t[m] - t[n])) <= NEAR_S * NS_PER_S
+        ]
+        if not sigma_s or not near:
+            continue
+        rates = []
+        for m in near:
+            dt_s = (int(t[m]) - int(t[n])) / NS_PER_S
+            east = float(wrap_180(ra[m] - ra[n])) * math.cos(math.radians(dec[n])) * 3600.0 / dt_s
+            rates.append((east, (dec[m] - dec[n]) * 3600.0 / dt_s))
+        east, north = (sigma_s * float(np.mean(each)) for each in zip(*rates, strict=True))
+        added[n] = (east * east, east * north, north * north)
+    return added
