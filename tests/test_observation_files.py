@@ -369,3 +369,15 @@ def test_degrees_that_look_like_radians_are_taken_where_somebody_says_so(tmp_pat
         read_observations(path, ASK)
     ((read,),) = read_observations(path, ReadAs(site=HERE, is_radians=False))
     np.testing.assert_allclose(read.seen.ra_icrs_deg, [1.0, 1.03])
+
+
+def test_lines_of_hours_and_minutes_are_never_taken_for_radians(tmp_path: Path) -> None:
+    path = tmp_path / "near_zero.iod"
+    lines = [
+        f"36097 09 064A   9999   202306230531{n}0300 26 25 0012{n}00+0012{n}0 37" for n in range(4)
+    ]
+    path.write_text("\n".join(lines))
+    ((read,),) = read_observations(path, ASK)
+    assert read.seen.ra_icrs_deg.max() < 2.0 * math.pi
+    with pytest.raises(OrbitError, match="no radians"):
+        read_observations(path, ReadAs(site=HERE, is_radians=True))

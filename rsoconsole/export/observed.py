@@ -207,6 +207,7 @@ def _of_line(each: IodObservation, where: str, site: Site | None) -> ObservedRow
         target=name,
         station=each.station,
         site=site,
+        is_degrees=True,
     )
 
 
@@ -251,6 +252,8 @@ def _plain_record(record: object, name: str, number: int) -> dict[str, object]:
 
 
 def _in_degrees(rows: tuple[ObservedRow, ...], path: Path, ask: ReadAs) -> tuple[ObservedRow, ...]:
+    if ask.is_radians and any(each.is_degrees for each in rows):
+        raise OrbitError(f"{path}: IOD and UK lines are no radians: leave --radians out")
     if ask.is_radians:
         rows = tuple(
             replace(
@@ -266,7 +269,7 @@ def _in_degrees(rows: tuple[ObservedRow, ...], path: Path, ask: ReadAs) -> tuple
                 f"{each.where}: RA {each.ra_icrs_deg:g}, Dec {each.dec_icrs_deg:g} is no direction"
                 " in degrees"
             )
-    if ask.is_radians is None:
+    if ask.is_radians is None and not all(each.is_degrees for each in rows):
         ra = np.array([each.ra_icrs_deg for each in rows])
         _expect_degrees(path, ra, np.array([each.dec_icrs_deg for each in rows]))
     return tuple(replace(each, ra_icrs_deg=each.ra_icrs_deg % 360.0) for each in rows)

@@ -26,3 +26,5 @@ class ObservedRow:
     """What the file calls the station."""
     site: Site | None = None
     """Where it stands, where the file says so."""
+    is_degrees: bool = False
+    """Whether the form that it was written in leaves no doubt about the unit."""
