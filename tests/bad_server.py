@@ -18,6 +18,7 @@ class BadServer:
     url: str = ""
     asked: list[str] = field(default_factory=list)
     bodies: list[bytes] = field(default_factory=list)
+    logins: list[str | None] = field(default_factory=list)
     behaviours: dict[str, Behaviour] = field(default_factory=dict)
     default: Behaviour | None = None
 
@@ -30,6 +31,7 @@ def bad_server() -> Iterator[BadServer]:
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             told.asked.append(self.path)
+            told.logins.append(self.headers.get("Authorization"))
             size = int(self.headers.get("Content-Length", 0))
             told.bodies.append(self.rfile.read(size))
             behave = told.behaviours.get(self.path.partition("?")[0], told.default)

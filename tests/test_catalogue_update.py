@@ -272,6 +272,17 @@ def test_an_account_is_shown_to_one_host_only(night: Night) -> None:
         assert other.asked == []
 
 
+def test_a_password_in_an_address_goes_to_its_own_host_alone(night: Night) -> None:
+    url = night.server.url.replace("http://", "http://ann:hunter2@")
+    assert night.one(send(GOOD), f"url:{url}/a").is_fetched
+    assert night.server.logins == ["Basic YW5uOmh1bnRlcjI="]
+    night.now_utc_ns += 3 * HOUR_NS
+    with bad_server() as other:
+        other.default = send(GOOD)
+        assert night.one(status(302, Location=f"{other.url}/b"), f"url:{url}/a").is_fetched
+        assert other.logins == [None]
+
+
 def test_the_first_source_has_precedence_until_a_later_one_is_three_days_newer(
     night: Night,
 ) -> None:
@@ -439,6 +450,7 @@ def test_a_password_in_an_address_is_in_no_output_and_the_file_is_its_owners(
     secret = server.url.replace("http://", "http://ann:hunter2@") + "/x?key=hunter3"
     server.default = status(500)
     rows = verb("add", secret) + verb("update", code=1) + verb("list")
+    assert "fault 500" in str(rows[1]["detail"])
     rows += [{"value": each.value} for each in effective_settings()]
     assert "hunter" not in json.dumps(rows, default=str)
     assert "hunter" not in repr(load_config().model_dump(mode="json"))

@@ -4,6 +4,7 @@ A server may be slow, end in the middle, send a page, a bomb or go round in circ
 sentence. Nothing secret that an address carries is ever in that.
 """
 
+import base64
 import contextlib
 import socket
 import ssl
@@ -15,7 +16,7 @@ import zlib
 from collections.abc import Mapping
 from http.cookiejar import CookieJar
 from typing import IO, Any, Literal
-from urllib.parse import urlencode, urlsplit
+from urllib.parse import unquote, urlencode, urlsplit, urlunsplit
 
 from rsoconsole import __version__
 from rsoconsole.errors import OrbitError
@@ -106,8 +107,9 @@ class Fetcher:
         return done[0]
 
     def _get(self, url: str, form: Mapping[str, str] | None, deadline: float) -> bytes:
+        plain, login = _without_login(url)
         request = urllib.request.Request(
-            url,
+            plain,
             data=None if form is None else urlencode(form).encode(),
             headers={
                 "User-Agent": f"rsoconsole/{__version__}",
@@ -115,9 +117,22 @@ class Fetcher:
                 "Accept": "application/json, text/plain, */*",
             },
         )
+        if login is not None:
+            # Not sent along when the server sends on to another.
+            request.add_unredirected_header("Authorization", f"Basic {login}")
         timeout_s = min(SILENT_S, self._deadline_s)
         with contextlib.closing(self._opener.open(request, timeout=timeout_s)) as answer:
             return _body(answer, deadline)
+
+
+def _without_login(url: str) -> tuple[str, str | None]:
+    """The address, and user and password of it as HTTP takes them."""
+    parts = urlsplit(url)
+    login, at, host = parts.netloc.rpartition("@")
+    if not at:
+        return url, None
+    packed = base64.b64encode(unquote(login).encode()).decode()
+    return urlunsplit(parts._replace(netloc=host)), packed
 
 
 def _body(answer: Any, deadline: float) -> bytes:
