@@ -98,6 +98,16 @@ class IndiConfig(_Section):
     )
 
 
+class InstrumentsConfig(_Section):
+    """Which protocols mount and camera speak; installed packages may bring others than INDI."""
+
+    mount: str = Field("indi", min_length=1, description="INDI's, or an installed package's")
+    camera: str = Field("indi", min_length=1, description="INDI's, or an installed package's")
+    options: dict[str, str | int | float | bool] = Field(
+        {}, description="settings of such a package"
+    )
+
+
 class WaitsConfig(_Section):
     """How long what is slow to start is waited for, by the wall clock; never longer than needed."""
 
@@ -565,6 +575,7 @@ class Config(_Section):
     site: SiteConfig = SiteConfig()
     optics: OpticsConfig = OpticsConfig()
     indi: IndiConfig = IndiConfig()
+    instruments: InstrumentsConfig = InstrumentsConfig()
     waits: WaitsConfig = WaitsConfig()
     exposure: ExposureConfig = ExposureConfig()
     mount: MountConfig = MountConfig()

@@ -24,6 +24,7 @@ from rsoconsole.engine.retention import DISK_REMEDY, disk_outlook
 from rsoconsole.errors import InstrumentError, RsoconsoleError
 from rsoconsole.indi_port import indi_port_option
 from rsoconsole.instruments.clock import utc_now_ns
+from rsoconsole.instruments.protocols import missing_protocol
 from rsoconsole.records import Site
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.times import NS_PER_DAY
@@ -259,10 +260,17 @@ def check_site(config: Config) -> Check:
 
 def check_indi_server(config: Config) -> Check:
     """The INDI server answers and has the configured mount and camera."""
-    indi = config.indi
+    indi, others = config.indi, config.instruments
     address = f"{indi.host}:{indi.port}"
     settings = {name: getattr(indi, name) for name in ("mount", "camera", "weather", "dome")}
+    # Of another protocol: their package says whether they are there.
+    settings |= {name: None for name in ("mount", "camera") if getattr(others, name) != "indi"}
     wanted = {device for device in settings.values() if device is not None}
+    if missing_words := missing_protocol(config):
+        return Check(check="INDI server", ok=False, detail=missing_words)
+    if not wanted:
+        detail = f"not used: mount by {others.mount}, camera by {others.camera}"
+        return Check(check="INDI server", ok=True, detail=detail)
     try:
         found = doctor_indi.devices_there(indi.host, indi.port, wanted, config.waits.quiet_s)
     except OSError as error:
@@ -289,6 +297,9 @@ def check_indi_server(config: Config) -> Check:
 def check_mount_site(config: Config) -> Check:
     """The mount believes to stand where the configuration says: its limits depend on it."""
     name, indi = "mount site", config.indi
+    if config.instruments.mount != "indi":
+        detail = f"a mount by {config.instruments.mount} is asked when it is armed"
+        return Check(check=name, ok=None, detail=detail)
     try:
         told = doctor_indi.told_site(indi.host, indi.port, indi.mount, config.waits.quiet_s)
     except InstrumentError as error:

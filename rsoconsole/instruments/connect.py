@@ -8,11 +8,10 @@ from pathlib import Path
 import platformdirs
 
 from rsoconsole.config import APP, Config
-from rsoconsole.instruments.camera import IndiCamera
 from rsoconsole.instruments.clock import SimulatedClock, SystemClock
 from rsoconsole.instruments.guard import open_guard
-from rsoconsole.instruments.mount import IndiMount
 from rsoconsole.instruments.ports import Clock, Instruments
+from rsoconsole.instruments.protocols import Connection, camera_by, mount_by
 
 
 @contextmanager
@@ -25,13 +24,15 @@ def connect_instruments(
 
     The clock is the simulated observatory's where ``indi.simulated`` says so, else the machine's,
     unless one is given. ``log_dir`` gets what libindi prints; None: the user's log folder.
-    Raises InstrumentError when server, mount or camera cannot be reached.
+    Raises InstrumentError when server, mount or camera cannot be reached, or are of a protocol that
+    is not installed.
     """
     folder = log_dir or platformdirs.user_log_path(APP)
     with ExitStack() as release:
-        mount = IndiMount(config.indi, folder / "mount.log", config.mount, config.waits)
+        connection = Connection(config=config, log_dir=folder)
+        mount = mount_by(connection)
         release.callback(mount.close)
-        camera = IndiCamera(config.indi, config.optics, folder / "camera.log", config.waits)
+        camera = camera_by(connection)
         release.callback(camera.close)
         with ThreadPoolExecutor(2) as both:
             starts = [both.submit(mount.start), both.submit(camera.start)]
