@@ -381,3 +381,38 @@ def test_lines_of_hours_and_minutes_are_never_taken_for_radians(tmp_path: Path) 
     assert read.seen.ra_icrs_deg.max() < 2.0 * math.pi
     with pytest.raises(OrbitError, match="no radians"):
         read_observations(path, ReadAs(site=HERE, is_radians=True))
+
+
+def test_json_without_a_site_takes_the_one_that_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "bare.json"
+    path.write_text(json.dumps({"obs": [[t, ra, dec] for t, ra, dec in ROWS]}))
+    with pytest.raises(OrbitError, match=r"no site .* --site"):
+        read_observations(path, ReadAs())
+    ((read,),) = read_observations(path, ASK)
+    assert read.site == HERE
+
+
+def test_json_in_radians_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "radians.json"
+    rows = [[t, math.radians(ra), math.radians(dec)] for t, ra, dec in ROWS]
+    path.write_text(json.dumps({"obs": rows}))
+    with pytest.raises(OrbitError, match="as radians are"):
+        read_observations(path, ASK)
+
+
+def test_elements_are_read_by_ccsds_ndm_and_skyfield(tmp_path: Path) -> None:
+    ndm_io = pytest.importorskip("ccsds_ndm.ndm_io", reason="pip install ccsds-ndm")
+    from skyfield.api import EarthSatellite, load
+
+    for ending in ("kvn", "xml", "json"):
+        out = tmp_path / f"o.{ending}"
+        words = ("orbit", SCHEMA_1, "--cospar", "2009-064A", "--norad", "100001")
+        printed(*words, "--out", out, "--json")
+        if ending == "json":
+            row = {key: str(value) for key, value in json.loads(out.read_text())[0].items()}
+            read = EarthSatellite.from_omm(load.timescale(builtin=True), row)
+            assert (read.model.satnum, read.model.intldesg) == (100_001, "09064A")
+        else:
+            segment = ndm_io.NdmIo().from_path(out).body.segment
+            assert segment.metadata.object_id == "2009-064A"
+            assert int(segment.data.tle_parameters.norad_cat_id) == 100_001

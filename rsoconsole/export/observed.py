@@ -62,12 +62,11 @@ def read_observations(
     text = _text(path)
     rows = _rows(text, path)
     if rows is None:
-        if ask.is_radians is not None or ask.site is not None:
-            raise OrbitError(
-                f"{path} says itself where and in what: leave --site and --radians out"
-            )
-        observed = read_observed(path, sigma_arcsec=ask.sigma_arcsec)
-        _expect_degrees(path, observed[0].seen.ra_icrs_deg, observed[0].seen.dec_icrs_deg)
+        if ask.is_radians:
+            raise OrbitError(f"{path} is JSON, whose angles are degrees: write them so")
+        observed = read_observed(path, sigma_arcsec=ask.sigma_arcsec, site=ask.site)
+        if ask.is_radians is None:
+            _expect_degrees(path, observed[0].seen.ra_icrs_deg, observed[0].seen.dec_icrs_deg)
         return (observed,)
     rows = _in_degrees(rows, path, ask)
     rows = _of_one(rows, path, ask.target)

@@ -118,7 +118,7 @@ def parse_tdm(text: str, name: str = "the message") -> Tdm:
     """
     text = text.removeprefix("\ufeff")
     is_xml = text.lstrip().startswith("<")
-    walk = Walk(name=name, unit="element" if is_xml else "line")
+    walk = _Walk(name=name, unit="element" if is_xml else "line")
     lines = lines_of_xml(text.lstrip(), name) if is_xml else text.split("\n")
     for number, line in enumerate(lines, start=1):
         stripped = line.strip()
@@ -158,7 +158,7 @@ class _Open:
 
 
 @dataclass(slots=True, kw_only=True)
-class Walk:
+class _Walk:
     """Where the reading stands."""
 
     name: str

@@ -54,17 +54,21 @@ class Observed:
 
 
 def read_observed(
-    path: Path, *, sigma_arcsec: float = 1.0, track: int | None = None
+    path: Path,
+    *,
+    sigma_arcsec: float = 1.0,
+    track: int | None = None,
+    site: Site | None = None,
 ) -> tuple[Observed, ...]:
     """The tracks of a session, the longest first, or the observations of a file.
 
     ``track`` takes one of a session's tracks alone, counted from 1 in order of time;
-    ``sigma_arcsec`` is that of observations which state none. Raises SessionError or OrbitError
-    saying what is wrong with what.
+    ``sigma_arcsec`` is that of observations which state none, ``site`` that of a file without one.
+    Raises SessionError or OrbitError saying what is wrong with what.
     """
     if path.is_dir() or path.name == "session.db":
         return _read_session(path if path.is_dir() else path.parent, track)
-    return (_read_file(path, sigma_arcsec),)
+    return (_read_file(path, sigma_arcsec, site),)
 
 
 def arcs(seen: Sightings) -> tuple[Sightings, ...]:
@@ -126,7 +130,7 @@ def _tracks(reader: SessionReader) -> list[Track]:
     return [each for each in found if len(each.measurements) >= _FEWEST] or found
 
 
-def _read_file(path: Path, sigma_arcsec: float) -> Observed:
+def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Observed:
     try:
         read = json_of(read_foreign(path, most_bytes=MOST_DATA_BYTES))
     except FileNotFoundError as error:
@@ -139,7 +143,8 @@ def _read_file(path: Path, sigma_arcsec: float) -> Observed:
         raise OrbitError(f"{path} is not JSON: {error}; it must be {_SHAPE}") from error
     if not isinstance(read, dict):
         raise OrbitError(f"{path} is no file of observations: it must be {_SHAPE}")
-    site = _site(read.get("site"), path)
+    told = read.get("site")
+    site = elsewhere if told is None and elsewhere is not None else _site(told, path)
     rows = read.get("obs")
     if not isinstance(rows, list) or not rows:
         raise OrbitError(f"{path} holds no observations: it must be {_SHAPE}")
@@ -157,7 +162,9 @@ def _site(table: Any, path: Path) -> Site:
             elevation_m=_number(table.get("alt_m", 0.0), 1e5),
         )
     except (TypeError, KeyError, ValueError, AttributeError) as error:
-        raise OrbitError(f"{path} has no site that can be used: it must be {_SHAPE}") from error
+        raise OrbitError(
+            f"{path} has no site that can be used: it must be {_SHAPE}; or say it with --site"
+        ) from error
     return site
 
 
