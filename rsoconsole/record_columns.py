@@ -199,6 +199,10 @@ modulation_period_px real along it, of light that comes and goes regularly
 modulation_period_s real the same in time
 modulation_depth real most less least over their sum, of that light
 train?0 integer lines that run parallel as a train, itself among them; 0: none
+light_offset_px real towards end b from the midpoint: the middle of a steady light by ends and light
+light_sigma_px real one sigma of that
+light_length_px real length of the even motion, likewise
+light_length_sigma_px real one sigma of that
 """
 _OF_SOLUTION = """
 ra_icrs_deg real at the image's centre

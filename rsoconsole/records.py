@@ -159,6 +159,15 @@ class Detection:
     width: 0 to 1."""
     train: int = 0
     """How many lines run parallel as a train of satellites, itself among them; 0: none."""
+    light_offset_px: float | None = field(default=None, compare=False)
+    """From the midpoint towards end b: where ends and light together have the middle, whatever the
+    image shook meanwhile, of a steady light. None where that was not measured."""
+    light_sigma_px: float | None = field(default=None, compare=False)
+    """One sigma of that."""
+    light_length_px: float | None = field(default=None, compare=False)
+    """Of the even motion, likewise."""
+    light_length_sigma_px: float | None = field(default=None, compare=False)
+    """One sigma of that."""
 
     def __post_init__(self) -> None:
         if self.kind == "streak" and self.is_clipped:

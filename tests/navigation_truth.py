@@ -17,8 +17,17 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BarycentricInterpolator, CubicHermiteSpline
 
 from rsoconsole.config import Config
-from rsoconsole.records import CameraMode, FloatArray, FrameTaken, Measurement, measurement_id_of
+from rsoconsole.records import (
+    CameraMode,
+    Detection,
+    Detections,
+    FloatArray,
+    FrameTaken,
+    Measurement,
+    measurement_id_of,
+)
 from rsoconsole.session.writer import SessionWriter
+from tests.makers import straight_detection
 
 MU, J2, EARTH_KM = 398600.4418, 1.08262668e-3, 6378.1366
 AU_KM, DAY_S = 149_597_870.7, 86_400.0
@@ -171,6 +180,10 @@ class Shutter:
     """What measured places are off, east and north."""
     along_arcsec: float = 0.25
     across_arcsec: float = 0.12
+    wind_arcsec: float = 0.0
+    """What each end is off beside that, unsaid."""
+    light_arcsec: float | None = None
+    """What a middle is off by ends and light together, as said; None: that is not on record."""
 
 
 @dataclass
@@ -276,7 +289,9 @@ def _write_frame(  # noqa: PLR0917 -- all that a frame has
     ahead = rate / np.hypot(*rate)
     aside = np.array([-ahead[1], ahead[0]])
     # Each end is found by itself: their mean is the middle, their difference is in the length.
-    one, other = rng.normal(0.0, shutter.along_arcsec * np.sqrt(2.0), 2)
+    one, other = rng.normal(
+        0.0, np.hypot(shutter.along_arcsec * np.sqrt(2.0), shutter.wind_arcsec), 2
+    )
     longer = (other - one) * ahead
     noise = (one + other) / 2.0 * ahead
     noise = noise + rng.normal(0.0, shutter.across_arcsec) * aside
@@ -316,6 +331,14 @@ def _write_frame(  # noqa: PLR0917 -- all that a frame has
         ends_icrs_deg=ends if plan.has_ends else None,  # type: ignore[arg-type]
     )
     writer.append(taken, header_mid_ns)
+    if shutter.light_arcsec is not None:
+        found = Detections(
+            frame_id=frame_id,
+            width_px=WIDTH_PX,
+            height_px=HEIGHT_PX,
+            detections=(_seen(shutter, rng, frame_id, way, float(noise @ ahead), other - one),),
+        )
+        writer.append(found, header_mid_ns)
     writer.append(measured, header_mid_ns)
     if is_strayed:
         from dataclasses import replace
@@ -326,6 +349,28 @@ def _write_frame(  # noqa: PLR0917 -- all that a frame has
             dec_icrs_deg=measured.dec_icrs_deg + 0.1,
         )
         writer.append(stray, header_mid_ns)
+
+
+def _seen(  # noqa: PLR0917 -- all that a streak has
+    shutter: Shutter,
+    rng: np.random.Generator,
+    frame_id: int,
+    way: FloatArray,
+    off_arcsec: float,
+    longer_arcsec: float,
+) -> Detection:
+    """The streak of a middle that is so far off by its ends."""
+    sigma = shutter.light_arcsec or 0.0
+    offset, length = rng.normal(-off_arcsec, sigma), rng.normal(np.hypot(*way), 4.0 * sigma)
+    return straight_detection(
+        frame_id=frame_id,
+        length_px=float(np.hypot(*way) + longer_arcsec) / SCALE_ARCSEC,
+        sigma_along_px=shutter.along_arcsec / SCALE_ARCSEC,
+        light_offset_px=float(offset) / SCALE_ARCSEC,
+        light_sigma_px=sigma / SCALE_ARCSEC,
+        light_length_px=float(length) / SCALE_ARCSEC,
+        light_length_sigma_px=4.0 * sigma / SCALE_ARCSEC,
+    )
 
 
 def flight_of_file(t_gps_s: FloatArray, fixed_km: FloatArray, t0_utc_ns: int) -> CubicHermiteSpline:

@@ -6,6 +6,7 @@ by 0.2 arcsec must give all three within their stated errors, the bias to 5 ms.
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -195,6 +196,30 @@ def test_streaks_without_ends_serve_too(sky, sp3, tmp_path) -> None:
     assert mode["sigma_bias_s"] <= FIVE_MS
     for name, truth in (("bias_s", 0.137), ("scatter_s", 0.008), ("line_time_us", 15.0)):
         assert abs(off(mode, name, truth)) <= SIGMAS
+
+
+def test_in_wind_light_tells_what_ends_do_not(sky, sp3, tmp_path) -> None:
+    """Each end is off by 2.5 arcsec of wind; by light and ends together the middle by 0.45."""
+    windy = Shutter(wind_arcsec=2.5)
+    sigmas, all_off = [], []
+    for seed in (31, 32, 33):
+        by_ends, by_light = (
+            found(
+                night(tmp_path / f"{name}{seed}", sky, each, Plan(), np.random.default_rng(seed)),
+                *("--sp3", sp3),
+            )["modes"][0]
+            for name, each in (("ends", windy), ("light", replace(windy, light_arcsec=0.45)))
+        )
+        sigmas.append((by_ends["sigma_bias_s"], by_light["sigma_bias_s"]))
+        all_off += [
+            off(by_light, "bias_s", 0.137),
+            off(by_light, "scatter_s", 0.008),
+            off(by_light, "line_time_us", 15.0),
+        ]
+        assert by_light["rejected"] <= 4
+    assert np.max(np.abs(all_off)) <= SIGMAS
+    assert all(light < 0.5 * ends for ends, light in sigmas)
+    assert max(light for _, light in sigmas) <= 0.006
 
 
 def test_a_line_time_that_the_rows_do_not_tell_is_the_configured_one(sky, sp3, tmp_path) -> None:

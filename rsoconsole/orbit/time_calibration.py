@@ -45,6 +45,8 @@ FEWEST = 6
 """Measurements of a mode without which nothing is told of it."""
 _TOO_FAR = 13.8
 """Of a measurement with two degrees of freedom: one good one in a thousand is farther."""
+_TAILS, _AS_GAUSSIAN = 4.0, 7.2
+"""Degrees of freedom, and from what on less is believed: errors without tails are as they were."""
 _ROUNDS = 10
 _ROUGHLY = 4.5 * 1.4826
 """Times the median of what is off: 4.5 sigma."""
@@ -78,6 +80,12 @@ class TimedDirections:
     night: Index
     length_off_arcsec: FloatArray
     """By how much the streak is longer than those of its track; NaN where they are too few."""
+    length_sigma_arcsec: FloatArray
+    """Stated, one sigma."""
+    is_by_ends: Mask
+    """Whether the middle is that between two ends alone, which may be worse than they say."""
+    tail: FloatArray
+    """Factor on all variances of its own, of what lies far off; found in the adjustment."""
 
     @property
     def ahead(self) -> FloatArray:
@@ -217,15 +225,20 @@ def _roughly(seen: TimedDirections, modes: int) -> Mask:
 
 
 def _rounds(seen: TimedDirections, is_used: Mask, before: _Before) -> tuple[Fit, Mask]:
-    """Fit, leave out what does not fit, and again."""
+    """Fit, leave out what does not fit, believe less what hardly does, and again."""
     could = is_used.copy()
     fit = _fit(seen.of(is_used), before)
     for _ in range(_ROUNDS):
-        again = could & (_distance(seen, fit, before) <= _TOO_FAR)
-        if np.array_equal(again, is_used) or int(np.sum(again)) < FEWEST:
+        far = _distance(seen, fit, before)
+        again = could & (far <= _TOO_FAR)
+        if int(np.sum(again)) < FEWEST:
             break
-        is_used = again
-        fit = _fit(seen.of(is_used), before)
+        is_same, is_used = np.array_equal(again, is_used), again
+        # Gusts give errors the tails of Student's distribution (Lange, Little & Taylor 1989).
+        less = np.maximum(1.0, (_TAILS + far) / _AS_GAUSSIAN)
+        fit = _fit(replace(seen, tail=less).of(is_used), before)
+        if is_same:
+            break
     return fit, is_used
 
 
@@ -237,12 +250,12 @@ def _distance(seen: TimedDirections, fit: Fit, before: _Before) -> FloatArray:
     ends, scatter = fit.variances[2:].reshape(2, -1)[:, seen.mode]
     own = scale * seen.covariance_arcsec2 + place * np.eye(2)
     speed_2 = np.sum(seen.rate_arcsec_s**2, axis=1)
+    ends = ends * seen.is_by_ends
     along = ends + scatter * speed_2
     own = own + along[:, None, None] * seen.ahead[:, :, None] * seen.ahead[:, None, :]
     far = np.einsum("ni,nij,nj->n", off, np.linalg.inv(own), off)
-    stated = np.einsum("ni,nij,nj->n", seen.ahead, seen.covariance_arcsec2, seen.ahead)
-    long = np.nan_to_num(seen.length_off_arcsec) ** 2 / (4.0 * (scale * stated + ends))
-    return np.asarray(np.maximum(far, long))
+    long = scale * seen.length_sigma_arcsec**2 + 4.0 * ends
+    return np.asarray(np.fmax(far, seen.length_off_arcsec**2 / long))
 
 
 def _rows(seen: TimedDirections, before: _Before) -> tuple[FloatArray, FloatArray]:
@@ -270,18 +283,19 @@ def _blocks(seen: TimedDirections, before: _Before) -> Iterator[Block]:
         of_scatter = {mode: before.modes + place for mode, place in of_ends.items()}
         numbers = (0, 1, *of_ends.values(), *of_scatter.values())
         parts = {number: np.zeros((n + lengths, n + lengths)) for number in numbers}
-        rate = part.rate_arcsec_s.ravel()
+        rate = (part.rate_arcsec_s * np.sqrt(part.tail)[:, None]).ravel()
         same_frame = np.kron(part.frame[:, None] == part.frame, np.ones((2, 2)))
         parts[1][:n, :n] = np.kron(part.track[:, None] == part.track, np.eye(2))
         for k, ahead in enumerate(part.ahead):
             two = slice(2 * k, 2 * k + 2)
-            parts[0][two, two] = part.covariance_arcsec2[k]
-            parts[of_ends[int(part.mode[k])]][two, two] = np.outer(ahead, ahead)
+            parts[0][two, two] = part.covariance_arcsec2[k] * part.tail[k]
+            if part.is_by_ends[k]:
+                parts[of_ends[int(part.mode[k])]][two, two] = np.outer(ahead, ahead) * part.tail[k]
         for row, k in enumerate(measured.tolist(), start=n):
-            # Of two ends: the length is off by their difference, the middle by half their sum.
-            along = float(part.ahead[k] @ part.covariance_arcsec2[k] @ part.ahead[k])
-            parts[0][row, row] = 4.0 * along
-            parts[of_ends[int(part.mode[k])]][row, row] = 4.0
+            parts[0][row, row] = part.length_sigma_arcsec[k] ** 2 * part.tail[k]
+            if part.is_by_ends[k]:
+                # The length is off by the difference of two ends, the middle by half their sum.
+                parts[of_ends[int(part.mode[k])]][row, row] = 4.0 * part.tail[k]
         for mode, number in of_scatter.items():
             late = rate * np.repeat(part.mode == mode, 2)
             parts[number][:n, :n] = np.outer(late, late) * same_frame
@@ -315,7 +329,8 @@ def _fit(seen: TimedDirections, before: _Before) -> Fit:
     modes = before.modes
     has_ends = np.array(
         [
-            np.sum((seen.mode == m) & np.isfinite(seen.length_off_arcsec)) >= FEWEST
+            np.sum((seen.mode == m) & seen.is_by_ends & np.isfinite(seen.length_off_arcsec))
+            >= FEWEST
             for m in range(modes)
         ]
     )

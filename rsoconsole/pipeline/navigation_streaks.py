@@ -15,7 +15,15 @@ import numpy.typing as npt
 from rsoconsole.config import Config
 from rsoconsole.orbit.navigation import NavigationSatellite
 from rsoconsole.pipeline.shutter_time import shutter_time
-from rsoconsole.records import FloatArray, FrameTaken, Measurement, Site
+from rsoconsole.records import (
+    Detection,
+    Detections,
+    FloatArray,
+    FrameTaken,
+    Measurement,
+    Site,
+    measurement_id_of,
+)
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.sky.angles import direction_to_unit, wrap_180
 from rsoconsole.sky.places import Places
@@ -32,6 +40,19 @@ _LEAST_SIGMA_ARCSEC = 0.03
 """Of a streak's middle, once the error of its time is taken out."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightAlong:
+    """A streak along itself by ends and light together (``vision/streak_middle.py``); arcsec."""
+
+    offset_arcsec: float
+    """From the measurement's place towards the second of its ends."""
+    sigma_arcsec: float
+    length_arcsec: float
+    length_sigma_arcsec: float
+    ends_sigma_arcsec: float
+    """What the ends alone stated of the middle: part of the measurement's covariance."""
+
+
 @dataclass(slots=True, kw_only=True)
 class Streak:
     """One with both its ends in the frame; changed where it is matched."""
@@ -44,6 +65,8 @@ class Streak:
     """(2, 2) arcsec^2; once it is matched without the error of its time."""
     time_sigma_s: float
     """What its session took the shutter to scatter by."""
+    light: LightAlong | None = None
+    """What its light tells of its middle and length; None in sessions from before it was asked."""
     satellite: NavigationSatellite | None = None
     offset_arcsec: FloatArray = field(default_factory=lambda: np.zeros(2))
     rate_arcsec_s: FloatArray = field(default_factory=lambda: np.zeros(2))
@@ -68,9 +91,13 @@ def read_streaks(folder: Path, session: int) -> NightStreaks:
     offset = about.get("clock_offset_s")
     taken: dict[int, FrameTaken] = {}
     streaks: dict[str, Streak] = {}
-    for _, _, record in reader.records(kinds=(FrameTaken, Measurement)):
+    found: dict[str, Detection] = {}
+    for _, _, record in reader.records(kinds=(FrameTaken, Detections, Measurement)):
         if isinstance(record, FrameTaken):
             taken[record.frame_id] = record
+        elif isinstance(record, Detections):
+            for number, detection in enumerate(record.detections):
+                found[measurement_id_of(record.frame_id, number)] = detection
         elif isinstance(record, Measurement) and record.frame_id in taken:
             frame = taken[record.frame_id]
             if _is_whole(record, frame):
@@ -81,6 +108,7 @@ def read_streaks(folder: Path, session: int) -> NightStreaks:
                     session=session,
                     covariance=np.array([[east, both], [both, north]]),
                     time_sigma_s=shutter_time(frame, config.exposure).sigma_s,
+                    light=_light_along(record, found.get(record.measurement_id)),
                 )
     return NightStreaks(
         folder=Path(folder),
@@ -109,18 +137,63 @@ def _along(measurement: Measurement) -> FloatArray | None:
     return np.array([wrap_180(ra_b - ra_a) * cos_dec, dec_b - dec_a]) * 3600.0
 
 
+def _light_along(measurement: Measurement, detection: Detection | None) -> LightAlong | None:
+    way = _along(measurement)
+    if detection is None or way is None or detection.length_px <= 0.0:
+        return None
+    offset_px, sigma_px = detection.light_offset_px, detection.light_sigma_px
+    length_px, length_sigma_px = detection.light_length_px, detection.light_length_sigma_px
+    if offset_px is None or sigma_px is None or length_px is None or length_sigma_px is None:
+        return None
+    scale = float(np.hypot(*way)) / detection.length_px
+    return LightAlong(
+        offset_arcsec=scale * offset_px,
+        sigma_arcsec=scale * sigma_px,
+        length_arcsec=scale * length_px,
+        length_sigma_arcsec=scale * length_sigma_px,
+        ends_sigma_arcsec=scale * detection.sigma_along_px,
+    )
+
+
+def _ahead(streak: Streak) -> FloatArray:
+    """(2,) a unit vector along the streak, towards the second of its ends."""
+    way = _along(streak.measurement)
+    assert way is not None
+    return np.asarray(way / np.hypot(*way))
+
+
 def _without_time(streak: Streak) -> FloatArray:
-    """(2, 2) arcsec^2: the measurement's covariance without what its time added to it."""
+    """(2, 2) arcsec^2: the measurement's covariance without what its time added to it.
+
+    Along the streak by its light, where that is known.
+    """
     late = streak.rate_arcsec_s * streak.time_sigma_s
-    values, vectors = np.linalg.eigh(streak.covariance - np.outer(late, late))
+    own = streak.covariance - np.outer(late, late)
+    if streak.light is not None:
+        ahead, light = _ahead(streak), streak.light
+        own = own + (light.sigma_arcsec**2 - light.ends_sigma_arcsec**2) * np.outer(ahead, ahead)
+    values, vectors = np.linalg.eigh(own)
     values = np.maximum(values, _LEAST_SIGMA_ARCSEC**2)
     return np.asarray((vectors * values) @ vectors.T)
 
 
-def length_arcsec(streak: Streak) -> float:
-    """From end to end; NaN where the ends are not known."""
+def _shift(streak: Streak) -> FloatArray:
+    """(2,) arcsec from the measurement's place to the middle by the streak's light."""
+    if streak.light is None:
+        return np.zeros(2)
+    return np.asarray(streak.light.offset_arcsec * _ahead(streak))
+
+
+def length_arcsec(streak: Streak) -> tuple[float, float]:
+    """From end to end, and one sigma of that; NaN where the ends are not known."""
+    if streak.light is not None:
+        return streak.light.length_arcsec, streak.light.length_sigma_arcsec
     way = _along(streak.measurement)
-    return math.nan if way is None else float(np.hypot(*way))
+    if way is None:
+        return math.nan, math.nan
+    # Of two ends: the length is off by their difference, the middle by half their sum.
+    ahead = _ahead(streak)
+    return float(np.hypot(*way)), 2.0 * math.sqrt(float(ahead @ streak.covariance @ ahead))
 
 
 def header_mid(streak: Streak) -> int:
@@ -153,6 +226,7 @@ def match(streaks: Sequence[Streak], site: Site, satellites: Sequence[Navigation
     for streak in streaks:
         if streak.satellite is not None:
             streak.covariance = _without_time(streak)
+            streak.offset_arcsec = streak.offset_arcsec + _shift(streak)
 
 
 _NEAR_COS = math.cos(math.radians(1.0))
@@ -236,4 +310,4 @@ def match_later(streaks: Sequence[Streak], site: Site, late_s: FloatArray) -> No
     dec = np.array([s.measurement.dec_icrs_deg for s in streaks])
     offset, rate = _offsets(places, ra, dec)
     for k, streak in enumerate(streaks):
-        streak.offset_arcsec, streak.rate_arcsec_s = offset[k], rate[k]
+        streak.offset_arcsec, streak.rate_arcsec_s = offset[k] + _shift(streak), rate[k]

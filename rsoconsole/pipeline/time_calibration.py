@@ -336,6 +336,9 @@ def _about_the_middle(
         ),
         track=track,
         length_off_arcsec=_lengths_off(used, track),
+        length_sigma_arcsec=np.array([length_arcsec(s)[1] for s in used]),
+        is_by_ends=np.array([s.light is None for s in used]),
+        tail=np.ones(len(used)),
         night=np.array([night_of[s.session] for s in used], np.int64),
     )
     return seen, late_s
@@ -346,7 +349,7 @@ def _lengths_off(used: Sequence[Streak], track: npt.NDArray[np.int64]) -> FloatA
 
     A mount that drifts makes all of a track longer or shorter than the rate says.
     """
-    length = np.array([length_arcsec(streak) for streak in used])
+    length = np.array([length_arcsec(streak)[0] for streak in used])
     length -= [float(np.hypot(*s.rate_arcsec_s)) * (s.taken.exposure_s or 0.0) for s in used]
     off = np.full(len(used), np.nan)
     for each in np.unique(track):

@@ -39,6 +39,7 @@ from rsoconsole.vision.set_aside import is_of_stars, set_aside
 from rsoconsole.vision.short_lines import in_turn, short_lines
 from rsoconsole.vision.stars import MAX_STARS, STAR_BLOCK_PX, StarList, find_stars
 from rsoconsole.vision.streak_class import Likelihood
+from rsoconsole.vision.streak_middle import with_middle
 from rsoconsole.vision.streak_names import named_with_shares
 from rsoconsole.vision.workers import Workers
 from rsoconsole.vision.working_frame import WorkingFrame, pixels_to_join
@@ -165,6 +166,7 @@ class StreakDetector:
             others = [r for r in rejected if r.detection.confidence <= _WORTH_A_NAME * threshold]
             told, doubted, shares = named_with_shares(working.frame, seen.sky, stars, told, doubted)
             rejected = doubted + others
+            told = [with_middle(working.frame.pixels, seen.sky, stars, d) for d in told]
         rejected.sort(key=lambda r: -r.detection.confidence)
         return FrameAnalysis(
             detections=Detections(

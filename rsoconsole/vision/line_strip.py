@@ -6,6 +6,7 @@ across to the frame's own point-spread function.
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -70,6 +71,14 @@ class Course:
 
     def at(self, columns: IntArray | FloatArray | float) -> FloatArray:
         return np.asarray(self.offset + self.slope * (np.asarray(columns) - self.middle))
+
+
+class Way(Protocol):
+    """Where light runs in a strip, straight or not."""
+
+    def at(self, columns: IntArray) -> FloatArray:
+        """Rows from the strip's middle one."""
+        ...
 
 
 def strip_about(
@@ -177,7 +186,7 @@ def level(strip: LineStrip, course: Course, sigma: float) -> None:
     strip.values[:] -= light / np.maximum(count, 1.0)
 
 
-def weights_of(strip: LineStrip, columns: IntArray, course: Course, sigma: float) -> Float32Array:
+def weights_of(strip: LineStrip, columns: IntArray, course: Way, sigma: float) -> Float32Array:
     """Gaussian across about the line, sum 1 a column."""
     v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
     off = v - course.at(columns).astype(np.float32)
@@ -213,7 +222,7 @@ class LineProfile:
         return (columns >= first) & (columns <= last) & self.is_known
 
 
-def profile_of(strip: LineStrip, course: Course, sigma: float) -> LineProfile:
+def profile_of(strip: LineStrip, course: Way, sigma: float) -> LineProfile:
     """The light of a strip along a line in it."""
     weight = weights_of(strip, strip.columns, course, sigma)
     known = weight * strip.is_good

@@ -111,6 +111,9 @@ def to_original(found: Detection, side: int) -> Detection:
     def px(place: float) -> float:
         return (place + 0.5) * side - 0.5
 
+    def size(of: float | None) -> float | None:
+        return None if of is None else of * side
+
     x0, y0, x1, y1 = (px(each) for each in found.box_px)
     return replace(
         found,
@@ -125,4 +128,8 @@ def to_original(found: Detection, side: int) -> Detection:
         width_px=found.width_px * side,
         sigma_along_px=found.sigma_along_px * side,
         sigma_across_px=found.sigma_across_px * side,
+        light_offset_px=size(found.light_offset_px),
+        light_sigma_px=size(found.light_sigma_px),
+        light_length_px=size(found.light_length_px),
+        light_length_sigma_px=size(found.light_length_sigma_px),
     )
