@@ -6,7 +6,8 @@ from scipy.signal import lfilter
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.background import local_background
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars import StarList
 from rsoconsole.vision.streak_middle import Middle, middle_of, with_middle
 from rsoconsole.vision.working_frame import to_original
 from tests.makers import straight_detection

@@ -61,7 +61,8 @@ def calibrate_time(
     satellites that go in several directions tell it from time. Some twenty
     tracks of six frames each, all over the sky and over the frame, give the
     bias to 2 to 4 ms where the ends of streaks are good to 0.35 arcsec,
-    and to 7 to 23 ms where they are good to 1.4.
+    to 7 ms in wind that shakes the image by an arcsec, to 10 to 17 where
+    it does by 2.5 to 4: take twice the frames.
 
     Broadcast files serve the night itself (2 m, 0.3 ms), SP3 afterwards.
 

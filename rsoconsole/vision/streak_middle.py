@@ -31,7 +31,8 @@ from rsoconsole.vision.line_strip import (
 )
 from rsoconsole.vision.line_texture import confusion
 from rsoconsole.vision.median import median_of
-from rsoconsole.vision.stars import FWHM_PER_SIGMA, StarList
+from rsoconsole.vision.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.stars import StarList
 
 log = logging.getLogger(__name__)
 
@@ -298,8 +299,8 @@ def _priors(
             informations.append(information)
             sizes.append(log_size + 2.0 * cosines * math.log(far * sigma))
     every = np.array(informations)
-    covariances = np.linalg.inv(every)
+    covariances = np.asarray(np.linalg.inv(every), np.float64)
     explained = (covariances @ right) @ right
     likely = 0.5 * (explained - np.linalg.slogdet(every)[1] - np.array(sizes))
     chances = np.exp(likely - likely.max())
-    return chances / chances.sum(), covariances
+    return np.asarray(chances / chances.sum(), np.float64), covariances
