@@ -207,12 +207,14 @@ def _by_night(
 
 def _in_row(timing: ShutterTiming, whole: ShutterTiming) -> Estimated:
     """The bias of one night in the row in which that of all is known best."""
-    rows, line = whole.middle_row_px - timing.middle_row_px, whole.line_time_s
+    # Nights that differ make one line time of both a wrong one.
+    of = timing if timing.is_line_time_found else whole
+    rows, line = whole.middle_row_px - timing.middle_row_px, of.line_time_s
     at = timing.bias_at_middle_s
     return replace(
         at,
         value=at.value + rows * line.value,
-        sigma=math.hypot(at.sigma, rows * line.sigma if whole.is_line_time_found else 0.0),
+        sigma=math.hypot(at.sigma, rows * line.sigma if of.is_line_time_found else 0.0),
     )
 
 
