@@ -61,8 +61,8 @@ def calibrate_time(
     satellites that go in several directions tell it from time. Some twenty
     tracks of six frames each, all over the sky and over the frame, give the
     bias to 2 to 4 ms where the ends of streaks are good to 0.35 arcsec,
-    to 7 ms in wind that shakes the image by an arcsec, to 10 to 17 where
-    it does by 2.5 to 4: take twice the frames.
+    to 7 ms in wind that shakes the image by an arcsec and to 11 where it
+    does by 2.5: take twice the frames there.
 
     Broadcast files serve the night itself (2 m, 0.3 ms), SP3 afterwards.
 

@@ -38,7 +38,7 @@ def timing_report(found: FoundTiming, written: str | None) -> dict[str, Any]:
                 "candidates": night.candidates,
                 "clock_offset_s": night.clock_offset_s,
                 "catalogue_drift_arcsec": [each.value for each in drift],
-                "sigma_catalogue_drift_arcsec": [each.sigma for each in drift],
+                "catalogue_drift_sigma_arcsec": [each.sigma for each in drift],
                 "is_drift_told_apart": is_apart,
             }
             for night, drift, is_apart in zip(
@@ -59,6 +59,7 @@ def timing_report(found: FoundTiming, written: str | None) -> dict[str, Any]:
         "place_arcsec": calibration.place_arcsec,
         "error_scale": calibration.error_scale,
         "rejected": sum(not each for each in calibration.is_used),
+        "skipped": dict(found.skipped),
         "cautions": list(cautions(found)),
         "written": written,
     }
@@ -99,16 +100,16 @@ def _mode_report(mode: Mode, timing: ShutterTiming | None) -> dict[str, Any]:
     return {
         **report,
         "bias_s": timing.bias_s.value,
-        "sigma_bias_s": timing.bias_s.sigma,
+        "bias_sigma_s": timing.bias_s.sigma,
         "scatter_s": timing.scatter_s.value,
-        "sigma_scatter_s": timing.scatter_s.sigma,
+        "scatter_sigma_s": timing.scatter_s.sigma,
         "line_time_us": timing.line_time_s.value * 1e6,
-        "sigma_line_time_us": (
+        "line_time_sigma_us": (
             timing.line_time_s.sigma * 1e6 if timing.is_line_time_found else None
         ),
         "middle_row_px": timing.middle_row_px,
         "bias_at_middle_s": timing.bias_at_middle_s.value,
-        "sigma_bias_at_middle_s": timing.bias_at_middle_s.sigma,
+        "bias_at_middle_sigma_s": timing.bias_at_middle_s.sigma,
         "night_spread_s": timing.night_spread_s,
         "measurements": timing.measurements,
         "frames": timing.frames,
@@ -126,6 +127,8 @@ def timing_lines(found: FoundTiming) -> Iterator[str]:
         f" {nights} night{'s' if nights > 1 else ''}"
     )
     yield f"by {_SOURCES[found.kind]}"
+    for reason, times in sorted(found.skipped.items()):
+        yield f"  not used of the files: {reason} ({times})"
     for mode, timing in found.modes:
         yield ""
         yield mode_words(mode)

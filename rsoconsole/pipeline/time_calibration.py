@@ -7,7 +7,7 @@ machine's clock may be off by something else another night.
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
@@ -114,6 +114,8 @@ class FoundTiming:
     """Day of the last night."""
     simulated: tuple[Path, ...] = ()
     """Sessions of the simulated observatory, whose shutter is no camera's."""
+    skipped: Mapping[str, int] = field(default_factory=dict)
+    """What of the orbits' files was not used, by reason, and how often."""
 
 
 def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -> FoundTiming:
@@ -168,6 +170,7 @@ def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -
         ),
         satellites=_satellites(used),
         simulated=tuple(each.folder for each in sessions if each.is_simulated),
+        skipped=file.skipped,
         measured_on=datetime.fromtimestamp(last_ns / NS_PER_S, UTC).date(),
     )
 
