@@ -98,7 +98,7 @@ def test_a_fault_of_the_camera_is_not_over_because_the_mount_answers(tracking: R
 
 def tell(r: Rig, verb: str) -> Outcome:
     answer = desk_of(r).handle(asked(verb))
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     return answer
 
 
@@ -111,7 +111,7 @@ def test_a_stop_that_is_not_confirmed_is_a_fault_until_the_mount_is_seen_to_stan
     tracking.mount.abort = unsure  # type: ignore[method-assign]
     desk = desk_of(tracking)
     assert not desk.handle(asked("stop")).ok
-    tracking.engine._heed_alarms()
+    tracking.engine.commands.heed_alarms()
     status = desk.status()
     assert (status.state, status.holder) == ("FAULT", "nobody")
     assert "cut its power" in status.faults[0]

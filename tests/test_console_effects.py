@@ -53,9 +53,9 @@ class DeskWire:
         verb = command.verb
         outcome = self.desk.handle(Request(command=command, sender=Sender.console("a@b")))
         if verb == "stop":
-            self._rig.engine._heed_alarms()
+            self._rig.engine.commands.heed_alarms()
         elif verb not in {"status", "preview"}:
-            self._rig.engine._execute_commands()
+            self._rig.engine.commands.execute_waiting()
             self._rig.engine._parking.see_to_it()
         return outcome
 

@@ -416,8 +416,8 @@ def test_a_fault_in_one_command_costs_none_of_those_behind_it(monkeypatch):
     r.queue.put(asked("seek"))
     r.queue.put(asked("set", arguments={"name": "detector.tau", "value": 0.25}))
     with pytest.raises(RuntimeError, match="a fault of ours"):
-        r.engine._execute_commands()
+        r.engine.commands.execute_waiting()
     (failed,) = r.memory.of(OperatorAction)
     assert (failed.verb, failed.outcome.kind) == ("seek", "failed")
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     assert [each.verb for each in r.memory.of(OperatorAction)] == ["seek", "set"]

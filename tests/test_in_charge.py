@@ -301,7 +301,7 @@ def test_resume_is_no_way_round_dome_weather_and_daylight(report, word, taken_by
     assert r.engine.charge.state == "TRACK"
     arguments = {"ra_icrs_deg": BESIDE[0], "dec_icrs_deg": BESIDE[1]} if taken_by == "goto" else {}
     assert desk_of(r).handle(asked(taken_by, arguments)).ok
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     assert r.engine.charge.is_resumable
     if report is None:
         r.clock.t_utc_ns = T0_UTC_NS + 8 * 3600 * NS
@@ -476,7 +476,7 @@ def test_what_is_wished_while_a_stop_talks_to_the_mount_waits_until_it_is_over()
             desk.handle(asked("park"))
             # The loop turns meanwhile.
             with pytest.raises(Interrupted):
-                r.engine._heed_alarms()
+                r.engine.commands.heed_alarms()
             order.append("stop ends")
         return abort(timeout_s)
 

@@ -31,7 +31,7 @@ def tracking() -> Rig:
 def tell(r: Rig, verb: str, **arguments: object) -> tuple[bool, str]:
     """Ask for it, and have the loop do it."""
     answer = desk_of(r).handle(asked(verb, arguments))
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     return answer.ok, answer.message
 
 
@@ -90,7 +90,7 @@ def test_what_is_kept_is_too_old_after_a_while(tracking: Rig):
 
 def test_after_a_stop_the_checklist_comes_first(tracking: Rig):
     tell(tracking, "stop")
-    tracking.engine._heed_alarms()
+    tracking.engine.commands.heed_alarms()
     assert tracking.engine.status().kept == "track 1"
     assert tell(tracking, "resume") == (
         False,
@@ -121,7 +121,7 @@ def test_a_first_look_under_a_cap_or_clouds_leaves_what_was_kept(
     tracking: Rig, is_resumed_at_once: bool
 ):
     tell(tracking, "stop")
-    tracking.engine._heed_alarms()
+    tracking.engine.commands.heed_alarms()
     plain = tracking.reducer.reduce
 
     def capped(frame: Frame) -> Reduction:
@@ -182,12 +182,12 @@ def test_a_night_with_tracks_followed_again_is_replayed_bit_for_bit(tracking: Ri
 def test_arming_and_following_again_at_once_checks_the_pointing_first(tracking: Rig):
     """As the console's one key asks it: both wait for the loop, and the first frame is no slew."""
     tell(tracking, "stop")
-    tracking.engine._heed_alarms()
+    tracking.engine.commands.heed_alarms()
     desk = desk_of(tracking)
     for verb in ("arm", "resume"):
         answer = desk.handle(asked(verb, {"override": list(CHECKS)} if verb == "arm" else {}))
         assert answer.ok, answer.message
-    tracking.engine._execute_commands()
+    tracking.engine.commands.execute_waiting()
     assert (tracking.engine.status().state, tracking.engine.status().kept) == ("COAST", None)
     tracking.engine._one_turn(is_bounded=False)
     said = [event.text for event in tracking.memory.of(Event)]

@@ -46,7 +46,7 @@ assert "Above the horizon" in CliRunner().invoke(app, ["flats", "--help"]).outpu
 
 # By the loop, to the mount and the record.
 assert r.queue.is_wanted, "it is urgent"
-r.engine._execute_commands()
+r.engine.commands.execute_waiting()
 altitude_deg, azimuth_deg = icrs_to_altaz(SITE, *r.mount.slews[-1], r.clock.now_utc_ns())
 assert abs(altitude_deg - 65.0) < 0.1 and abs(azimuth_deg - 180.0) < 0.1
 accepted, refused, done = r.memory.of(OperatorAction)

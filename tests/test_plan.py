@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.plan import Plan, Planner
+from rsoconsole.engine.plan import Planner
+from rsoconsole.engine.planned import Plan
 from rsoconsole.instruments.ports import MountReport
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Frame, SlewCommand

@@ -61,7 +61,7 @@ def test_what_a_command_before_it_may_still_change_is_not_known_yet(armed: Rig):
     assert desk.handle(asked("disarm")).ok
     assert desk.handle(asked("track", {"on": False})).ok
     assert desk.handle(asked("hold")).ok
-    armed.engine._execute_commands()
+    armed.engine.commands.execute_waiting()
     assert outcomes(armed)[3:] == [
         ("disarm", "done"),
         ("track", "tracking is off: the mount stands"),

@@ -94,7 +94,9 @@ def busy_rig(frames: set[int]) -> tuple[Rig, dict[int, Following]]:
     r = rig(frames, CONFIG)
     r.reducer.__class__ = BusyReducer
     followed: dict[int, Following] = {}
-    r.engine._on_cycle = lambda engine, _: followed.__setitem__(engine.frame_id, engine.following)
+    r.engine.frames._on_cycle = lambda _: followed.__setitem__(
+        r.engine.frame_id, r.engine.following
+    )
     return r, followed
 
 

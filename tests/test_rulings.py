@@ -76,7 +76,7 @@ def night(frames: set[int], misled: frozenset[int] = frozenset()) -> Rig:
 def say(r: Rig, verb: str, **arguments: Any) -> Outcome:
     """To the desk, and granted at once."""
     outcome = told(desk_of(r), verb, arguments)
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     return outcome
 
 
@@ -244,7 +244,7 @@ def test_a_word_is_on_the_frame_it_was_said_of_though_a_newer_one_was_followed_m
     r.engine.run(frames=8)
     assert desk_of(r).handle(asked("reject", arguments={"frame": 8})).ok
     r.engine.run(frames=9)
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     (ruling,) = r.memory.of(Ruling)
     assert ruling.frame_id == 8
     assert [m.frame_id for m in ruling.refused] == [8]

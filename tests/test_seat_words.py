@@ -442,13 +442,13 @@ def test_a_hold_until_it_clears_is_refused_in_a_clear_sky_and_taken_under_cloud(
     assert not refused.ok
     assert refused.message.startswith("no cloud now: 400 stars")
     assert desk_of(r).handle(asked("hold")).ok  # a plain hold is none of the sky's
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     assert desk_of(r).handle(asked("resume")).ok
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     stars[0] = 30
     r.engine.run(frames=9)
     assert desk_of(r).handle(asked("hold", {"until": "clear"})).ok
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     assert r.engine.charge.resumes_when_clear
     stars[0] = 400
     r.engine.run(frames=12)

@@ -33,8 +33,8 @@ def armed() -> Rig:
 
 
 def heed(r: Rig) -> None:
-    r.engine._heed_alarms()
-    r.engine._execute_commands()
+    r.engine.commands.heed_alarms()
+    r.engine.commands.execute_waiting()
 
 
 def test_a_move_that_is_being_reckoned_when_stop_comes_is_dropped(armed: Rig):
@@ -78,7 +78,7 @@ def test_moves_that_wait_behind_a_slow_disk_when_stop_comes_are_dropped(armed: R
         heed(armed)
         for thread in threads:
             thread.join()
-        heed_again = armed.engine._execute_commands
+        heed_again = armed.engine.commands.execute_waiting
         heed_again()
         assert armed.engine.charge.state == "IDLE"
         assert len(armed.mount.slews) == slews
@@ -124,7 +124,7 @@ def test_nudges_that_come_while_one_is_granted_add_up(armed: Rig):
         assert desk.handle(asked("nudge", arguments={"east_arcmin": 0.0, "north_arcmin": 6.0})).ok
     before = armed.engine.planner.looking_at(plain())
     armed.mount.report = report  # type: ignore[method-assign]
-    armed.engine._execute_commands()
+    armed.engine.commands.execute_waiting()
     done = [a for a in armed.memory.of(OperatorAction) if text(a.outcome) == "on its way"]
     assert len(done) == 3
     assert armed.engine.hand_move is not None
@@ -143,7 +143,7 @@ def test_a_limit_that_cuts_into_a_move_drops_it_and_keeps_the_hold_behind_it(arm
     armed.engine.hands.order_slew = order_slew  # type: ignore[method-assign]
     slews = len(armed.mount.slews)
     with pytest.raises(Interrupted):
-        armed.engine._execute_commands()
+        armed.engine.commands.execute_waiting()
     heed(armed)
     outcomes = {a.verb: text(a.outcome) for a in armed.memory.of(OperatorAction)}
     assert outcomes == {"goto": "dropped: a limit was met", "hold": "done"}

@@ -128,7 +128,7 @@ def test_the_telescope_follows_the_one_that_was_made_the_lead_and_a_replay_agree
     last = r.engine.following.track.frame_id
     outcome = told(desk_of(r), "choose", {"frame": last - 1, "x": 40.0, "y": 30.0})
     assert outcome.ok
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     assert r.engine.following.track_id == other
     assert {t.track.track_id for t in r.engine.following.tracks} == {lead, other}
     (said,) = [a for a in r.memory.of(OperatorAction) if a.outcome.kind == "ruled"]

@@ -169,7 +169,7 @@ def test_the_console_drops_one_and_takes_it_back_and_a_replay_agrees():
     desk = desk_of(r)
     untouched = r.engine.following.tracks
     assert told(desk, "drop", {"track": lead}).ok
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     assert ids(r.engine.following) == [other]
     (said,) = [a for a in r.memory.of(OperatorAction) if a.outcome.kind == "ruled"]
     assert text(said.outcome).endswith(
@@ -183,7 +183,7 @@ def test_the_console_drops_one_and_takes_it_back_and_a_replay_agrees():
         " follow its streak in the picture instead"
     )
     assert told(desk, "drop", {"track": lead, "off": True}).ok
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     assert ids(r.engine.following) == [lead, other]
     assert r.engine.following.track.innovations > untouched[0].track.innovations
     assert aims(r, 2) - before == pytest.approx(0.0, abs=0.01)
@@ -200,7 +200,7 @@ def test_of_two_dropped_with_one_frame_one_alone_is_taken_back():
     desk = desk_of(r)
     for arguments in ({"track": other}, {"track": lead}, {"track": other, "off": True}):
         assert told(desk, "drop", arguments).ok
-        r.engine._execute_commands()
+        r.engine.commands.execute_waiting()
     assert ids(r.engine.following) == [other]
     assert r.engine.charge.state == "TRACK"
 
@@ -214,7 +214,7 @@ def test_both_dropped_it_searches_and_a_replay_agrees():
     desk = desk_of(r)
     for number in ids(r.engine.following):
         assert told(desk, "drop", {"track": number}).ok
-        r.engine._execute_commands()
+        r.engine.commands.execute_waiting()
     assert r.engine.charge.state == "SEARCH"
     r.engine.run(frames=r.engine.frame_id + 4)
     assert not r.engine.following.tracks
@@ -230,9 +230,9 @@ def test_a_word_on_a_streak_leaves_what_was_said_of_a_track():
     lead, other = ids(r.engine.following)
     desk = desk_of(r)
     assert told(desk, "drop", {"track": other}).ok
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     assert told(desk, "reject", {"frame": r.memory.of(Ruling)[-1].frame_id}).ok
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     assert r.memory.of(Ruling)[-1].dropped == (other,)
     assert ids(r.engine.following) == [lead]
 
@@ -244,10 +244,10 @@ def test_what_cannot_be_is_refused_in_one_line():
     assert not outcome.ok
     assert outcome.message == "no track 7 is followed: those followed are 1 2"
     assert told(desk, "keep", {"track": 1}).ok
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     assert told(desk, "keep", {"track": 1}).message == "track 1 is kept already"
     assert told(desk, "keep", {"track": 2, "off": True}).message == "track 2 is not kept"
     assert told(desk, "disarm", {}).ok
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     outcome = told(desk, "drop", {"track": 1})
     assert outcome.message == "nothing is followed: autonomy does not have the mount"

@@ -100,7 +100,7 @@ def test_the_engine_tells_each_track_as_its_last_frame_left_it():
     lead, other = status_of(r).tracks
     assert (lead.state, lead.misses, lead.nis) == ("COAST", 2, None)
     assert told(desk_of(r), "disarm", {}).ok
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     said = status_of(r)
     assert (said.tracks, said.next_aim) == ((), None)
 
@@ -118,7 +118,7 @@ def test_the_aim_after_the_next_is_told_before_the_mount_goes_there():
     # The policy's word shows before a slew follows it.
     sent = len(r.memory.of(SlewCommand))
     assert told(desk_of(r), "set", {"name": "aim.policy", "value": "group"}).ok
-    r.engine._execute_commands()
+    r.engine.commands.execute_waiting()
     assert len(r.memory.of(SlewCommand)) == sent
     said = status_of(r)
     assert (said.next_aim.policy, said.next_aim.reason) == (

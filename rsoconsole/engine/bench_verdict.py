@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from rsoconsole.config import Config
 from rsoconsole.engine.bench import BenchResult
-from rsoconsole.engine.plan import SLEW_OVERHEAD_S
+from rsoconsole.engine.planned import SLEW_OVERHEAD_S
 from rsoconsole.engine.retention import disk_outlook
 
 SIDEREAL_DEG_S = 15.041 / 3600.0

@@ -217,7 +217,7 @@ class Desk:
             seat=None if seat.holder is None else seat_name(seat.holder),
             seat_asked_by=None if seat.asked_by is None else seat_name(seat.asked_by),
             last_stop=self._stop_now_known(),
-            temporary=self._engine.temporary.left(),
+            temporary=self._engine.frames.temporary.left(),
             session=self._session.absolute(),
             pid=os.getpid(),
         )

@@ -9,7 +9,8 @@ from rsoconsole.engine.chronicle import Chronicle
 from rsoconsole.engine.command_queue import CommandQueue
 from rsoconsole.engine.frame_times import FrameTimes
 from rsoconsole.engine.hands import NS, Hands, Interrupted
-from rsoconsole.engine.plan import Plan, Planner
+from rsoconsole.engine.plan import Planner
+from rsoconsole.engine.planned import Plan
 from rsoconsole.engine.states import LimitMet
 from rsoconsole.engine.watch import Watch
 from rsoconsole.instruments.camera import ARRIVED_KEY

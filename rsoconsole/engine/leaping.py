@@ -26,7 +26,7 @@ from rsoconsole.engine.leap_words import (
     orbit_words,
     pass_words,
 )
-from rsoconsole.engine.plan import Plan
+from rsoconsole.engine.planned import Plan
 from rsoconsole.engine.staring import Staring
 from rsoconsole.instruments.ports import MountReport
 from rsoconsole.orbit.known import KnownOrbit

@@ -7,30 +7,26 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from rsoconsole.config import Config
-from rsoconsole.control import Request, Status
-from rsoconsole.engine.arming import pointing_check
+from rsoconsole.control import Status
 from rsoconsole.engine.by_hand import ByHand, HandMove, Parts
 from rsoconsole.engine.chronicle import Chronicle, Recorder
 from rsoconsole.engine.command_queue import (
-    Alarm,
     CommandQueue,
     action_record,
-    alarm_words,
-    dropped_by,
 )
+from rsoconsole.engine.command_turn import CommandTurn
 from rsoconsole.engine.exposures import Exposures
 from rsoconsole.engine.faults import Faults
+from rsoconsole.engine.frame_turn import CLEAR_FRAMES, FrameTurn
 from rsoconsole.engine.guide import Guide
 from rsoconsole.engine.handlers import joined
-from rsoconsole.engine.hands import NS, POLL_NS, Hands, Interrupted, StoppedElsewhere
+from rsoconsole.engine.hands import NS, Hands, Interrupted, StoppedElsewhere
 from rsoconsole.engine.interruptions import Interruptions
 from rsoconsole.engine.kept import KeptTrack, kept_name
-from rsoconsole.engine.leaping import LEAP_POLL_NS, Leaping
+from rsoconsole.engine.leaping import Leaping
 from rsoconsole.engine.modes import Modes
-from rsoconsole.engine.pace import Pace
 from rsoconsole.engine.parking import Parking
-from rsoconsole.engine.plan import Plan, Planner
-from rsoconsole.engine.preview import PlacesOfInterest
+from rsoconsole.engine.plan import Planner
 from rsoconsole.engine.seek import Seeking
 from rsoconsole.engine.settings import Settings
 from rsoconsole.engine.slews import NowhereError, Slews
@@ -49,14 +45,12 @@ from rsoconsole.engine.states import (
     NotPointing,
     Resumed,
     Step,
-    Stopped,
     Taken,
     step,
     without_kept,
 )
 from rsoconsole.engine.status import status_of
-from rsoconsole.engine.temporary import Temporary
-from rsoconsole.engine.tracks_now import AimAhead, aim_ahead, tracks_now
+from rsoconsole.engine.tracks_now import tracks_now
 from rsoconsole.engine.verdicts import PixelsOf, Verdicts
 from rsoconsole.engine.watch import Watch
 from rsoconsole.errors import InstrumentError, RsoconsoleError
@@ -64,25 +58,17 @@ from rsoconsole.pipeline.cycle import Cycle
 from rsoconsole.pipeline.orbits import Orbits
 from rsoconsole.pipeline.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.uncorrelated_tracks import Past
-from rsoconsole.reasons import DONE, Cause, CommandResult, Missed, SlewRefusal
+from rsoconsole.reasons import DONE, Cause, CommandResult, Missed
 from rsoconsole.records import (
-    CycleTiming,
-    Frame,
     Miss,
-    Solution,
     StateChange,
-    Topic,
     TrackState,
 )
-from rsoconsole.tracking import lqe
 from rsoconsole.tracking.following import Following
 
 log = logging.getLogger(__name__)
 
 IDLE_TICK_NS = NS
-CLEAR_FRAMES = 2
-"""Frames in a row with their stars: the sky has cleared."""
-STOP_POLL_S = 0.02
 ENGINE_ENDS = CommandResult(kind="dropped", dropped_by="engine ended")
 
 
@@ -123,25 +109,12 @@ class Engine:
         self.cycle = Cycle(reducer, config)
         """What makes a track of frames, and knows the last ones."""
         self._queue = queue
-        self._on_cycle = on_cycle
-        self._plan: Plan | None = None
         self._kept = KeptTrack()
-        self._is_first_look = False
-        self._must_check_pointing = True
         self._faults = Faults()
         self._gave_up: str | None = None
         """Why autonomy gave the mount back by itself: a run of so many frames ends there."""
         self._has_dawned = False
         """The night is over, and the mount has not been asked for since."""
-        self._clear_frames = 0
-        self.last_track: TrackState | None = None
-        """What was followed last this night."""
-        self._ahead: AimAhead | None = None
-        """Where the exposure after the next one would look."""
-        self.temporary = Temporary()
-        """Settings that hold for some frames only."""
-        self._pace = Pace()
-        self._places = PlacesOfInterest()
         parts = Parts(
             hands=hands,
             planner=self.planner,
@@ -154,18 +127,41 @@ class Engine:
         """Stares and leaps, where that is configured."""
         hands.on_opened, hands.on_closed = self.leaping.opened, self.leaping.closed
         self.by_hand = ByHand(self, parts)
+        self.frames = FrameTurn(
+            self,
+            parts,
+            exposures=self._exposures,
+            cycle=self.cycle,
+            orbits=self.orbits,
+            leaping=self.leaping,
+            by_hand=self.by_hand,
+            faults=self._faults,
+            forgive=self._forgive,
+            on_cycle=lambda reduction: on_cycle(self, reduction) if on_cycle else None,
+        )
+        """Each exposure's way through the loop."""
         self.seeking = Seeking(self, hands, self.planner, self.slews, self.guide)
         self.verdicts = Verdicts(self, self.cycle, self.chronicle, pixels_of)
         self.handlers = joined(
             (
                 Modes(self).handlers,
                 self.by_hand.handlers,
-                Settings(self, self.temporary, self.chronicle).handlers,
+                Settings(self, self.frames.temporary, self.chronicle).handlers,
                 self.verdicts.handlers,
                 self.seeking.handlers,
             )
         )
         """How each command of the operator is checked and done."""
+        self.commands = CommandTurn(
+            self,
+            hands,
+            queue,
+            self.chronicle,
+            self._faults,
+            handlers=self.handlers,
+            on_executed=self.frames.look_ahead,
+        )
+        """What waits in the queue, and what cuts a wait short."""
         hands.on_tick = self.watch.hear_loop
         self.interruptions = Interruptions(
             self,
@@ -190,6 +186,11 @@ class Engine:
         return self.charge.following
 
     @property
+    def last_track(self) -> TrackState | None:
+        """What was followed last this night."""
+        return self.frames.last_track
+
+    @property
     def may_move(self) -> bool:
         """Whether autonomy has the mount and nobody holds it."""
         return self.charge.is_autonomous and not self.charge.is_held
@@ -203,7 +204,7 @@ class Engine:
         """A snapshot, from any thread."""
         clock = self.hands.instruments.clock
         charge, now_ns = self.charge, self.chronicle.last_utc_ns()
-        ahead = self._ahead if charge.is_autonomous and charge.following.tracks else None
+        ahead = self.frames.ahead if charge.is_autonomous and charge.following.tracks else None
         return status_of(
             charge,
             self.watch,
@@ -223,14 +224,6 @@ class Engine:
             next_aim=None if ahead is None else ahead.aim,
             orbits=self.orbits,
         )
-
-    def _look_ahead(self) -> None:
-        """Where the exposure after the next one would look, before the mount goes there."""
-        ahead = None
-        if self.charge.is_autonomous:
-            now_ns = self.hands.now_utc_ns()
-            ahead = self.planner.ahead(self.following, self._plan, now_ns)
-        self._ahead = aim_ahead(ahead, self.following, self.config)
 
     def _slew_left_s(self) -> float | None:
         report, sent = self.watch.last_report, self.hands.sent
@@ -289,7 +282,7 @@ class Engine:
     def expect_cloud(self) -> None:
         """Raises ValueError where the stars are there: a hold until they are back would be none."""
         stars = self.cycle.star_count
-        if stars is not None and self._clear_frames >= CLEAR_FRAMES:
+        if stars is not None and self.frames.clear_frames >= CLEAR_FRAMES:
             raise ValueError(f"no cloud now: {stars} stars; a plain hold lasts until you resume")
 
     def run(self, frames: int | None = None) -> None:
@@ -301,8 +294,8 @@ class Engine:
         with self.watch.running():
             while not self._queue.is_shutdown and not self._is_over(frames):
                 try:
-                    self._heed_alarms()
-                    self._execute_commands()
+                    self.commands.heed_alarms()
+                    self.commands.execute_waiting()
                     self._one_turn(is_bounded=frames is not None)
                 except Interrupted:
                     continue
@@ -342,9 +335,9 @@ class Engine:
             # What is measured now has no time.
             self.hands.wait_until(self.hands.now_utc_ns() + IDLE_TICK_NS)
         elif self.charge.is_autonomous:
-            self._one_exposure()
+            self.frames.one_exposure()
         elif self.charge.state == "MANUAL":
-            self._one_look()
+            self.frames.one_look()
         else:
             if is_bounded and self.charge.state == "FAULT":
                 fault = ("see the session's log", *self._faults.words)[-1]
@@ -383,7 +376,7 @@ class Engine:
         if self._queue.is_shutdown:
             result = self.hands.instruments.mount.abort()
             with contextlib.suppress(Interrupted):
-                self._heed_alarms()
+                self.commands.heed_alarms()
             for request in self._queue.take_all():
                 is_done = request.command.survives_stop
                 self.chronicle.append(action_record(request, DONE if is_done else ENGINE_ENDS))
@@ -413,20 +406,15 @@ class Engine:
         self._note_giving_up(happening)
         self._note_end_of_fault(before, happening)
         if not self.charge.is_autonomous:
-            self._is_first_look = False
-            self.leaping.forget()
-            # The next arming looks with the night's own exposure.
-            self._set_pace(None)
+            self.frames.end_autonomy()
         for action in result.actions:
             if action == "abort":
                 self.hands.instruments.mount.abort()
             elif action == "park":
                 self._parking.want()
             elif action == "start search":
-                self._is_first_look = True
                 # Who set the clock has not turned the telescope: a cloud ends no night for that.
-                self._must_check_pointing = not isinstance(happening, ClockSet)
-                self.planner.start_search(self.hands.mount_report(), self.hands.now_utc_ns())
+                self.frames.begin_search(checks_pointing=not isinstance(happening, ClockSet))
             elif action == "search home":
                 self.planner.go_home()
             else:
@@ -447,7 +435,7 @@ class Engine:
             self.cycle.folds.forget()
         if self.charge.state != before.state:
             self.cycle.hand.forget()
-        self._plan = self._exposures.next_start_utc_ns = None
+        self.frames.forget_plan()
 
     def _note_given_up(self, before: Charge) -> None:
         """A kept track is worth nothing any more, and no change of state says so."""
@@ -473,182 +461,11 @@ class Engine:
             part.configure(config)
         self.leaping.configure(before)
 
-    def _one_exposure(self) -> None:
-        """Wait for the mount, expose, reduce, follow, send the mount on; then put it on record."""
-        plan = self._plan or self._order_next()
-        self._plan = None
-        poll_ns, settle_s = POLL_NS, None
-        if self.leaping.is_on:
-            poll_ns, settle_s = LEAP_POLL_NS, self.leaping.times.settle_s()
-        is_held = self.charge.is_held
-        if self.slews.finish(plan, is_held=is_held, poll_ns=poll_ns, settle_s=settle_s):
-            self.cycle.forget_plate()
-        self.leaping.times.arrived()
-        place_px: tuple[float, float] | None = None
-        frame: Frame | None = None
-        try:
-            frame, read_ms = self._exposures.take(plan)
-            self._exposures.pass_readout_time(frame)
-            self.leaping.read_out(frame)
-            self._exposures.pass_processing_time()
-            reduction = self._reduce_and_go_on(frame, read_ms, plan.blocked)
-            place_px = self._places.of(frame, reduction, self.following)
-        finally:
-            self.leaping.drop_early()
-            # Also the frame that could not be used: it is the one somebody will want to see.
-            if frame is not None:
-                self._exposures.keep(frame, self.following.state, place_px)
-
-    def _order_next(self) -> Plan:
-        """Where and when the next exposure is; the mount is on its way when this returns."""
-        if self._is_first_look:
-            return self.planner.first_look(self.hands.now_utc_ns())
-        if self.leaping.is_on:
-            return self.leaping.order_next(is_held=self.charge.is_held)
-        return self.slews.order_next(self.following, is_held=self.charge.is_held)
-
-    def _one_look(self) -> None:
-        """An exposure while the operator has the mount: shown and measured, not followed."""
-        if self.hand_move is not None:
-            report = self.hands.wait_for_arrival(*self.hand_move.command)
-            self.by_hand.move = None
-            self.planner.moved_by_hand(report)
-            self.chronicle.say("info", "the mount has arrived")
-        frame, _ = self._exposures.take(self.planner.first_look(self.hands.now_utc_ns()))
-        place_px: tuple[float, float] | None = None
-        try:
-            self._exposures.pass_readout_time(frame)
-            self._exposures.pass_processing_time()
-            reduction, records = self.cycle.look(frame)
-            place_px = self._places.of(frame, reduction, self.following)
-            if isinstance(reduction.solution, Solution):
-                self.planner.solved(reduction.solution)
-            self.chronicle.tell(records)
-            self.charge = replace(self.charge, failures=0)
-            self._faults.clear()
-            self._count_frame()
-        finally:
-            self._exposures.keep(frame, self.following.state, place_px)
-
-    def _count_frame(self) -> None:
-        """One frame is done: what holds for some frames, or until the sky clears, may be over."""
-        config, changes = self.temporary.count(self.config)
-        for change in changes:
-            self.chronicle.append(change)
-        if changes:
-            self.configure(config)
-        if not self.leaping.is_on:
-            self._set_pace(self.following.track)
-        if self.following.track is not None:
-            self.last_track = self.following.track
-        is_cloudy = self.cycle.cloud is not None
-        self._clear_frames = 0 if is_cloudy else self._clear_frames + 1
-        if self.charge.resumes_when_clear and self._clear_frames >= CLEAR_FRAMES:
-            self.chronicle.say("info", "the stars are back: slews again")
-            self.happen(Resumed(by="the sky"))
-
-    def _set_pace(self, track: TrackState | None) -> None:
-        """Exposure and cadence for what is followed; the night's own where nothing is."""
-        config, changes = self._pace.after(self.config, track)
-        for change in changes:
-            self.chronicle.append(change)
-        if changes:
-            self.configure(config)
-
-    def _reduce_and_go_on(
-        self, frame: Frame, read_ms: float, blocked: SlewRefusal | None
-    ) -> Reduction:
-        began_s = time.perf_counter()
-        before = self.following
-        result = self.cycle.run(frame, before, blocked, self.orbits.last)
-        folded_s = time.perf_counter()
-        self.chronicle.tell(result.records)
-        self.happen(Followed(after=result.after))
-        if isinstance(result.reduction.solution, Solution):
-            self.planner.solved(result.reduction.solution)
-        self.planner.followed(before, result.after, self.hands.now_utc_ns())
-        self._count_frame()
-        is_first_look, self._is_first_look = self._is_first_look, False
-        if is_first_look and self._must_check_pointing:
-            self._check_pointing(result.reduction)
-        self.leaping.saw(frame, result.reduction)
-        if self.charge.is_autonomous:
-            self._plan = self._order_next()
-            self._exposures.next_start_utc_ns = self._plan.t_start_utc_ns
-        ordered_s = time.perf_counter()
-        reduce_ms = result.reduction.stage_ms
-        stages = {
-            "read": read_ms,
-            **self.leaping.take_stage_ms(),
-            **reduce_ms,
-            "filter": (folded_s - began_s) * 1e3 - sum(reduce_ms.values()),
-            "order": (ordered_s - folded_s) * 1e3,
-            "total": (ordered_s - began_s) * 1e3 + read_ms,
-        }
-        # The mount is on its way: nobody waits for this.
-        self.leaping.plan_pass()
-        lqe.make_ready()
-        self.chronicle.tell(self.orbits.refine())
-        self.guide.prepare(self.hands.now_utc_ns())
-        self._look_ahead()
-        stages["orbit"] = (time.perf_counter() - ordered_s) * 1e3
-        self.chronicle.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))
-        self._faults.clear()
-        if self._on_cycle is not None:
-            self._on_cycle(self, result.reduction)
-        return result.reduction
-
     def _forget_times(self) -> None:
         """What lives by times that are wrong."""
-        self.last_track = None
+        self.frames.last_track = None
         self.orbits.forget()
         self.leaping.forget_times()
-
-    def _check_pointing(self, reduction: Reduction) -> None:
-        """The first frame after arming must agree with where the mount says it looks."""
-        check = pointing_check(reduction.solution, self.hands.mount_report(), self.config)
-        if check.ok:
-            self.chronicle.say("info", check.detail)
-        elif "pointing" in self.watch.lifted:
-            self.chronicle.say("warning", f"{check.detail}: overridden")
-        else:
-            words = f"{check.detail}; {check.remedy}"
-            self.chronicle.say("alarm", f"not armed: {words}")
-            self.happen(NotPointing(words=words))
-
-    def _execute_commands(self) -> None:
-        """Do what waits, in order; each gets its outcome on record, whatever comes between."""
-        requests = self._queue.take_all()
-        for number, request in enumerate(requests):
-            outcome = DONE
-            try:
-                with self._queue.executing():
-                    outcome = self._execute(request)
-            except (ValueError, InstrumentError, StoppedElsewhere) as error:
-                outcome = CommandResult.refused(error)
-                log.warning("%s refused: %s", request.command.verb, error)
-            except Interrupted:
-                self._put_back(requests[number:])
-                raise
-            except Exception as error:  # a fault of ours: it goes up, and no command with it
-                failed = CommandResult(kind="failed", detail=f"{type(error).__name__}: {error}")
-                self.chronicle.append(action_record(request, failed))
-                self._put_back(requests[number + 1 :])
-                raise
-            self.chronicle.append(action_record(request, outcome))
-        self._queue.finished()
-        if requests:
-            self._look_ahead()
-
-    def _put_back(self, requests: tuple[Request, ...]) -> None:
-        """Taken from the queue already: they wait again; what was undone there is undone here."""
-        undone, result = self._queue.put_back(requests)
-        for each in undone:
-            self.chronicle.append(action_record(each, result))
-
-    def _execute(self, request: Request) -> CommandResult:
-        """One command, by its handler. Raises as the handler does."""
-        return self.handlers[type(request.command)].execute(request.command, request.by)
 
     def park(self, by: str) -> None:
         """Disarm and send the mount to its park position, again and again until it is there."""
@@ -657,39 +474,10 @@ class Engine:
         self._enter(replace(self.charge, is_resumable=False), None)
         self._parking.want()
 
-    def _heed_alarms(self) -> None:
-        """What cut the loop short: pass through its step, then say so.
-
-        Raises Interrupted while a STOP is still talking to the mount on its own thread: nothing
-        may be executed before it is over.
-        """
-        if not self._queue.is_stopping:
-            return
-        alarms = self._queue.take_alarms()
-        if not alarms:
-            time.sleep(STOP_POLL_S)
-            raise Interrupted
-        # An order may have been on its way when the flag went up: stop the mount once more.
-        again = self.hands.instruments.mount.abort()
-        for alarm in alarms:
-            for request in alarm.dropped:
-                self.chronicle.append(action_record(request, dropped_by(alarm.happening)))
-            self._heed(alarm, again.stopped)
-
-    def _heed(self, alarm: Alarm, is_stopped_again: bool) -> None:
-        # The words first: what has to be done may fail.
-        topic: Topic = "limit" if isinstance(alarm.happening, LimitMet) else ""
-        words = alarm_words(alarm, is_stopped_again, self.config)
-        self.chronicle.say("alarm", words, topic)
-        happening = alarm.happening
-        if not isinstance(happening, Stopped):
-            self.happen(happening)
-            return
-        is_confirmed = is_stopped_again or (alarm.result is not None and alarm.result.stopped)
-        stopped = replace(happening, is_confirmed=is_confirmed)
-        self.happen(stopped)
-        if not is_confirmed:
-            self._faults.expect_stop(stopped, words, self.hands.now_utc_ns())
+    def _forgive(self) -> None:
+        """An exposure came through: what failed before is over."""
+        self.charge = replace(self.charge, failures=0)
+        self._faults.clear()
 
     def _on_failure(self, words: str, *, is_final: bool = False) -> None:
         if self.charge.state == "FAULT":

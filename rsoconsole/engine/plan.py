@@ -1,11 +1,18 @@
 """What the next exposure is: where, when, and whether the mount must move for it."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from rsoconsole.config import Config
 from rsoconsole.engine.guide import Guide
 from rsoconsole.engine.hands import NS
+from rsoconsole.engine.planned import (
+    CLOCKS_APART_NS,
+    FLIP_WAY_DEG,
+    SLEW_OVERHEAD_S,
+    Ahead,
+    IsRefused,
+    Plan,
+)
 from rsoconsole.engine.search import Direction, Search
 from rsoconsole.instruments.ports import MountReport, PierSide
 from rsoconsole.pipeline.aim import (
@@ -23,44 +30,6 @@ from rsoconsole.sky.frames import hour_angle_jnow_deg, icrs_to_jnow
 from rsoconsole.sky.limits import Pose
 from rsoconsole.tracking.following import Following
 from rsoconsole.tracking.pointing import PointingModel, PointingOffset, command_for, observed
-
-IsRefused = Callable[[SlewCommand, int], SlewRefusal | None]
-"""Why the limits forbid a slew, held there until an instant; None when they do not."""
-
-SLEW_OVERHEAD_S = 3.0
-"""What a slew is reckoned to take beside its way and settling: a slow mount is waited for."""
-FLIP_WAY_DEG = 190.0
-"""How far the declination axis turns to change sides near the equator; the other a little less."""
-CLOCKS_APART_NS = 10 * NS
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
-    """The next exposure."""
-
-    t_start_utc_ns: int
-    t_mid_utc_ns: int
-    slew: SlewCommand | None
-    refused: tuple[tuple[SlewCommand, SlewRefusal], ...] = ()
-    """Slews that were wanted and why they are not done; each place is named once, but all of
-    them where nothing is left to search."""
-    blocked: SlewRefusal | None = None
-    """Why the telescope does not go where the track is; None when nothing keeps it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ahead:
-    """Where the exposure after the planned one would look, as things stand now."""
-
-    direction: Direction
-    lead: Direction
-    """Where the lead then is."""
-    t_mid_utc_ns: int
-    reason: str
-    is_slew: bool
-    """Whether the mount would move for it."""
-    way_deg: float
-    """From where it looks before."""
 
 
 class Planner:

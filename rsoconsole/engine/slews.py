@@ -4,7 +4,8 @@ from dataclasses import replace
 
 from rsoconsole.engine.chronicle import Chronicle
 from rsoconsole.engine.hands import FAR_OFF_DEG, POLL_NS, Hands, StoppedElsewhere
-from rsoconsole.engine.plan import Plan, Planner
+from rsoconsole.engine.plan import Planner
+from rsoconsole.engine.planned import Plan
 from rsoconsole.engine.watch import Watch
 from rsoconsole.errors import RsoconsoleError
 from rsoconsole.instruments.ports import MountReport

@@ -5,7 +5,7 @@ from rsoconsole.engine.by_hand import Parts
 from rsoconsole.engine.hands import NS
 from rsoconsole.engine.leap_camera import LeapCamera
 from rsoconsole.engine.leap_times import LeapTimes
-from rsoconsole.engine.plan import Plan
+from rsoconsole.engine.planned import Plan
 from rsoconsole.pipeline.awaited import Awaited, expected_at
 from rsoconsole.pipeline.leap_pass import duty
 from rsoconsole.pipeline.leaps import exposure_for

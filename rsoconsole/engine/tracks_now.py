@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from rsoconsole.config import Config
 from rsoconsole.control import NextAim, TrackNow
-from rsoconsole.engine.plan import Ahead
+from rsoconsole.engine.planned import Ahead
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.group_aim import tracks_inside
 from rsoconsole.records import Measurement
