@@ -18,6 +18,7 @@ from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.records import (
     CycleTiming,
     Detections,
@@ -380,6 +381,55 @@ star_flux_adu real of a middling one of the brightest stars
 background_adu real median of the sky in a pixel, and the camera's offset without a dark
 zero_point_mag real magnitude of a star that would give 1 ADU a second
 """
+_OF_LEAP = """
+begun_frame_id integer frame of the first streak of what is followed
+number integer 1 for the first after that streak
+outcome=outcome text met, not in the frame, another streak, not solved
+t_order_utc_ns integer when its slew was ordered
+ordered text what that order waited for: at close (of the shutter before), by a look, by the frame
+t_mid_utc_ns integer when it was to be met
+ra_icrs_deg real where
+dec_icrs_deg real where
+speed_arcsec_s real how fast it was to be
+sigma_along_arcsec real one sigma of that place
+sigma_across_arcsec real one sigma of that place
+within real probability of both ends in the field
+flips truth whether the mount changed the side of its pier for it
+exposure_s real as planned
+binning integer pixels joined on each axis
+off_along_arcsec real measured minus predicted, before the update
+off_across_arcsec real to the left of the motion
+total_s real from the order of its slew until the next could be ordered
+slew_s real of this
+settle_s real of this
+shutter_s real until it opened, beyond what the mount settled in
+open_s real of this
+readout_s real of this, with what came of the frame
+wait_s real of this, for the satellite to come
+"""
+_OF_LOW_PASS = """
+begun_frame_id integer frame of its first streak
+name text of what was waited for; empty: whatever came
+ended text why it was not followed further
+streaks integer how many
+planned_leaps integer as many as the mount would have allowed
+t_first_utc_ns integer middle of the first streak
+t_last_utc_ns integer middle of the last streak
+probability real of the sense of its motion
+epoch_utc_ns integer of the orbit
+r_gcrs_km real[3] at the epoch
+v_gcrs_km_s real[3] at the epoch
+covariance real[6,6] of both
+a_km real semi-major axis
+e real eccentricity
+i_deg real inclination
+believes_round truth whether a prior on its eccentricity is in it
+along_rms_arcsec real ends of its streaks against the orbit
+across_rms_arcsec real ends of its streaks against the orbit
+t_next_rise_utc_ns integer when it comes again
+sigma_next_s real of that
+sigma_next_across_deg real of where it then is
+"""
 _ABOUT: tuple[Table, ...] = (
     Table(
         name="frames",
@@ -490,6 +540,18 @@ _ABOUT: tuple[Table, ...] = (
         parts="unseen",
         row="a catalogued object that should be in the frame and is not followed",
         own=columns_of(_OF_EXPECTED),
+    ),
+    Table(
+        name="leaps",
+        kind=LeapDone,
+        row="a leap ahead of a low satellite",
+        own=columns_of(_OF_LEAP),
+    ),
+    Table(
+        name="low_passes",
+        kind=LowPass,
+        row="a pass that was followed by leaps, with its orbit",
+        own=columns_of(_OF_LOW_PASS),
     ),
     Table(
         name="states",

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.reasons import (
     BelowTau,
     Cause,
@@ -645,6 +646,8 @@ Record: TypeAlias = (
     | Identified
     | PairMotions
     | ExpectedMembers
+    | LeapDone
+    | LowPass
     | Event
 )
 """What the log of a session holds."""

@@ -5,8 +5,10 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.engine.hands import Hands
+from rsoconsole.engine.leap_figures import leap_figures
 from rsoconsole.engine.leap_times import LeapTimes
 from rsoconsole.errors import InstrumentError
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.reasons import SlewRefusal
 from rsoconsole.records import Event, Frame, FrameTaken, SlewCommand
 from rsoconsole.sky.limits import Limits, Refusal
@@ -243,3 +245,68 @@ def test_a_camera_whose_clock_is_off_does_not_tell_when_its_shutter_closes(off_s
     for n in range(8):
         times.read_out(frame_of(NS * n, off_s), NS * n)
     assert times.closed_after_s(0.2) is None
+
+
+# ---- on record
+
+
+def test_each_leap_is_on_record_with_what_came_of_it_and_what_it_took(ahead) -> None:
+    done = ahead.memory.of(LeapDone)
+    assert len(done) == len(leaps(ahead)) - 1  # the last one's frame is not yet taken
+    assert [each.number for each in done] == list(range(1, len(done) + 1))
+    assert {each.ordered for each in done[:3]} == {"by the frame"}
+    assert {each.ordered for each in done[4:]} == {"at close"}
+    assert sum(each.outcome == "met" for each in done) == met(ahead)
+    for each in done:
+        named = each.slew_s + each.settle_s + each.shutter_s + each.open_s + each.readout_s
+        assert named + each.wait_s == pytest.approx(each.total_s)
+    late = [each for each in done[5:] if each.outcome == "met"]
+    beside = [each.total_s - each.slew_s - each.settle_s - each.open_s for each in late]
+    assert np.median(beside) < 0.5
+    off = np.array([(each.off_along_arcsec, each.off_across_arcsec) for each in late])
+    sigma = np.array([(each.sigma_along_arcsec, each.sigma_across_arcsec) for each in late])
+    assert np.sqrt(np.mean((off[:, 1] / np.hypot(sigma[:, 1], 2.0)) ** 2)) < 2.0
+    assert np.all(np.abs(off[:, 0]) < 600.0)
+
+
+def test_a_miss_is_on_record_with_its_reason() -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.reducer.blind, r.reducer.unsolved = {18}, {22}
+    run(r, 26)
+    by_frame = {each.frame_id: each for each in r.memory.of(LeapDone)}
+    assert by_frame[18].outcome == "not in the frame"
+    assert by_frame[18].off_along_arcsec is None
+    assert by_frame[22].outcome == "not solved"
+
+
+def test_a_pass_is_on_record_with_its_orbit_and_when_it_comes_again() -> None:
+    r = run(leap_rig(orbit_over(heading_deg=50.0)), 85)
+    [found] = r.memory.of(LowPass)
+    done = r.memory.of(LeapDone)
+    assert found.begun_frame_id == done[0].begun_frame_id
+    assert found.streaks == met(r) + 1
+    assert found.planned_leaps > 15
+    assert "altitude" in found.ended
+    assert found.a_km == pytest.approx(6978.0, abs=25.0)
+    assert np.shape(found.covariance) == (6, 6)
+    assert found.across_rms_arcsec is not None
+    assert found.across_rms_arcsec < 3.0
+    assert any(text.startswith("its next pass") for text in words(r)) == (
+        found.t_next_rise_utc_ns is not None
+    )
+    figures = leap_figures(done, [found])
+    assert figures is not None
+    assert figures["met"] == met(r)
+    assert figures["passes"][0]["leaps_met"] == met(r)
+
+
+def test_a_pass_that_is_cut_off_is_on_record_too() -> None:
+    r = leap_rig(orbit_over(heading_deg=50.0))
+    r.engine.arm()
+    r.engine.run(frames=18)
+    engine_rig.told(engine_rig.desk_of(r), "disarm", {})
+    engine_rig.end_when_idle(r)
+    r.engine.run()
+    [found] = r.memory.of(LowPass)
+    assert found.ended == "autonomy has lost the mount"
+    assert found.r_gcrs_km is not None

@@ -55,6 +55,7 @@ from rsoconsole.session.schema import SCHEMA_VERSION, VIEWS
 from rsoconsole.session.store import list_sessions, new_session_folder, size_bytes
 from rsoconsole.session.verify import verify_session
 from rsoconsole.session.writer import SessionWriter
+from tests.leap_samples import leap_of, pass_of
 from tests.orbit_night import estimate_of, identified_of
 from tests.pair_records import expected_of, pair_of, pairs_of, unseen_of
 
@@ -212,6 +213,8 @@ NIGHT = (
     ),
     pairs_of(1, pair_of(1, 1, 2)),
     expected_of(1, unseen_of()),
+    leap_of(4),
+    pass_of(),
 )
 
 

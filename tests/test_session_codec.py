@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole import field_records, records
+from rsoconsole import field_records, leap_records, records
 from rsoconsole.errors import SessionError
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import DONE, Told
@@ -73,7 +73,7 @@ def test_every_record_of_the_loop_can_be_recorded() -> None:
     parts_of_others |= {"CameraMode", "Mixture", "LedgerName", "PairMotion", "UnseenMember"}
     all_records = {
         name
-        for module in (records, field_records)
+        for module in (records, field_records, leap_records)
         for name, thing in vars(module).items()
         if dataclasses.is_dataclass(thing) and thing.__module__ == module.__name__
     }

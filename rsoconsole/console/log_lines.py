@@ -10,6 +10,7 @@ from rsoconsole.control.commands import Arm, Disarm, Note, Resume, Seek, Set, St
 from rsoconsole.control.frame_commands import BeginMark, MarkByHand
 from rsoconsole.control.stop import IN_ENGINE, counted
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.reason_text import ruled_text, text
 from rsoconsole.reasons import (
     DONE,
@@ -276,6 +277,8 @@ def _words(record: Record) -> tuple[Level, str] | None:  # noqa: PLR0911 -- one 
             | OrbitEstimate()
             | PairMotions()
             | ExpectedMembers()
+            | LeapDone()
+            | LowPass()
         ):
             return None
         case _:

@@ -29,6 +29,7 @@ from rsoconsole.console.track_fold import (
     with_track,
 )
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.pipeline.pointed_at import is_without_detection, looked_elsewhere
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
@@ -226,7 +227,7 @@ class Night:
                 self._slew_command(record, t_utc_ns)
             case Event(topic="engine ended"):
                 self._now.has_ended = True
-            case OperatorAction() | Event():
+            case OperatorAction() | Event() | LeapDone() | LowPass():
                 pass  # they change nothing but the log
             case _:
                 assert_never(record)

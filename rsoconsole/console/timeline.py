@@ -14,6 +14,7 @@ from rsoconsole.console.panels import refused_of
 from rsoconsole.control.commands import Note
 from rsoconsole.control.frame_commands import BeginMark
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -263,6 +264,8 @@ def _told(record: Record) -> HappeningKind | None:
             | Identified()
             | PairMotions()
             | ExpectedMembers()
+            | LeapDone()
+            | LowPass()
         ):
             return None
         case _:

@@ -212,7 +212,7 @@ class FrameTurn:
             "total": (ordered_s - began_s) * 1e3 + read_ms,
         }
         # The mount is on its way: nobody waits for this.
-        self._leaping.plan_pass()
+        self._leaping.record()
         lqe.make_ready()
         self._chronicle.tell(self._orbits.refine())
         self._guide.prepare(self._hands.now_utc_ns())

@@ -1,14 +1,13 @@
 """What the log says of leaps, in the operator's words. Pure."""
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import islice
 
 import numpy as np
 
 from rsoconsole.engine.leap_times import LeapParts
 from rsoconsole.orbit.leap_track import LeapTrack
 from rsoconsole.orbit.low_fit import LowOrbit
-from rsoconsole.orbit.next_pass import passes_above
+from rsoconsole.orbit.next_pass import ExpectedPass, passes_above
 from rsoconsole.orbit.two_body import elements_of
 from rsoconsole.pipeline.awaited import Awaited, Came
 from rsoconsole.pipeline.leap_pass import PassPlan
@@ -87,21 +86,26 @@ def last_words(track: LeapTrack, parts: Sequence[LeapParts]) -> str:
     )
 
 
-def orbit_words(
+def next_pass_of(
     orbit: LowOrbit, site: Site, now_utc_ns: int, least_altitude_deg: float
-) -> Iterator[str]:
+) -> ExpectedPass | None:
+    """When it comes again within a day; None where it does not."""
+    later = passes_above(
+        orbit, site, now_utc_ns + 600 * NS_PER_S, now_utc_ns + SEARCHED_NS, least_altitude_deg
+    )
+    return next(iter(later), None)
+
+
+def orbit_words(orbit: LowOrbit, later: ExpectedPass | None) -> Iterator[str]:
     """Its orbit, and when it comes again with what that is worth."""
     found = elements_of(orbit.r_km, orbit.v_km_s)
     yield (
         f"its orbit: {found.a_km - EARTH_RADIUS_KM:.0f} km, e {found.e:.4f},"
         f" i {found.i_deg:.2f} deg{', taken to be nearly round' if orbit.believes_round else ''}"
     )
-    later = passes_above(
-        orbit, site, now_utc_ns + 600 * NS_PER_S, now_utc_ns + SEARCHED_NS, least_altitude_deg
-    )
-    for each in islice(later, 1):
+    if later is not None:
         yield (
-            f"its next pass: {utc_ns_to_iso(each.rise_utc_ns, 0)} +- {each.sigma_s:.1f} s,"
-            f" {60 * each.sigma_across_deg:.1f} arcmin across,"
-            f" up to {each.top_altitude_deg:.0f} deg"
+            f"its next pass: {utc_ns_to_iso(later.rise_utc_ns, 0)} +- {later.sigma_s:.1f} s,"
+            f" {60 * later.sigma_across_deg:.1f} arcmin across,"
+            f" up to {later.top_altitude_deg:.0f} deg"
         )

@@ -11,31 +11,25 @@ only where the next one is.
 import time
 from collections.abc import Callable
 
-import numpy as np
-
 from rsoconsole.config import Config
 from rsoconsole.engine.awaiting import Awaiting, LeapControl
 from rsoconsole.engine.by_hand import Parts
 from rsoconsole.engine.hands import NS
 from rsoconsole.engine.leap_camera import LeapCamera
-from rsoconsole.engine.leap_times import LeapParts, LeapTimes
+from rsoconsole.engine.leap_log import LeapLog
+from rsoconsole.engine.leap_times import LeapTimes
 from rsoconsole.engine.leap_words import (
     begun_words,
-    last_words,
     leap_words,
-    orbit_words,
-    pass_words,
 )
 from rsoconsole.engine.planned import Plan
 from rsoconsole.engine.staring import Staring
 from rsoconsole.instruments.ports import MountReport
-from rsoconsole.orbit.known import KnownOrbit
-from rsoconsole.orbit.leap_track import LeapTrack, begin, path_of_orbit, unseen, updated
+from rsoconsole.leap_records import LeapOrder, LeapOutcome
+from rsoconsole.orbit.leap_track import LeapTrack, begin, unseen, updated
 from rsoconsole.orbit.low_fit import Timing
-from rsoconsole.orbit.point_mass import PointMass
 from rsoconsole.pipeline.awaited import came, is_dark
 from rsoconsole.pipeline.glance import Glance
-from rsoconsole.pipeline.leap_pass import plan_pass
 from rsoconsole.pipeline.leap_streaks import FrameStreak, streaks_of, timing_of
 from rsoconsole.pipeline.leaps import Leap, NoLeap, Telescope, next_leap
 from rsoconsole.pipeline.measure import shutter_mid_utc_ns
@@ -49,13 +43,13 @@ LEAP_POLL_NS = NS // 10
 """How often a mount that leaps is asked whether it has arrived."""
 _AHEAD_S, _STEP_S = 150.0, 3.0
 """How far a track's path is looked at for the next leap: a flip of the mount fits in."""
-_PASS_S, _PASS_STEP_S = 1_200.0, 10.0
 SURE_STREAKS = 3
 """So many tell an orbit well enough to go ahead of a frame that has not come yet."""
 SURE_WITHIN, SURE_PROBABILITY = 0.98, 0.99
 """Of both ends in the next field, and of the track's sense."""
 _GLANCE_NS = NS // 10
 """What a look at the middle of a frame costs in the simulated observatory."""
+
 
 LookAt = Callable[[Frame, float], Glance | None]
 """At the middle of a frame, so many pixels about its centre."""
@@ -77,7 +71,9 @@ class Leaping:
         self._misses = 0
         self._next: Leap | None = None
         """Found while the shutter is open, to be ordered when it closes."""
-        self._early: tuple[Plan, Leap] | None = None
+        self._order_by: LeapOrder = "by the frame"
+        """What the order of the one under way waited for."""
+        self._early: tuple[Plan, Leap, LeapOrder] | None = None
         """The one after that under way, whose slew is ordered already."""
         self._stage_ms: dict[str, float] = {}
         """Of the look at the last frame's middle, and of what was ordered by it."""
@@ -87,9 +83,7 @@ class Leaping:
         self._camera = LeapCamera(control, parts.hands.instruments, parts.chronicle)
         self._awaiting = Awaiting(control, parts)
         self._staring = Staring(control, parts, self.times, self._camera, self._awaiting)
-        self._is_pass_planned = True
-        self._parts: list[LeapParts] = []
-        """Of each leap after the present track, what it took."""
+        self._log = LeapLog(control, parts.hands, parts.chronicle, self.times)
 
     @property
     def is_on(self) -> bool:
@@ -98,14 +92,14 @@ class Leaping:
 
     def forget(self) -> None:
         """Autonomy has lost the mount: it stares where it then points, with its own exposure."""
+        if self.track is not None:
+            self._log.cut_off(self.track)
         self.track = self._leap = None
         self.drop_early()
         self.times.forget_slew()
         self._staring.forget()
         self._awaiting.forget()
         self._misses = 0
-        self._parts = []
-        self._is_pass_planned = True
         self._camera.give_back()
 
     def forget_times(self) -> None:
@@ -217,8 +211,8 @@ class Leaping:
         if waited_for_frame:
             self.times.examined(now_ns)
         if self._leap is not None:
-            self._note_parts(self._leap, waited_for_frame=waited_for_frame)
-        self._early = plan, found
+            self._log.took(self._leap, waited_for_frame=waited_for_frame)
+        self._early = plan, found, "by a look" if waited_for_frame else "at close"
         return True
 
     # --- what a frame shows
@@ -231,23 +225,26 @@ class Leaping:
         if self._early is None:
             self.times.examined(self._hands.now_utc_ns())
             if leap is not None:
-                self._note_parts(leap, waited_for_frame=True)
+                self._log.took(leap, waited_for_frame=True)
         solution = reduction.solution
         if not isinstance(solution, Solution):
             if self.track is not None:
+                self._note_leap(leap, "not solved")
                 self._miss("the frame is not solved")
             return
         exposure = self._control.config.exposure
         found = streaks_of(reduction.detections, solution, frame, exposure)
         if self.track is None:
-            self._begin(found, timing_of(frame, exposure))
+            self._begin(found, timing_of(frame, exposure), frame.frame_id)
             return
         for each in found:
             after = updated(self.track, each.ends)
             if after is not None:
+                self._note_leap(leap, "met", each)
                 self.track, self._misses = after, 0
                 self._chronicle.say("info", leap_words(after, each, leap))
                 return
+        self._note_leap(leap, "another streak" if found else "not in the frame")
         centre, orbit = (solution.ra_icrs_deg, solution.dec_icrs_deg), self.track.best.orbit
         t_mid_ns = shutter_mid_utc_ns(frame, exposure)
         if t_mid_ns is not None:
@@ -258,11 +255,21 @@ class Leaping:
             self.track = unseen(self.track, t_mid_ns, centre, radius_deg)
         self._miss("it is not in the frame" if not found else "no streak of the frame is its")
 
-    def _note_parts(self, leap: Leap, *, waited_for_frame: bool) -> None:
-        now_ns = self._hands.now_utc_ns()
-        self._parts.append(self.times.parts_of(leap, now_ns, waited_for_frame=waited_for_frame))
+    def _note_leap(
+        self, leap: Leap | None, outcome: LeapOutcome, streak: FrameStreak | None = None
+    ) -> None:
+        assert self.track is not None
+        if leap is not None:
+            self._log.came(
+                leap,
+                self._order_by,
+                outcome,
+                frame_id=self._exposing[0],
+                before=self.track,
+                streak=streak,
+            )
 
-    def _begin(self, found: tuple[FrameStreak, ...], timing: Timing) -> None:
+    def _begin(self, found: tuple[FrameStreak, ...], timing: Timing, frame_id: int) -> None:
         config = self._control.config
         for each in found:
             ends = each.ends
@@ -277,38 +284,19 @@ class Leaping:
             track = begin(self._site, ends, timing, is_turned=known is not None)
             if track is None:
                 continue
-            self.track, self._misses, self._is_pass_planned = track, 0, False
+            self.track, self._misses = track, 0
+            self._log.begin(frame_id, "" if awaited is None else awaited.name)
             self._chronicle.say("info", begun_words(track, awaited, known and known[0]))
             return
 
-    def plan_pass(self) -> None:
-        """The whole of it, by the likeliest orbit, once; the first leap is under way by then."""
-        if self._is_pass_planned or self.track is None or self._leap is None:
+    def record(self) -> None:
+        """What nobody waits for: the last leap, and how the whole pass would go."""
+        self._log.record()
+        if self.track is None or self._leap is None:
             return
-        self._is_pass_planned = True
-        leap, pose = self._leap, self._planner.pose(self._leap.t_order_utc_ns)
-        best = self.track.best
-        heaviest = int(np.argmax(best.cloud.weight))
-        orbit = KnownOrbit(
-            epoch_utc_ns=best.cloud.epoch_utc_ns,
-            r_km=best.cloud.r_km[heaviest],
-            v_km_s=best.cloud.v_km_s[heaviest],
-            covariance=np.eye(6) * 1e-6,
-            forces=PointMass(),
-        )
-        t = leap.t_order_utc_ns + (np.arange(0.0, _PASS_S, _PASS_STEP_S) * NS).astype(np.int64)
-        path = path_of_orbit(orbit, self._site, t)
-        if path is not None and pose is not None:
-            is_early = self._control.config.leap.at_close
-            plan = plan_pass(
-                path,
-                pose,
-                leap.t_order_utc_ns,
-                self.telescope(),
-                first=leap,
-                sure_from=SURE_STREAKS if is_early else None,
-            )
-            self._chronicle.say("info", pass_words(plan))
+        start = self._planner.pose(self._leap.t_order_utc_ns)
+        if start is not None:
+            self._log.plan(self.track, self._leap, start, self.telescope(), SURE_STREAKS)
 
     def _miss(self, why: str) -> None:
         self._misses += 1
@@ -322,16 +310,8 @@ class Leaping:
         track, self.track, self._misses = self.track, None, 0
         if track is None:
             return
-        orbit = track.best.orbit
-        self._chronicle.say("info", f"{why}: {last_words(track, self._parts)}")
-        self._parts = []
-        self._awaiting.over(orbit)
-        if orbit is not None:
-            config = self._control.config
-            now_ns = self._hands.now_utc_ns()
-            least_deg = config.limits.min_altitude_deg
-            for line in orbit_words(orbit, self._site, now_ns, least_deg):
-                self._chronicle.say("info", line)
+        self._awaiting.over(track.best.orbit)
+        self._log.end(track, why)
 
     # --- where the next one is
 
@@ -350,7 +330,7 @@ class Leaping:
             self.times.forget_camera()
         if early is not None:
             # Also where that is over by this frame: a mount on its way arrives first.
-            plan, leap = early
+            plan, leap, self._order_by = early
             self._camera.expose_for(leap.exposure_s)
             self._leap = None if self.track is None else leap
             return plan
@@ -373,7 +353,7 @@ class Leaping:
             self._end(text(ordered))
             return None
         self._camera.expose_for(found.exposure_s)
-        self._leap = found
+        self._leap, self._order_by = found, "by the frame"
         return ordered
 
     def _order(self, found: Leap, pose: Pose, now_ns: int) -> Plan | SlewRefusal:

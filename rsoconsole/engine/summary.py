@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, assert_never
 
+from rsoconsole.engine.leap_figures import leap_figures
 from rsoconsole.engine.objects import (
     TrackStep,
     is_on_a_streak,
@@ -20,6 +21,7 @@ from rsoconsole.engine.objects import (
 from rsoconsole.engine.track_figures import TracksOnRecord, orbit_figures, tracks_figures
 from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.foreign_text import json_of
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.records import (
     Closeup,
     CycleTiming,
@@ -85,6 +87,8 @@ class _Tally:
     def __init__(self) -> None:
         self.frames: dict[int, _Frame] = {}
         self.timings: list[CycleTiming] = []
+        self.leaps: list[LeapDone] = []
+        self.passes: list[LowPass] = []
         self.orbit: OrbitEstimate | None = None
         self.identified: Identified | None = None
         self.known = TracksOnRecord()
@@ -123,6 +127,10 @@ class _Tally:
                 pass  # no figure needs them
             case ParameterChange() | OperatorAction() | Event() | PairMotions() | ExpectedMembers():
                 pass
+            case LeapDone():
+                self.leaps.append(record)
+            case LowPass():
+                self.passes.append(record)
             case _:
                 assert_never(record)
 
@@ -213,6 +221,7 @@ def summarise(
         "identified": None if tally.identified is None else _name_figures(tally.identified),
         "tracks": tracks_figures(tally.frames, tally.known),
         "objects": objects_figures(_with_exposures(tally.frames, truth), targets or {}),
+        "leaps": leap_figures(tally.leaps, tally.passes),
         "latency_ms": _latency(tally.timings),
     }
 

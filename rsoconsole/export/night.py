@@ -9,6 +9,7 @@ from rsoconsole import __version__
 from rsoconsole.config import Config, ExposureConfig
 from rsoconsole.export.rows import MeasuredRow, row_of
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.pipeline.shutter_time import shutter_time, usual_sigma_s
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
@@ -194,6 +195,8 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
                 | OrbitEstimate()
                 | PairMotions()
                 | ExpectedMembers()
+                | LeapDone()
+                | LowPass()
                 | Event()
             ):
                 pass  # no direction, nor a word on one

@@ -9,6 +9,7 @@ from rsoconsole.control import command_words
 from rsoconsole.control.commands import Note
 from rsoconsole.errors import ConfigError
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.notebook.night import Night, NightFold, title_of
 from rsoconsole.notebook.overlay import FrameFacts
 from rsoconsole.reason_text import text
@@ -117,6 +118,8 @@ class LiveNight:
                 | Identified()
                 | PairMotions()
                 | ExpectedMembers()
+                | LeapDone()
+                | LowPass()
                 | Event()
             ):
                 pass  # the frames' fold, or the log's line
@@ -183,6 +186,8 @@ def _line(record: Record) -> tuple[str, str] | None:
             | Identified()
             | PairMotions()
             | ExpectedMembers()
+            | LeapDone()
+            | LowPass()
         ):
             pass
         case _:

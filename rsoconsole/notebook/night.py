@@ -11,6 +11,7 @@ from rsoconsole.control.text import one_line
 from rsoconsole.errors import SessionError
 from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.foreign_text import json_of
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.reason_text import text
 from rsoconsole.records import (
     Closeup,
@@ -129,6 +130,8 @@ class NightFold:
                 | Identified()
                 | PairMotions()
                 | ExpectedMembers()
+                | LeapDone()
+                | LowPass()
                 | Event()
             ):
                 pass  # nothing of it is drawn

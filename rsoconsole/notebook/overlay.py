@@ -11,6 +11,7 @@ from typing import assert_never
 import numpy as np
 
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.notebook.svg import AMBER, GREEN, RED, text
 from rsoconsole.records import (
     Closeup,
@@ -90,6 +91,8 @@ class FrameFacts:
                 | Identified()
                 | PairMotions()
                 | ExpectedMembers()
+                | LeapDone()
+                | LowPass()
                 | Event()
             ):
                 pass  # nothing of it is drawn

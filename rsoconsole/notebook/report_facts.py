@@ -11,6 +11,7 @@ from rsoconsole.control import command_words
 from rsoconsole.errors import ConfigError
 from rsoconsole.export.rows import MeasuredRow
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.notebook.night import Night, NightFrame
 from rsoconsole.notebook.tracks import NightTrack
 from rsoconsole.pipeline.replay import replay
@@ -231,6 +232,8 @@ def read_course(session: Path, night: Night, tracks: Mapping[int, NightTrack]) -
                 | Identified()
                 | PairMotions()
                 | ExpectedMembers()
+                | LeapDone()
+                | LowPass()
             ):
                 pass  # not asked for
             case _:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import assert_never
 
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.pipeline.replay import FOLDED, is_from_outside, is_instruments
 from rsoconsole.records import (
     Closeup,
@@ -121,6 +122,8 @@ class _Walk:
                 | Identified()
                 | PairMotions()
                 | ExpectedMembers()
+                | LeapDone()
+                | LowPass()
                 | OperatorAction()
                 | Closeup()
                 | Event()

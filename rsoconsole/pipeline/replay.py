@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias, assert_never
 
 from rsoconsole.config import Config, with_setting
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.pipeline.absence import StarHistory
 from rsoconsole.pipeline.alike import are_alike
 from rsoconsole.pipeline.fold import Shown, fold, looked_at
@@ -240,6 +241,8 @@ class Walk:
                 | Identified()
                 | PairMotions()
                 | ExpectedMembers()
+                | LeapDone()
+                | LowPass()
                 | OperatorAction()
                 | Closeup()
                 | Event()

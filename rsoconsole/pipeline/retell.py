@@ -11,6 +11,7 @@ from typing import assert_never
 
 from rsoconsole.config import Config
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.pipeline.alike import are_alike
 from rsoconsole.pipeline.fold import Shown
 from rsoconsole.pipeline.measure import at_its_row, shutter_mid_utc_ns
@@ -156,6 +157,8 @@ class _Telling:
                 | NotSolved()
                 | Closeup()
                 | SlewCommand()
+                | LeapDone()
+                | LowPass()
                 | CycleTiming()
                 | OperatorAction()
                 | Event()
@@ -264,6 +267,8 @@ def _closes(record: Record) -> bool:
             | Identified()
             | PairMotions()
             | ExpectedMembers()
+            | LeapDone()
+            | LowPass()
         ):
             return False
         case _:

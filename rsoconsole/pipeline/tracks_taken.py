@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import assert_never
 
 from rsoconsole.field_records import ExpectedMembers, PairMotions
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.pipeline.held_frames import BEGIN_MARK, HELD
 from rsoconsole.records import (
     Closeup,
@@ -127,6 +128,8 @@ class TracksTaken:
                 | Identified()
                 | PairMotions()
                 | ExpectedMembers()
+                | LeapDone()
+                | LowPass()
                 | Event()
             ):
                 pass  # no direction of a track

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, assert_never
 
 from rsoconsole.field_records import ExpectedMembers, PairMotions
 from rsoconsole.foreign_text import json_of
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.reason_text import text
 from rsoconsole.reasons import Cause, Missed, Reason, Told
 from rsoconsole.records import (
@@ -300,6 +301,8 @@ class IdGiver:
                 | Closeup()
                 | PairMotions()
                 | ExpectedMembers()
+                | LeapDone()
+                | LowPass()
             ):
                 pass
             case _:

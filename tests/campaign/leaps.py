@@ -12,20 +12,21 @@ the whole sky's stars ('rsoconsole index install', or ``tests/fetch_debian_index
 
 import argparse
 import json
-import re
 import statistics
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rsoconsole.leap_records import LeapDone, LowPass
 from rsoconsole.orbit.satellite import Satellite
-from rsoconsole.records import Event, Site
+from rsoconsole.records import Site
 from rsoconsole.session.reader import SessionReader
 from rsoconsole.sky.frames import icrs_to_altaz
-from rsoconsole.sky.times import NS_PER_S, iso_to_utc_ns
+from rsoconsole.sky.times import NS_PER_S
 from tests.campaign import runner
 from tests.campaign.cases import ELEMENTS, Case
 from tests.regimes import samples
@@ -34,6 +35,7 @@ FILE = ELEMENTS / "mix_20230622.tle"
 FRAMES = 75
 LEAST_ALTITUDE_DEG = 15.0
 FAST_ARCSEC_S = 0.6 * 3600.0
+PARTS = ("total", "slew", "settle", "shutter", "open", "readout", "wait")
 
 
 @dataclass(frozen=True)
@@ -103,30 +105,46 @@ NIGHTS = (
 
 
 def judged(night: LeapNight, session: Path) -> dict[str, Any]:
-    """What came of one night, by its log and by SGP4."""
-    events: list[tuple[int, str]] = []
-    for _, t_utc_ns, record in SessionReader(session).records():
-        if isinstance(record, Event):
-            events.append((t_utc_ns, record.text))
-    said = [text for _, text in events]
+    """What came of one night, by its records and by SGP4."""
+    leaps: list[LeapDone] = []
+    passes: list[LowPass] = []
+    for _, _, record in SessionReader(session).records():
+        if isinstance(record, LeapDone):
+            leaps.append(record)
+        elif isinstance(record, LowPass):
+            passes.append(record)
     entry = next(e.entry for e in samples("low orbit", 20) if e.entry.norad_id == night.norad_id)
     truth, site = Satellite(entry), night.to_site()
-    begun = [n for n, text in enumerate(said) if text.startswith("a low satellite,")]
-    planned = [int(text.split()[2]) for text in said if text.startswith("up to ")]
-    met = [t for t, text in events if text.startswith("leap ") and " met:" in text]
-    ends = ("it sets", "it has gone into", "altitude", "horizon", "given up", "too ", "hour angle")
-    end = next((text for text in said if text.startswith(ends) and " streaks in " in text), "")
+    # What was caught first is the one that the night was made for; others may follow it.
+    first = passes[0] if passes else None
+    begun = first.begun_frame_id if first is not None else leaps[0].begun_frame_id if leaps else 0
+    own = [each for each in leaps if each.begun_frame_id == begun]
+    met = [each.t_mid_utc_ns for each in own if each.outcome == "met"]
     found: dict[str, Any] = {
         "norad": night.norad_id,
         "found": bool(begun),
-        "planned": max(planned, default=0),
+        "planned": 0 if first is None else first.planned_leaps,
+        "leaps": len(own),
         "met": len(met),
-        "end": end.split(":")[0],
-        "took": end.partition("a leap took ")[2],
+        "at_close": sum(each.ordered == "at close" for each in own),
+        "end": "the night is over" if first is None else first.ended,
+        "took": _took(own),
+        "across_rms_arcsec": None if first is None else first.across_rms_arcsec,
     }
     found |= _at_the_end(truth, site, met)
-    found |= _across(said)
-    return found | _next_pass(truth, site, said)
+    return found | _next_pass(truth, site, first)
+
+
+def _took(leaps: Sequence[LeapDone]) -> dict[str, float]:
+    """Medians of a leap's parts, and of all beside slew and settling, in seconds."""
+    if not leaps:
+        return {}
+    beside = [each.total_s - each.slew_s - each.settle_s for each in leaps]
+    medians = {part: [getattr(each, f"{part}_s") for each in leaps] for part in PARTS}
+    return {
+        part: round(statistics.median(values), 2)
+        for part, values in (medians | {"beside": beside}).items()
+    }
 
 
 def _at_the_end(truth: Satellite, site: Site, met: list[int]) -> dict[str, Any]:
@@ -144,29 +162,21 @@ def _at_the_end(truth: Satellite, site: Site, met: list[int]) -> dict[str, Any]:
     return {"left_s": 5.0 * left, "fastest_arcsec_s": round(fastest)}
 
 
-def _across(said: list[str]) -> dict[str, Any]:
-    rms = [re.search(r"across ([\d.]+) arcsec rms", text) for text in said]
-    known = [float(each.group(1)) for each in rms if each is not None]
-    return {"across_rms_arcsec": known[-1] if known else None}
-
-
-def _next_pass(truth: Satellite, site: Site, said: list[str]) -> dict[str, Any]:
+def _next_pass(truth: Satellite, site: Site, seen: LowPass | None) -> dict[str, Any]:
     """Predicted rise against that of SGP4."""
-    line = next((text for text in said if text.startswith("its next pass: ")), None)
-    if line is None:
+    if seen is None or seen.t_next_rise_utc_ns is None or seen.sigma_next_s is None:
         return {}
-    predicted = iso_to_utc_ns(line.split()[3])
-    sigma_s = float(line.split("+- ")[1].split()[0])
+    predicted, sigma_s = seen.t_next_rise_utc_ns, seen.sigma_next_s
     reach_s = max(60.0, 6.0 * sigma_s)
     t = predicted + (np.arange(-reach_s, reach_s, 0.5) * NS_PER_S).astype(np.int64)
     places = truth.astrometric_place(site, t)
     altitude, _ = icrs_to_altaz(site, places.ra_icrs_deg, places.dec_icrs_deg, t)
     up = np.flatnonzero((altitude[1:] > LEAST_ALTITUDE_DEG) & (altitude[:-1] <= LEAST_ALTITUDE_DEG))
     if not len(up):
-        return {"next_sigma_s": sigma_s, "next_late_s": None}
+        return {"next_sigma_s": round(sigma_s, 1), "next_late_s": None}
     rises_s = (t[up + 1] - predicted) / NS_PER_S
     late_s = float(rises_s[np.argmin(np.abs(rises_s))])
-    return {"next_sigma_s": sigma_s, "next_late_s": late_s}
+    return {"next_sigma_s": round(sigma_s, 1), "next_late_s": round(late_s, 1)}
 
 
 def is_followed(found: dict[str, Any]) -> bool:
@@ -187,13 +197,14 @@ def table(answers: dict[str, dict[str, Any]]) -> str:
         fast = " (fast)" if each.get("fastest_arcsec_s", 0) > FAST_ARCSEC_S else ""
         lines.append(
             f"| {name}{fast} | {each['met']} / {each['planned']} | {each['end']} |"
-            f" {each.get('left_s', float('nan')):.0f} | {each['across_rms_arcsec']} | {after} |"
+            f" {each.get('left_s', float('nan')):.0f} | {_one_digit(each['across_rms_arcsec'])} |"
+            f" {after} |"
         )
     every = list(answers.values())
     found = [each for each in every if each["found"]]
     followed = [each for each in found if is_followed(each)]
     again = [each for each in found if each.get("next_late_s") is not None]
-    # The rise is stated to the second, and to half a second by its search.
+    # The rise is found to half a second by the search here.
     held = [e for e in again if abs(e["next_late_s"]) <= 3.0 * e["next_sigma_s"] + 1.0]
     across = [e["across_rms_arcsec"] for e in found if e["across_rms_arcsec"] is not None]
     lines.append("")
@@ -203,6 +214,10 @@ def table(answers: dict[str, dict[str, Any]]) -> str:
         f" across {statistics.median(across) if across else float('nan')} arcsec (median)"
     )
     return "\n".join(lines) + "\n"
+
+
+def _one_digit(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"
 
 
 def main() -> int:
