@@ -19,6 +19,8 @@ from tests.limits_requests import OBSERVATORIES
 MU_KM3_S2 = 398_600.4418
 FIELD_DEG = (1.63, 1.24)
 STEP_S, STEPS = 4.0, 60
+PER_PATH = 4
+"""Questions by one path: other places to begin from, other mounts, other cameras."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +51,10 @@ def random_leaps(observatory: str, count: int, seed: int, judge: Limits | None =
     random = np.random.default_rng([seed, len(observatory)])
     site, limits, mount = OBSERVATORIES[observatory]
     held = judge or Limits(site, limits, mount)
-    for _ in range(count):
-        now = int(random.integers(1_330_000_000, 1_780_000_000)) * NS_PER_S
-        path = _path(site, now, random)
+    for n in range(count):
+        if n % PER_PATH == 0:
+            now = int(random.integers(1_330_000_000, 1_780_000_000)) * NS_PER_S
+            path = _path(site, now, random)
         rate = float(random.uniform(1.0, 8.0))
         telescope = Telescope(
             motion=MountMotion(

@@ -196,6 +196,28 @@ def test_slews_of_the_night_teach_the_law_of_a_mount() -> None:
     assert before.slew_s((15.0, 0.0)) < 8.0 < true_s + 0.8  # what was configured was far off
 
 
+WAYS_DEG = (
+    *(3.24, 3.62, 3.19, 3.49, 3.81, 4.08, 4.33, 4.67, 4.95, 5.12, 5.17, 5.17, 5.07, 4.85, 4.55),
+    *(4.26, 3.93, 3.57, 157.73, 2.2, 2.05, 2.82, 2.58, 2.36, 2.18, 1.97, 1.81, 1.72),
+)
+TOOK_S = (
+    *(2.6, 2.7, 2.6, 2.7, 2.8, 2.9, 3.0, 3.1, 3.2, 3.3, 3.3, 3.3, 3.2, 3.2, 3.1),
+    *(3.0, 2.9, 2.7, 41.4, 2.1, 2.0, 2.4, 2.3, 2.2, 2.1, 2.0, 2.0, 1.9),
+)
+"""Of a simulated mount that reports its rest within a tenth of a second."""
+
+
+def test_a_mount_that_reports_at_once_is_learned_slew_after_slew() -> None:
+    """Its fixed part is all but nothing: a law that bounced off zero was half a second too slow."""
+    seen = []
+    for n, (way, took_s) in enumerate(zip(WAYS_DEG, TOOK_S, strict=True)):
+        if n > 5:
+            law = learned(MountConfig(), seen)
+            assert law.slew_s((way, 0.0)) == pytest.approx(took_s, abs=0.15, rel=0.02)
+            assert law.scatter_s < 0.15
+        seen.append(SlewSeen(travel_deg=(way, 0.0), seconds=took_s))
+
+
 def test_a_slew_is_surely_over_in_98_of_100() -> None:
     random = np.random.default_rng(3)
     ways = random.exponential(4.0, 400)

@@ -1,11 +1,12 @@
 """Where something will be on the sky: at one instant, and along its path for a while. Pure."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.sky.angles import direction_to_unit, unit_to_direction
+from rsoconsole.sky.angles import direction_to_unit
 from rsoconsole.sky.times import ARCSEC_RAD, NS_PER_S, IntArray
 
 
@@ -29,7 +30,7 @@ class SkyAhead:
     @property
     def speed_arcsec_s(self) -> float:
         """On the sky."""
-        return float(np.hypot(*self.rate_arcsec_s))
+        return math.hypot(*self.rate_arcsec_s.tolist())
 
     @property
     def sigma_arcsec(self) -> float:
@@ -37,11 +38,22 @@ class SkyAhead:
         return float(np.sqrt(max(np.linalg.eigvalsh(self.covariance_arcsec2)[-1], 0.0)))
 
     @property
+    def along_arcsec2(self) -> float:
+        """Variance along the motion."""
+        speed = max(self.speed_arcsec_s, 1e-9)
+        e, n = (each / speed for each in self.rate_arcsec_s.tolist())
+        (ee, en), (_, nn) = self.covariance_arcsec2.tolist()
+        return float(e * e * ee + 2.0 * e * n * en + n * n * nn)
+
+    @property
     def along_across_arcsec2(self) -> FloatArray:
         """(2, 2) covariance along the motion and to its left."""
-        ahead = self.rate_arcsec_s / max(self.speed_arcsec_s, 1e-9)
-        turn = np.array([ahead, [-ahead[1], ahead[0]]])
-        return np.asarray(turn @ self.covariance_arcsec2 @ turn.T)
+        speed = max(self.speed_arcsec_s, 1e-9)
+        e, n = (each / speed for each in self.rate_arcsec_s.tolist())
+        (ee, en), (_, nn) = self.covariance_arcsec2.tolist()
+        mixed = e * n * (nn - ee) + (e * e - n * n) * en
+        along = self.along_arcsec2
+        return np.array([[along, mixed], [mixed, ee + nn - along]])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,27 +82,44 @@ class SkyPath:
         """The place at an instant; None before the first and after the last."""
         if not self.from_utc_ns <= t_utc_ns <= self.until_utc_ns:
             return None
+        # Plain numbers: a leap asks for some forty places, and arrays of three are slow.
         n = min(int(np.searchsorted(self.t_utc_ns, t_utc_ns, "right")), len(self.t_utc_ns) - 1) - 1
         h = float(self.t_utc_ns[n + 1] - self.t_utc_ns[n]) / NS_PER_S
         u = float(t_utc_ns - self.t_utc_ns[n]) / NS_PER_S / h
-        (p, q), (a, b) = self.lines[n : n + 2], h * self.rates[n : n + 2]
-        line = (1 + 2 * u) * (1 - u) ** 2 * p + u * (1 - u) ** 2 * a
-        line = line + u * u * (3 - 2 * u) * q + u * u * (u - 1) * b
-        rate = 6 * u * (1 - u) * (q - p) + (1 - u) * (1 - 3 * u) * a + u * (3 * u - 2) * b
-        ra_deg, dec_deg = (float(each) for each in unit_to_direction(line))
-        east = np.array([-np.sin(np.radians(ra_deg)), np.cos(np.radians(ra_deg)), 0.0])
-        axes = np.stack([east, np.cross(line / np.linalg.norm(line), east)])
-        on_sky = axes @ rate / h / ARCSEC_RAD
-        ahead = on_sky / max(float(np.hypot(*on_sky)), 1e-9)
-        back = np.array([ahead, [-ahead[1], ahead[0]]]).T
-        pair = self.along_across_arcsec2[n : n + 2]
+        w = 1.0 - u
+        of_line = ((1 + 2 * u) * w * w, u * w * w * h, u * u * (3 - 2 * u), -u * u * w * h)
+        of_rate = (-6 * u * w / h, w * (1 - 3 * u), 6 * u * w / h, u * (3 * u - 2))
+        ends = (self.lines[n], self.rates[n], self.lines[n + 1], self.rates[n + 1])
+        values = list(zip(*(each.tolist() for each in ends), strict=True))
+        x, y, z = (_combined(of_line, each) for each in values)
+        rate = [_combined(of_rate, each) for each in values]
+        aside = math.hypot(x, y)
+        sine_ra, cosine_ra = (y / aside, x / aside) if aside > 0.0 else (0.0, 1.0)
+        sine_dec, cosine_dec = (each / math.hypot(aside, z) for each in (z, aside))
+        east = (cosine_ra * rate[1] - sine_ra * rate[0]) / ARCSEC_RAD
+        north = cosine_dec * rate[2] - sine_dec * (cosine_ra * rate[0] + sine_ra * rate[1])
+        north /= ARCSEC_RAD
+        speed = max(math.hypot(east, north), 1e-9)
+        e, f = east / speed, north / speed
+        (aa, ax), (_, xx) = (
+            w * self.along_across_arcsec2[n] + u * self.along_across_arcsec2[n + 1]
+        ).tolist()
+        ee = e * e * aa - 2.0 * e * f * ax + f * f * xx
+        en = e * f * (aa - xx) + (e * e - f * f) * ax
         return SkyAhead(
             t_utc_ns=t_utc_ns,
-            ra_icrs_deg=ra_deg,
-            dec_icrs_deg=dec_deg,
-            rate_arcsec_s=on_sky,
-            covariance_arcsec2=back @ ((1 - u) * pair[0] + u * pair[1]) @ back.T,
+            ra_icrs_deg=math.degrees(math.atan2(y, x)) % 360.0,
+            dec_icrs_deg=math.degrees(math.atan2(z, aside)),
+            rate_arcsec_s=np.array([east, north]),
+            covariance_arcsec2=np.array([[ee, en], [en, aa + xx - ee]]),
         )
+
+
+_Four = tuple[float, float, float, float]
+
+
+def _combined(by: _Four, values: _Four) -> float:
+    return by[0] * values[0] + by[1] * values[1] + by[2] * values[2] + by[3] * values[3]
 
 
 def path_of(places: list[SkyAhead]) -> SkyPath:

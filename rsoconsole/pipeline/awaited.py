@@ -24,13 +24,12 @@ from rsoconsole.sky.angles import separation_deg, unit_to_direction, wrap_180
 from rsoconsole.sky.limits import Limits, Pose
 from rsoconsole.sky.places import astrometric_places, site_gcrs
 from rsoconsole.sky.refusals import LimitName
-from rsoconsole.sky.sun import lit_fraction
+from rsoconsole.sky.sun import LIT_SHARE, lit_fraction
 from rsoconsole.sky.times import NS_PER_DAY, NS_PER_S, IntArray
 
 StatesOf = Callable[[IntArray], tuple[FloatArray, FloatArray]]
 """GCRS positions and velocities (N, 3) at instants (N,): km, km/s."""
 SIGMAS = 3.0
-LIT = 0.5
 _STEP_S = 5.0
 _TURN_DEG, _SPEED = 15.0, 0.2
 """By how much a streak's direction and speed may differ from the elements' and be its own."""
@@ -113,7 +112,7 @@ def awaited_on(
         # Where it may come is looked at in time for the earliest that it may be.
         if not np.all(np.isfinite(point)) or t - span_ns < now_utc_ns:
             continue
-        if lit_fraction(point, np.array([t]))[0] < LIT:
+        if lit_fraction(point, np.array([t]))[0] < LIT_SHARE:
             continue
         x, y, z = point[0].tolist()
         stare = Stare(

@@ -35,7 +35,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.places import site_gcrs
-from rsoconsole.sky.sun import lit_fraction
+from rsoconsole.sky.sun import LIT_SHARE, lit_fraction
 from rsoconsole.sky.times import ARCSEC_RAD, NS_PER_DAY
 from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel
 from rsoconsole.tracking.lqe import direction_icrs_deg
@@ -46,8 +46,6 @@ _SETS_A_FRAME = 500
 """Of longer ones a look takes so many frames for each of these sets."""
 _EDGE_DEG = 0.3
 """Beside the frame: what light time and aberration move, and more."""
-_LIT_SHARE = 0.5
-"""Of the Sun's disc, from which a satellite counts as lit."""
 _MAY_BE = 0.05
 """Probability from which on a track may be of an object."""
 _SAID_AFTER = 3
@@ -280,7 +278,7 @@ def _member(
         sigma_arcsec=round(off_km / float(places.range_km[0]) / ARCSEC_RAD, 1),
         tle_age_days=round(age_days, 2),
         is_usable=is_usable,
-        is_lit=bool(lit_fraction(places.position_gcrs_km, t)[0] >= _LIT_SHARE),
+        is_lit=bool(lit_fraction(places.position_gcrs_km, t)[0] >= LIT_SHARE),
     )
 
 

@@ -15,12 +15,10 @@ from rsoconsole.pipeline.field_frame import FieldFrame
 from rsoconsole.pipeline.reports import detection_report
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.angles import unit_to_direction
-from rsoconsole.sky.sun import lit_fraction
+from rsoconsole.sky.sun import LIT_SHARE, lit_fraction
 from rsoconsole.sky.times import ARCSEC_RAD, utc_ns_to_iso
 from rsoconsole.sky.wcs import pixel_to_sky, sky_to_pixel
 
-LIT_SHARE = 0.5
-"""Of the Sun's disc, from which a satellite counts as lit."""
 EXPECTED = 0.5
 """Chance to have crossed, from which an object counts as expected."""
 _POINT_PX = 8.0

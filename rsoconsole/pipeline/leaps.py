@@ -185,7 +185,7 @@ def next_leap(
 def exposure_for(place: SkyAhead, terms: LeapTerms) -> float:
     """Seconds: as long a streak as is measured well, with room for three sigma to either side."""
     speed = max(place.speed_arcsec_s, 1e-3)
-    sigma_arcsec = sqrt(max(float(place.along_across_arcsec2[0, 0]), 0.0))
+    sigma_arcsec = sqrt(max(place.along_arcsec2, 0.0))
     room_arcsec = 2.0 * (3600.0 * terms.half_short_deg - 3.0 * sigma_arcsec)
     long_px = min(terms.length_px, max(room_arcsec / terms.scale_arcsec_px, LEAST_LENGTH_PX))
     wanted_s = long_px * terms.scale_arcsec_px / speed

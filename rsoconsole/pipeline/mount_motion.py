@@ -4,6 +4,7 @@ An axis speeds up, runs at its full rate and slows down; beside that a slew has 
 the order to the report that it has ended. What has not been seen is as configured.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,8 +16,8 @@ from rsoconsole.records import FloatArray
 USUAL_RAMP_S = 2.0
 """From rest to full rate, before a slew has been seen."""
 USUAL_FIXED_S = 0.5
-_BELIEF = np.array([0.3, 0.7, 0.5])
-"""One sigma of the logarithms of rate and ramp, and of the fixed part in seconds."""
+_BELIEF = np.array([0.3, 0.7, 1.5])
+"""One sigma of the logarithms of rate, ramp and fixed part: none of them falls to nothing."""
 _SCATTER_S = 0.1
 """Of a slew's time beside the law, as far as it is believed to go."""
 _ROUNDS = 12
@@ -47,8 +48,11 @@ class MountMotion:
 
     def slew_s(self, travel_deg: tuple[float, float]) -> float:
         """Seconds that a slew takes, most likely."""
-        law = np.array([self.rate_deg_s, self.rate_deg_s / self.acceleration_deg_s2, self.fixed_s])
-        return float(_seconds(law, np.array([max(travel_deg)]))[0])
+        rate, way = self.rate_deg_s, max(*travel_deg, 0.0)
+        ramp = rate / self.acceleration_deg_s2
+        if way < rate * ramp:
+            return self.fixed_s + 2.0 * math.sqrt(way * ramp / rate)
+        return self.fixed_s + way / rate + ramp
 
     def surely_s(self, travel_deg: tuple[float, float]) -> float:
         """Seconds after which it is over in 98 of 100 cases."""
@@ -75,10 +79,10 @@ def learned(mount: MountConfig, seen: Sequence[SlewSeen]) -> MountMotion:
         return start
     way = np.array([max(each.travel_deg) for each in last])
     took = np.array([each.seconds for each in last])
-    before = np.array([np.log(start.rate_deg_s), np.log(USUAL_RAMP_S), start.fixed_s])
+    before = np.log([start.rate_deg_s, USUAL_RAMP_S, start.fixed_s])
     law = before.copy()
     for _ in range(_ROUNDS):
-        off = took - _seconds(_plain(law), way)
+        off = took - _seconds(np.exp(law), way)
         # A slew that was sent twice, or ended by somebody, says nothing of the others.
         weight = 1.0 / (1.0 + (off / (3.0 * _SCATTER_S)) ** 2) / _SCATTER_S**2
         slopes = np.stack([_slope(law, way, n) for n in range(3)], axis=-1)
@@ -86,8 +90,8 @@ def learned(mount: MountConfig, seen: Sequence[SlewSeen]) -> MountMotion:
         pull = slopes.T @ (weight * off) + (before - law) / _BELIEF**2
         step = np.linalg.solve(normal, pull)
         law = law + np.clip(step, -0.5, 0.5)
-    off = np.abs(took - _seconds(_plain(law), way))
-    rate, ramp, fixed = _plain(law)
+    off = np.abs(took - _seconds(np.exp(law), way))
+    rate, ramp, fixed = np.exp(law)
     few = (2.0 * start.scatter_s + float(np.sum(np.minimum(1.4826 * off, 1.0)))) / (2.0 + len(off))
     return MountMotion(
         rate_deg_s=float(rate),
@@ -96,11 +100,6 @@ def learned(mount: MountConfig, seen: Sequence[SlewSeen]) -> MountMotion:
         scatter_s=few,
         slews=len(last),
     )
-
-
-def _plain(law: FloatArray) -> FloatArray:
-    """Rate, ramp, fixed part of their logarithms."""
-    return np.array([np.exp(law[0]), np.exp(law[1]), max(law[2], 0.0)])
 
 
 def _seconds(law: FloatArray, way_deg: FloatArray) -> FloatArray:
@@ -113,5 +112,5 @@ def _seconds(law: FloatArray, way_deg: FloatArray) -> FloatArray:
 def _slope(law: FloatArray, way_deg: FloatArray, n: int) -> FloatArray:
     step = np.zeros(3)
     step[n] = 1e-4
-    low, high = _seconds(_plain(law - step), way_deg), _seconds(_plain(law + step), way_deg)
+    low, high = _seconds(np.exp(law - step), way_deg), _seconds(np.exp(law + step), way_deg)
     return np.asarray((high - low) / 2e-4)

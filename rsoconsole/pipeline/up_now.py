@@ -10,13 +10,11 @@ from rsoconsole.orbit.catalogue import CatalogueEntry, nearest_in_epoch_of_each
 from rsoconsole.pipeline.standing import standing
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.angles import separation_deg, unit_to_direction
-from rsoconsole.sky.sun import lit_fraction
+from rsoconsole.sky.sun import LIT_SHARE, lit_fraction
 from rsoconsole.sky.times import NS_PER_S
 
 MINUTES = (*range(21), *range(25, 60, 5), *range(60, 721, 15))
 """When it is looked at: close together at first, as a low satellite is up for minutes."""
-LIT_SHARE = 0.5
-"""Of the Sun's disc, from which a satellite counts as lit."""
 STEP_S = 2
 
 

@@ -10,6 +10,8 @@ from rsoconsole.sky.times import TimeLike
 
 SUN_RADIUS_KM = 695_700.0
 EARTH_RADIUS_KM = 6378.137
+LIT_SHARE = 0.5
+"""Of the Sun's disc, from which a satellite counts as lit."""
 
 
 def sun_icrs(t_utc_ns: int) -> tuple[float, float]:
