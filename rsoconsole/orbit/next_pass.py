@@ -1,14 +1,14 @@
 """When an orbit brings its object above a site again, and how sure that is. Pure."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.two_body import MU_EARTH_KM3_S2, propagate_with_slopes, semi_major_axis
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky.places import site_gcrs
+from rsoconsole.sky.places import site_gcrs, zenith_gcrs
 from rsoconsole.sky.times import NS_PER_S, IntArray
 
 STEP_S = 15.0
@@ -76,16 +76,9 @@ def _altitudes(orbit: KnownOrbit, site: Site, t: IntArray) -> FloatArray:
     r, _ = orbit.states(t)
     places, _ = site_gcrs(site, t)
     line = r - places
-    up = _up(site, t)
+    up = zenith_gcrs(site, t)
     sine = np.sum(line * up, axis=-1) / np.linalg.norm(line, axis=-1)
     return np.asarray(np.degrees(np.arcsin(sine)))
-
-
-def _up(site: Site, t: IntArray) -> FloatArray:
-    """(N, 3) zenith of the site along GCRS axes."""
-    high, _ = site_gcrs(replace(site, elevation_m=site.elevation_m + 1_000.0), t)
-    low, _ = site_gcrs(site, t)
-    return np.asarray(high - low)
 
 
 def _pass(

@@ -9,7 +9,7 @@ from rsoconsole.config import LimitsConfig
 from rsoconsole.orbit.catalogue import CatalogueEntry, states_gcrs
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.horizon import horizon_altitude_deg
-from rsoconsole.sky.places import site_gcrs
+from rsoconsole.sky.places import site_gcrs, zenith_gcrs
 from rsoconsole.sky.times import IntArray
 
 Axes = tuple[FloatArray, FloatArray, FloatArray]
@@ -50,7 +50,7 @@ def standing(
 def axes_of(site: Site, t_utc_ns: IntArray) -> Axes:
     """The vertical and the north of the site as the ground there lies, and its east."""
     site_km = site_gcrs(site, t_utc_ns)[0]
-    up = unit(site_gcrs(replace(site, elevation_m=site.elevation_m + 1e4), t_utc_ns)[0] - site_km)
+    up = zenith_gcrs(site, t_utc_ns)
     toward_deg = 0.01 if site.latitude_deg < 89.0 else -0.01
     moved = replace(site, latitude_deg=site.latitude_deg + toward_deg)
     north = unit((site_gcrs(moved, t_utc_ns)[0] - site_km) / toward_deg)

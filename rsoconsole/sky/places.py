@@ -5,7 +5,7 @@ Kilometres and km/s along ICRS axes. Source of the Earth's motion and rotation: 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import erfa
@@ -87,6 +87,13 @@ def site_gcrs(site: Site, t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
     )
     rotation = cirs_to_gcrs(t_utc_ns)
     return _rotate(rotation, pv["p"]) / 1000.0, _rotate(rotation, pv["v"]) / 1000.0
+
+
+def zenith_gcrs(site: Site, t_utc_ns: TimeLike) -> FloatArray:
+    """Unit vectors (..., 3) along the vertical of the ellipsoid at a site."""
+    high, _ = site_gcrs(replace(site, elevation_m=site.elevation_m + 1e4), t_utc_ns)
+    up = high - site_gcrs(site, t_utc_ns)[0]
+    return np.asarray(up / np.linalg.norm(up, axis=-1, keepdims=True))
 
 
 def teme_to_gcrs_rotation(t_utc_ns: TimeLike) -> FloatArray:
