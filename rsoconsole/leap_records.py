@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-LeapOutcome = Literal["met", "not in the frame", "another streak", "not solved"]
+LeapResult = Literal["met", "not in the frame", "another streak", "not solved"]
 LeapOrder = Literal["at close", "by a look", "by the frame"]
 """What the order of its slew waited for: the shutter of the leap before, a look at the middle of
 that one's frame, or the whole of it."""
@@ -19,7 +19,7 @@ class LeapDone:
     """Of the first streak of what is followed."""
     number: int
     """1 for the first after that streak."""
-    outcome: LeapOutcome
+    result: LeapResult
     t_order_utc_ns: int
     """When its slew was ordered."""
     ordered: LeapOrder

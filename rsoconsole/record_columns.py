@@ -384,7 +384,7 @@ zero_point_mag real magnitude of a star that would give 1 ADU a second
 _OF_LEAP = """
 begun_frame_id integer frame of the first streak of what is followed
 number integer 1 for the first after that streak
-outcome=outcome text met, not in the frame, another streak, not solved
+result text met, not in the frame, another streak, not solved
 t_order_utc_ns integer when its slew was ordered
 ordered text what that order waited for: at close (of the shutter before), by a look, by the frame
 t_mid_utc_ns integer when it was to be met

@@ -10,7 +10,7 @@ def leap_of(n: int, **others) -> LeapDone:
         "frame_id": 3 + n,
         "begun_frame_id": 3,
         "number": n,
-        "outcome": "met",
+        "result": "met",
         "t_order_utc_ns": T0_UTC_NS + n * 5 * NS,
         "ordered": "at close" if n > 3 else "by the frame",
         "t_mid_utc_ns": T0_UTC_NS + n * 5 * NS + 4 * NS,

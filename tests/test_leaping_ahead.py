@@ -256,11 +256,11 @@ def test_each_leap_is_on_record_with_what_came_of_it_and_what_it_took(ahead) -> 
     assert [each.number for each in done] == list(range(1, len(done) + 1))
     assert {each.ordered for each in done[:3]} == {"by the frame"}
     assert {each.ordered for each in done[4:]} == {"at close"}
-    assert sum(each.outcome == "met" for each in done) == met(ahead)
+    assert sum(each.result == "met" for each in done) == met(ahead)
     for each in done:
         named = each.slew_s + each.settle_s + each.shutter_s + each.open_s + each.readout_s
         assert named + each.wait_s == pytest.approx(each.total_s)
-    late = [each for each in done[5:] if each.outcome == "met"]
+    late = [each for each in done[5:] if each.result == "met"]
     beside = [each.total_s - each.slew_s - each.settle_s - each.open_s for each in late]
     assert np.median(beside) < 0.5
     off = np.array([(each.off_along_arcsec, each.off_across_arcsec) for each in late])
@@ -274,9 +274,9 @@ def test_a_miss_is_on_record_with_its_reason() -> None:
     r.reducer.blind, r.reducer.unsolved = {18}, {22}
     run(r, 26)
     by_frame = {each.frame_id: each for each in r.memory.of(LeapDone)}
-    assert by_frame[18].outcome == "not in the frame"
+    assert by_frame[18].result == "not in the frame"
     assert by_frame[18].off_along_arcsec is None
-    assert by_frame[22].outcome == "not solved"
+    assert by_frame[22].result == "not solved"
 
 
 def test_a_pass_is_on_record_with_its_orbit_and_when_it_comes_again() -> None:

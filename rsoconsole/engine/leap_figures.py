@@ -13,7 +13,7 @@ def leap_figures(leaps: Sequence[LeapDone], passes: Sequence[LowPass]) -> dict[s
     """Leaps met of those done, what one took (medians, s), and each pass; None without any."""
     if not leaps and not passes:
         return None
-    met = [each for each in leaps if each.outcome == "met"]
+    met = [each for each in leaps if each.result == "met"]
     took = {
         part: round(statistics.median(getattr(each, f"{part}_s") for each in leaps), 3)
         for part in _PARTS

@@ -10,7 +10,7 @@ from rsoconsole.engine.hands import NS, Hands
 from rsoconsole.engine.leap_record import LeapSeen, leap_record, pass_record
 from rsoconsole.engine.leap_times import LeapParts, LeapTimes
 from rsoconsole.engine.leap_words import last_words, next_pass_of, orbit_words, pass_words
-from rsoconsole.leap_records import LeapOrder, LeapOutcome
+from rsoconsole.leap_records import LeapOrder, LeapResult
 from rsoconsole.orbit.known import KnownOrbit
 from rsoconsole.orbit.leap_track import LeapTrack, path_of_orbit
 from rsoconsole.orbit.next_pass import ExpectedPass
@@ -65,7 +65,7 @@ class LeapLog:
         self,
         leap: Leap,
         order: LeapOrder,
-        outcome: LeapOutcome,
+        result: LeapResult,
         *,
         frame_id: int,
         before: LeapTrack,
@@ -80,7 +80,7 @@ class LeapLog:
             number=self._begun.leaps,
             leap=leap,
             order=order,
-            outcome=outcome,
+            result=result,
             before=before,
             ends=None if streak is None else streak.ends,
         )

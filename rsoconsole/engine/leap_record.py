@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.engine.leap_times import LeapParts
-from rsoconsole.leap_records import LeapDone, LeapOrder, LeapOutcome, LowPass
+from rsoconsole.leap_records import LeapDone, LeapOrder, LeapResult, LowPass
 from rsoconsole.orbit.leap_track import LeapTrack
 from rsoconsole.orbit.low_fit import LowOrbit
 from rsoconsole.orbit.next_pass import ExpectedPass
@@ -25,7 +25,7 @@ class LeapSeen:
     number: int
     leap: Leap
     order: LeapOrder
-    outcome: LeapOutcome
+    result: LeapResult
     before: LeapTrack
     """What was followed before the frame."""
     ends: StreakEnds | None
@@ -41,7 +41,7 @@ def leap_record(seen: LeapSeen, parts: LeapParts) -> LeapDone:
         frame_id=seen.frame_id,
         begun_frame_id=seen.begun_frame_id,
         number=seen.number,
-        outcome=seen.outcome,
+        result=seen.result,
         t_order_utc_ns=leap.t_order_utc_ns,
         ordered=seen.order,
         t_mid_utc_ns=leap.t_mid_utc_ns,

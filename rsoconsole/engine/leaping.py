@@ -25,7 +25,7 @@ from rsoconsole.engine.leap_words import (
 from rsoconsole.engine.planned import Plan
 from rsoconsole.engine.staring import Staring
 from rsoconsole.instruments.ports import MountReport
-from rsoconsole.leap_records import LeapOrder, LeapOutcome
+from rsoconsole.leap_records import LeapOrder, LeapResult
 from rsoconsole.orbit.leap_track import LeapTrack, begin, unseen, updated
 from rsoconsole.orbit.low_fit import Timing
 from rsoconsole.pipeline.awaited import came, is_dark
@@ -256,14 +256,14 @@ class Leaping:
         self._miss("it is not in the frame" if not found else "no streak of the frame is its")
 
     def _note_leap(
-        self, leap: Leap | None, outcome: LeapOutcome, streak: FrameStreak | None = None
+        self, leap: Leap | None, result: LeapResult, streak: FrameStreak | None = None
     ) -> None:
         assert self.track is not None
         if leap is not None:
             self._log.came(
                 leap,
                 self._order_by,
-                outcome,
+                result,
                 frame_id=self._exposing[0],
                 before=self.track,
                 streak=streak,

@@ -119,7 +119,7 @@ def judged(night: LeapNight, session: Path) -> dict[str, Any]:
     first = passes[0] if passes else None
     begun = first.begun_frame_id if first is not None else leaps[0].begun_frame_id if leaps else 0
     own = [each for each in leaps if each.begun_frame_id == begun]
-    met = [each.t_mid_utc_ns for each in own if each.outcome == "met"]
+    met = [each.t_mid_utc_ns for each in own if each.result == "met"]
     found: dict[str, Any] = {
         "norad": night.norad_id,
         "found": bool(begun),
